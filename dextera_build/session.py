@@ -134,7 +134,7 @@ class Session:
         if self.project.recipe(self.recipe) is None:
             raise no_recipe(self.project, self.recipe)
         texts, added = map(settings.parse, self.added.settings), self.added
-        request = Request(self.project.profile, added.inputs, tuple(texts), added.backends)
+        request = Request(self.project.preferences, added.inputs, tuple(texts), added.backends)
         made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
         self.project.forget_recipes()
         if self.project.console != "jsonl":

@@ -9,8 +9,13 @@ from typing import Any
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
-from dextera_build.build.runner import ProjectReads
-from dextera_build.code.loader import Library, RuleFile, choose_backend
+from dextera_build.build.runner import ProjectReads, parted
+from dextera_build.code.loader import Library, RuleFile
+from dextera_build.engine import missing
+from dextera_build.errors import Place
+from dextera_build.recipe import profiles
+from dextera_build.recipe.backends import Wish, choose
+from dextera_build.recipe.calls import facts_of
 from dextera_build.rule import Context, Outcome
 from dextera_build.store.store import Store
 
@@ -65,13 +70,23 @@ class RuleRunner:
             DxbError: The rule is unknown, refuses its inputs, or fails one of its checks.
         """
         found = self.find(path)
-        chosen = choose_backend(found, backend, profile)
+        where = Place("RuleRunner.run")
+        wish = Wish((backend,), "the caller", where) if backend is not None else None
+        chosen = choose(found, wish, profiles.read(profile, self._library.project), where, fallback=False)
+        if chosen is not None and chosen.missing:
+            missing.refuse([facts_of(self._library, found, chosen)])
         rule = found.rule
+        common, own = parted(found, chosen.backend.name if chosen else None, dict(options or {}))
         reads = ProjectReads(self._files, Store(self._scratch / "store")) if rule.discovers else None
         ctx = Context(
-            chosen.module if chosen else None, scratch=self._scratch, keep=self._keep, calls=self._calls, reads=reads
+            chosen.backend.module if chosen else None,
+            own,
+            scratch=self._scratch,
+            keep=self._keep,
+            calls=self._calls,
+            reads=reads,
         )
-        keyword = {"options": rule.options.model_validate(dict(options or {}))} if rule.takes_options else {}
+        keyword = {"options": common} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)
         self.outcome = ctx.outcome
         self.reads = reads.finish() if reads is not None else []

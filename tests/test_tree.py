@@ -39,7 +39,7 @@ FUNCTION_LINES = 60
 MOST_FUNCTION_LINES = 30
 
 RULE_MAY_IMPORT = {"rule", "artifacts", "geometry", "sim", "policy", "learning", "statistics", "errors", "digest"}
-LIGHT = {"numpy", "pydantic", "PIL", "yaml", *sys.stdlib_module_names}
+LIGHT = {"numpy", "pydantic", "typing_extensions", "PIL", "yaml", *sys.stdlib_module_names}
 
 
 def tracked() -> list[Path]:

@@ -17,7 +17,7 @@ from dextera_build import digest as digests
 from dextera_build.code.importer import IMPORTER
 from dextera_build.code.loader import Library, RuleFile, version_of
 from dextera_build.errors import DxbError, MachineError, RuleError
-from dextera_build.rule import Context
+from dextera_build.rule import Context, Options
 from dextera_build.store import disk_full, headers
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.questions import Look, Recording
@@ -57,7 +57,6 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     found = _library(task["project"]).find(task["rule"])
     IMPORTER.want(task.get("sources", {}), found.root.name)
     _refuse_other_versions(task.get("packages", {}))
-    backend = found.backends[task["backend"]].module if task["backend"] else None
     store = opened(task["store"])
     rule = found.rule
     inputs = {}
@@ -66,13 +65,13 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
             with headers.reading(f"the input `{name}`"):
                 key = task["inputs"][name]
                 inputs[name] = type_among(slot.annotation, key, store.reader).decode(key, store.reader)
-    # JSON mode accepts a list for a tuple, and the engine passes options as JSON.
-    options = rule.options.model_validate_json(json.dumps(task["options"]))
+    options, own = parted(found, task["backend"], task["options"])
     calls, reads = _Calls(task, store, emit), ProjectReads(Path(task["project"]), store) if rule.discovers else None
     with _full_disk_told(store), ExitStack() as folders, _full_disk_told(store):
         # Most calls need no folder, and creating one takes longer than a small call.
         ctx = Context(
-            backend,
+            found.backends[task["backend"]].module if task["backend"] else None,
+            own,
             scratch=lambda: Path(folders.enter_context(tempfile.TemporaryDirectory(prefix="dxb-"))),
             emit=emit,
             keep=_keep(task, store, reads),
@@ -86,6 +85,23 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         # Before the scratch folder is removed, because the result may refer to files in it.
         reply = _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
         return reply | ({"reads": reads.finish()} if reads is not None else {})
+
+
+def parted(found: RuleFile, backend: str | None, given: Mapping[str, Any]) -> tuple[Options, Options]:
+    """The options of a rule, and those of its backend, which lie below the backend's name.
+
+    Args:
+        found: The rule.
+        backend: Name of its backend, if it has any.
+        given: Options as JSON data.
+    """
+    kind = (found.backends[backend].options if backend else None) or Options
+    common = {name: value for name, value in given.items() if name != backend}
+    # JSON mode accepts a list for a tuple, and the engine passes options as JSON.
+    return (
+        found.rule.options.model_validate_json(json.dumps(common)),
+        kind.model_validate_json(json.dumps(given.get(backend or "", {}))),
+    )
 
 
 def _refuse_other_versions(packages: Mapping[str, str]) -> None:

@@ -41,14 +41,21 @@ def planned(session: Session, graph: Graph, wanted: Sequence[Address] = ()) -> d
 
 
 def row(node: Planned, status: str = "") -> Row:
-    """Address, status, rule, backend, duration of the last run [s]."""
+    """Address, status, rule, backend, duration of the last run [s], who chose the backend."""
     return {
         "node": node.address,
-        "status": status or ("bare" if node.bare and node.status == "cached" else node.status),
+        "status": status or _status(node),
         "rule": node.rule.path,
         "backend": node.rule.backend or "-",
         "last_seconds": f"{node.seconds_last:.1f}" if node.seconds_last is not None else "-",
+        "chosen": node.rule.chosen or "-",
     }
+
+
+def _status(node: Planned) -> str:
+    if node.rule.missing and node.status != "cached":
+        return "missing"
+    return "bare" if node.bare and node.status == "cached" else node.status
 
 
 def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:

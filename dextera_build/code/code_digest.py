@@ -10,7 +10,10 @@ from dextera_build.code import syntax
 from dextera_build.code.modules import DXB, PACKAGE, Module, Modules, digest_of, read
 
 # Modules that rules are written against but that cannot affect artifacts; the key's schema version covers them.
-_FRAMEWORK = frozenset(PACKAGE / name for name in ("__init__.py", "rule.py", "errors.py", "digest.py"))
+_INTERFACE = ("__init__", "backend", "context", "declaration", "options")
+_FRAMEWORK = frozenset(
+    PACKAGE / name for name in ("__init__.py", "errors.py", "digest.py", *(f"rule/{part}.py" for part in _INTERFACE))
+)
 RULES = "rules"
 """Placeholder for the root of a rule in names of sources."""
 _SOURCE = ".py"

@@ -27,12 +27,12 @@ from dextera_build.code.importer import IMPORTER, install, refused, watched
 from dextera_build.code.modules import KNOWN, read
 from dextera_build.code.modules import PACKAGE as PACKAGE
 from dextera_build.code.syntax import tree
-from dextera_build.errors import MachineError, Place, RecipeError, did_you_mean, install_extra, listing
+from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-    from dextera_build.rule import Backend, Rule
+    from dextera_build.rule import Backend, Options, Rule
 
 
 def bundled(kind: str) -> Path:
@@ -79,6 +79,8 @@ class RuleFile:
     """`factorize.mesh`."""
     file: Path
     root: Root
+    before: tuple[Root, ...] = ()
+    """Roots that precede `root`; they may add backends."""
 
     @cached_property
     def rule(self) -> Rule[Any, Any]:
@@ -102,19 +104,26 @@ class RuleFile:
 
     @cached_property
     def backends(self) -> dict[str, BackendFile]:
-        """Backends by name, read without importing them."""
-        found = {}
-        for file in self.candidates:
+        """Backends by name, read without importing them; of two with one name, that of the earlier root."""
+        found: dict[str, BackendFile] = {}
+        for root, file in self.candidates:
             facts = _backend_facts(file)
             if facts is not None:
                 name = file.stem.removeprefix(f"{self.file.stem}_")
-                found[name] = BackendFile(name, file, self, facts)
-        return found
+                found.setdefault(name, BackendFile(name, file, root, self.path, facts))
+        return dict(sorted(found.items()))
 
     @cached_property
-    def candidates(self) -> list[Path]:
-        """Files that are backends of the rule if they define `BACKEND`."""
-        return sorted(self.file.parent.glob(f"{self.file.stem}_*.py"))
+    def candidates(self) -> list[tuple[Root, Path]]:
+        """Files that are backends if they define `BACKEND`: beside the rule, or in its stage in an earlier root."""
+        pattern, stage = f"{self.file.stem}_*.py", self.path.partition(".")[0]
+        found = [
+            (root, file)
+            for root in self.before
+            for inner in (pattern, f"*/{pattern}")
+            for file in sorted((root.path / stage).glob(inner))
+        ]
+        return [*found, *((self.root, file) for file in sorted(self.file.parent.glob(pattern)))]
 
 
 @dataclass(frozen=True)
@@ -123,14 +132,37 @@ class BackendFile:
 
     name: str
     file: Path
-    owner: RuleFile
+    root: Root
+    rule: str
+    """Path of its rule."""
     facts: Backend
 
     @cached_property
     def module(self) -> ModuleType:
         """The imported module."""
-        stage = self.owner.path.rpartition(".")[0]
-        return _import(self.owner.root, f"{stage}.{self.file.stem}", self.file)
+        return _import(self.root, f"{self.rule.partition('.')[0]}.{self.file.stem}", self.file)
+
+    @cached_property
+    def options(self) -> type[Options] | None:
+        """Its own options: the type of the parameter `options` of its functions; None if it has none.
+
+        Raises:
+            RecipeError: The file cannot be imported, or its functions take different classes.
+        """
+        annotated = _annotations_of_options(self.file) - {"Options"}
+        if not annotated:
+            return None  # known without importing the file, which may load heavy packages
+        kinds = [vars(self.module).get(name) for name in annotated]
+        if len(kinds) > 1 or kinds[0] is None:
+            raise RecipeError(
+                f"the functions of backend `{self.name}` of {self.rule} take no one class of options",
+                code="DXB-R212",
+                where=Place(str(self.file)),
+                facts={"types of `options`": listing(sorted(annotated))},
+                hint="define one class derived from `Options` in that file",
+            )
+        own: type[Options] = kinds[0]
+        return own
 
     def missing(self) -> list[str]:
         """Required distributions that are not installed."""
@@ -224,7 +256,7 @@ class Library:
             found.add(str(self._project / RULES))
         for path, rule in self._found.items():
             stage, _, name = path.partition(".")
-            found.update(map(str, rule.candidates))
+            found.update(str(file) for _, file in rule.candidates)
             roots = self._first if rule.root in self._first else self.roots
             for root in roots[: roots.index(rule.root) + 1]:
                 folder = root.path / stage
@@ -263,38 +295,8 @@ def _among(roots: Sequence[Root], path: str) -> RuleFile | None:
                 hint="rename one of them, with its function",
             )
         if found:
-            return RuleFile(path, found[0], root)
+            return RuleFile(path, found[0], root, tuple(roots[: roots.index(root)]))
     return None
-
-
-def choose_backend(found: RuleFile, wanted: str | None, profile: str, where: Place | None = None) -> BackendFile | None:
-    """The backend of a rule: the one named `wanted`, or the profile's; None for a rule without backends.
-
-    Raises:
-        RecipeError: No backend has this name, or none belongs to the profile.
-        MachineError: It needs packages that are not installed.
-    """
-    if wanted is not None and wanted not in found.backends:
-        raise RecipeError(
-            f"`{found.path}` has no backend `{wanted}`",
-            code="DXB-R202",
-            where=where,
-            facts={"backends": listing(found.backends)},
-            hint=did_you_mean(wanted, found.backends),
-        )
-    if not found.backends:
-        return None
-    chosen = found.backends[wanted] if wanted else _of_profile(found, profile, where)
-    if missing := chosen.missing():
-        others = (f"{name} ({other.facts.summary})" for name, other in found.backends.items() if other is not chosen)
-        raise MachineError(
-            f"backend `{chosen.name}` of {found.path} is not installed",
-            code="DXB-E301",
-            where=where,
-            facts={"needs": ", ".join(missing), "others": listing(others)},
-            hint=install_extra(chosen.facts.extra) if chosen.facts.extra else f"`pip install {' '.join(missing)}`",
-        )
-    return chosen
 
 
 def version_of(distribution: str) -> str | None:
@@ -320,20 +322,6 @@ def _modules_of(package: str) -> frozenset[str]:
     return frozenset(listed or [file.parts[0].removesuffix(".py") for file in found.files or ()])
 
 
-def _of_profile(found: RuleFile, profile: str, where: Place | None) -> BackendFile:
-    for order in (profile, "cpu"):
-        for backend in found.backends.values():
-            if order in backend.facts.profiles:
-                return backend
-    raise RecipeError(
-        f"no backend of {found.path} belongs to the profile `{profile}`",
-        code="DXB-R204",
-        where=where,
-        facts={"backends": listing(found.backends)},
-        hint=f"name one: `backend: {next(iter(found.backends))}`",
-    )
-
-
 def _import(root: Root, path: str, file: Path) -> ModuleType:
     try:
         with watched(path, file):
@@ -347,6 +335,18 @@ def _line(file: Path) -> int:
     text = read(file).decode(errors="replace")
     found = re.search(rf"^@rule\(.*?^def {file.stem}\b", text, re.MULTILINE | re.DOTALL)
     return text.count("\n", 0, found.end()) + 1 if found else 0
+
+
+def _annotations_of_options(file: Path) -> set[str]:
+    """Types of the parameter `options` of the functions `f(ctx, ..., options)` of a file, as written."""
+    found = set()
+    for node in tree(read(file), str(file)).body:
+        if not isinstance(node, ast.FunctionDef) or len(node.args.args) < 2:
+            continue
+        first, last = node.args.args[0], node.args.args[-1]
+        if (first.arg, last.arg) == ("ctx", "options") and last.annotation is not None:
+            found.add(ast.unparse(last.annotation))
+    return found
 
 
 def _backend_facts(file: Path) -> Backend | None:

@@ -104,6 +104,15 @@ class RuleFacts:
     sources: Mapping[str, str] = field(default_factory=dict)
     """Source digests that a worker checks before it runs the code; the key holds `code` instead."""
 
+    chosen: str = ""
+    """Who chose the backend, and what was passed over; not part of the key, like the rest below."""
+    passed: tuple[str, ...] = ()
+    """Preferred backends that this machine cannot run."""
+    missing: tuple[str, ...] = ()
+    """What this machine lacks to run the backend."""
+    hint: str | None = None
+    """The next step if something is missing."""
+
     @cached_property
     def needs(self) -> Needs:
         """Resources that a call needs; not part of the key, and neither are retries."""

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from dextera_build.engine import missing
 from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.policy import Policy
 from dextera_build.engine.records import record_of
@@ -64,6 +65,7 @@ def build(
     Raises:
         UsageError: A target does not exist.
         RecipeError: A file or folder that the targets need is missing or cannot be read; no node ran.
+        MachineError: A backend that the targets need is missing; no node ran.
         KeyboardInterrupt: The run was interrupted; results finished by then are kept.
     """
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
@@ -99,6 +101,7 @@ def _announce(scheduler: Scheduler, targets: Sequence[Address]) -> None:
     """Announce the plan, after checking all files that it needs."""
     graph, policy = scheduler.graph, scheduler.policy
     calls = scheduler.wiring.look(targets)  # report missing files before an hour of work, not after
+    missing.refuse(call.rule for path in calls for call in graph.variants(path))
     groups = {path[:depth] for path in calls for depth in range(1, len(path))}
     scheduler.listen(
         events.RunStarted(

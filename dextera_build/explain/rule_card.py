@@ -47,10 +47,12 @@ def rows(found: RuleFile) -> list[Row]:
     told.append(_row("output", "", type_name(rule.returns)))
     for option in options(rule.options):
         told.append(_row("option", option.name, option.type, option.default, option.bounds, option.meaning))
-    return told + [
-        _row("backend", name, _needs(backend), meaning=backend.facts.summary)
-        for name, backend in found.backends.items()
-    ]
+    for name, backend in found.backends.items():
+        told.append(_row("backend", name, _needs(backend), meaning=backend.facts.summary))
+        own = None if backend.missing() else backend.options
+        for option in options(own, f"{name}.") if own is not None else ():
+            told.append(_row("option", option.name, option.type, option.default, option.bounds, option.meaning))
+    return told
 
 
 def _row(kind: str, name: str, form: str, default: str = "", limits: str = "", meaning: str = "") -> Row:

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build.errors import Place, RecipeError, StoreError
-from dextera_build.project.settings import PROFILES, parse_toml
+from dextera_build.project.settings import is_profile, parse_toml
 from dextera_build.store import failpoints, files
 from dextera_build.store.blobs import is_digest
 
@@ -86,7 +86,7 @@ def read(path: Path, shown: str | None = None) -> dict[Name, Pin] | None:
         raise _wrong(f"the lock file has no `version = {_VERSION}`", where)
     found = {}
     for profile, block in raw.items():
-        if profile not in PROFILES or not isinstance(block, dict):
+        if not is_profile(profile) or not isinstance(block, dict):
             raise _wrong(f"`{profile}` in the lock file is not a profile", where)
         for name, fields in block.items():
             recipe, colon, node = name.partition(":")

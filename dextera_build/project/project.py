@@ -17,6 +17,7 @@ from dextera_build.remotes.spec import Spec
 if TYPE_CHECKING:
     # A no-op build reads settings but no recipe, and must not wait for these imports.
     from dextera_build.code.loader import Library
+    from dextera_build.recipe.profiles import Profile
     from dextera_build.recipe.schema import Recipe
     from dextera_build.workers.capacity import Capacity
 
@@ -72,7 +73,8 @@ class Project:
                 settings.check(name, value, origin)
                 found[name] = Setting(self._over(found, name, value, origin), origin)
         for name, setting in found.items():
-            settings.choose(name, setting.value, setting.origin)
+            if name != "profile" or not self._has_profile(str(setting.value)):
+                settings.choose(name, setting.value, setting.origin)
         del found["remotes"]
         return found | {name: Setting(value, origin) for name, (value, origin) in self.remotes.rows().items()}
 
@@ -94,6 +96,19 @@ class Project:
     def profile(self) -> str:
         """The profile in force."""
         return str(self.config["profile"].value)
+
+    def _has_profile(self, name: str) -> bool:
+        """Whether a profile is the project's own."""
+        return settings.is_profile(name) and (self.root / "recipes" / "profile" / f"{name}.yaml").is_file()
+
+    @property
+    def preferences(self) -> Profile:
+        """The backends that the profile in force prefers."""
+        from dextera_build.recipe import profiles
+
+        profile = profiles.read(self.profile, self.root, self.shown)
+        self._looked_at.update(map(str, profile.files))
+        return profile
 
     @property
     def own_profile(self) -> str:

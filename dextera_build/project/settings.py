@@ -30,6 +30,7 @@ DEFAULTS: Mapping[str, Any] = {
     "require_signed": False,
 }
 PROFILES = ("stub", "cpu", "gpu", "cloud")
+"""Profiles that dxb brings."""
 _ON = ("true", "1", "yes", "on")
 _SWITCH = (*_ON, "false", "0", "no", "off")
 """Spellings of a boolean setting, in a file or in the environment."""
@@ -125,6 +126,11 @@ def choose(name: str, value: object, origin: str) -> None:
         facts={"choices": listing(choices), "from": origin},
         hint=did_you_mean(text, choices),
     )
+
+
+def is_profile(name: str) -> bool:
+    """Whether a text can be the name of a profile."""
+    return re.fullmatch(r"[a-z][a-z0-9_]*", name) is not None
 
 
 def is_on(value: object) -> bool:

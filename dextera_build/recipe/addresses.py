@@ -8,6 +8,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 
+PROFILES = "profile"
+MODELS = "model"
+_RESERVED = (PROFILES, MODELS)
+"""Folders whose files are no recipes."""
+
+
 def addresses(folders: "Iterable[str]") -> "Iterator[tuple[str, str]]":
     """Address and file of every recipe below the folders; the first file of an address wins."""
     seen = set()
@@ -15,6 +21,8 @@ def addresses(folders: "Iterable[str]") -> "Iterator[tuple[str, str]]":
         inside = ((place, name) for place, _, names in os.walk(folder) for name in names if name.endswith(".yaml"))
         for file in sorted((f"{place}/{name}" for place, name in inside), key=lambda file: file.split("/")):
             address = file[len(folder) + 1 : -len(".yaml")]
+            if address.split("/")[0] in _RESERVED:
+                continue
             if "." not in address and address.isprintable() and address not in seen:
                 seen.add(address)
                 yield address, file

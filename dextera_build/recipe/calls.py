@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.code.loader import BackendFile, Library, RuleFile, choose_backend, version_of
+from dextera_build.code.loader import BackendFile, Library, RuleFile, version_of
 from dextera_build.engine.graph import Call, Graph, Input, Pack, RuleFacts
 from dextera_build.errors import (
     ArtifactError,
@@ -21,10 +21,12 @@ from dextera_build.errors import (
     listing,
 )
 from dextera_build.recipe import matrix
+from dextera_build.recipe.backends import Choice, Wish, choose
 from dextera_build.recipe.kinds import fits, parameters, type_name
-from dextera_build.recipe.schema import CallDecl
+from dextera_build.recipe.profiles import Profile
+from dextera_build.recipe.schema import CallDecl, listed
 from dextera_build.recipe.scope import Scope
-from dextera_build.recipe.settings import Setting
+from dextera_build.recipe.settings import COMMAND_LINE, Setting, put
 from dextera_build.recipe.strict_yaml import Node
 from dextera_build.workers.retries import Retries, name_of
 
@@ -35,16 +37,31 @@ Address = tuple[str, ...]
 
 
 class CallMaker:
-    """Turns declarations into calls, for one profile and one set of command-line settings."""
+    """Turns declarations into calls, for one profile and one set of command-line settings.
+
+    Args:
+        library: Provides rules.
+        profile: The build's profile.
+        backends: Rule -> backend, or several in order of preference, from the command line.
+        settings: Options from the command line.
+    """
 
     def __init__(
-        self, library: Library, profile: str, backends: Mapping[str, str], settings: tuple[Setting, ...]
+        self,
+        library: Library,
+        profile: Profile,
+        backends: Mapping[str, str],
+        settings: tuple[Setting, ...],
     ) -> None:
         self._library = library
         self._profile = profile
-        self._backends = backends
+        self._backends = {
+            rule: Wish(tuple(text.split(",")), "command line", COMMAND_LINE) for rule, text in backends.items()
+        }
         self._settings = settings
-        self._facts: dict[tuple[str, str | None], RuleFacts] = {}
+        self.fallback = False
+        """Whether a profile's next backend may take the place of a missing one."""
+        self._facts: dict[tuple[str, str, str], RuleFacts] = {}
         for rule in backends:
             library.find(rule)
 
@@ -85,6 +102,10 @@ class CallMaker:
                 facts={"copies": listing(copies)},
                 hint=did_you_mean(label, copies),
             )
+
+    def place_settings(self, calls: Container[Address]) -> None:
+        """Tell the names of calls from those of groups of options in the settings."""
+        self._settings = tuple(setting.at(calls) for setting in self._settings)
 
     def labels(self, group: Address) -> set[str]:
         """Labels of the copies that settings name."""
@@ -131,38 +152,52 @@ class CallMaker:
         arguments = {**decl.arguments, **{k: v for k, v in (changed or {}).items() if k != "backend"}}
         for setting in self._settings:
             if setting.call == address and (all(s is None for s in setting.labels) or label in setting.labels):
-                arguments[setting.option] = setting.value
-        wanted = (changed or {}).get("backend", decl.backend)
-        facts = self._rule_facts(found, wanted, decl)
-        slots, options_type = found.rule.slots, found.rule.options
-        self._refuse_unknown(decl, arguments, slots, options_type)
+                put(arguments, setting.option, setting.value)
+        choice = self._choice(found, (changed or {}).get("backend", decl.backend), decl)
+        slots = found.rule.slots
+        _refuse_unknown(decl, arguments, found)
         inputs = self._inputs(decl, {k: v for k, v in arguments.items() if k in slots}, slots, scope)
         given = {name: node for name, node in arguments.items() if name not in slots}
-        options = _options(decl, options_type, given)
+        options = _options(decl, found.rule.options, {k: v for k, v in given.items() if k not in found.backends})
+        if choice is not None and (own := self._own_options(decl, choice, given)) is not None:
+            options[choice.backend.name] = own
+        facts = self._rule_facts(found, choice)
         places = {name: node.place for name, node in given.items()}
         return Call(address[-1], facts, options, inputs, decl.place, places, decl.salt)
 
-    def _rule_facts(self, found: RuleFile, wanted: Node | None, decl: CallDecl) -> RuleFacts:
-        name = self._backends.get(found.path, str(wanted.value) if wanted else None)
-        backend = choose_backend(found, name, self._profile, wanted.place if wanted else decl.place)
-        key = (found.path, backend.name if backend else None)
-        if key not in self._facts:
-            self._facts[key] = facts_of(self._library, found, backend)
-        return self._facts[key]
+    def _choice(self, found: RuleFile, wanted: Node | None, decl: CallDecl) -> Choice | None:
+        wish = self._backends.get(found.path)
+        if wish is None and wanted is not None:
+            wish = Wish(listed(wanted, "backend"), "recipe", wanted.place)
+        return choose(found, wish, self._profile, decl.place, fallback=self.fallback)
 
-    def _refuse_unknown(
-        self, decl: CallDecl, arguments: Mapping[str, Node], slots: Mapping[str, Slot], options: Any
-    ) -> None:
-        known = {*slots, *options.model_fields, "backend", "salt"}
-        for name, node in arguments.items():
-            if name not in known:
+    def _own_options(self, decl: CallDecl, choice: Choice, given: Mapping[str, Node]) -> dict[str, Any] | None:
+        """The options of the backend; None if it has none, or cannot be imported because something is missing."""
+        name = choice.backend.name
+        kind = None if choice.missing else choice.backend.options
+        if kind is None:
+            if name in given and not choice.missing:
                 raise RecipeError(
-                    f"`{decl.rule}` has no input or option `{name}`",
+                    f"backend `{name}` of `{decl.rule}` has no options",
                     code="DXB-R105",
-                    where=decl.keys.get(name, node.place),
-                    facts={"inputs": listing(slots), "options": listing(options.model_fields, most=40)},
-                    hint=did_you_mean(name, known),
+                    where=given[name].place,
+                    facts={"options of the rule": listing(self.rule_file(decl).rule.options.model_fields, most=40)},
                 )
+            return None
+        group = given.get(name)
+        if group is not None and not isinstance(group.value, dict):
+            raise RecipeError(
+                f"`{name}` of `{decl.rule}` is a mapping of options, this is {group.kind}",
+                code="DXB-R109",
+                where=group.place,
+            )
+        return _options(decl, kind, group.value if group is not None else {}, name)
+
+    def _rule_facts(self, found: RuleFile, choice: Choice | None) -> RuleFacts:
+        key = (found.path, choice.backend.name if choice else "", choice.why if choice else "")
+        if key not in self._facts:
+            self._facts[key] = facts_of(self._library, found, choice)
+        return self._facts[key]
 
     def _inputs(
         self, decl: CallDecl, given: Mapping[str, Node], slots: Mapping[str, Slot], scope: Scope
@@ -191,16 +226,16 @@ class CallMaker:
         return inputs
 
 
-def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> RuleFacts:
+def facts_of(library: Library, found: RuleFile, choice: Choice | None) -> RuleFacts:
     """The part of a key that describes a rule and its backend.
 
     Raises:
         MachineError: A package that the rule declares is not installed.
     """
-    rule = found.rule
+    rule, backend = found.rule, choice.backend if choice else None
     names = sorted({*rule.packages, *(backend.facts.packages if backend else ())})
     versions = {name: version_of(name) for name in names}
-    if missing := [name for name, version in versions.items() if version is None]:
+    if missing := [name for name in rule.packages if versions[name] is None]:
         raise MachineError(
             f"{found.path} needs {listing(missing)}, which is not installed",
             code="DXB-E302",
@@ -226,7 +261,34 @@ def facts_of(library: Library, found: RuleFile, backend: BackendFile | None) -> 
         retries=Retries(rule.retries, tuple(_spelled(kind) for kind in rule.retry_on), rule.retry_wait_s),
         discovers=str(library.project) if rule.discovers else "",
         sources=code.sources,
+        chosen=choice.why if choice else "",
+        passed=choice.passed if choice else (),
+        missing=choice.missing if choice else (),
+        hint=choice.hint if choice else None,
     )
+
+
+def _refuse_unknown(decl: CallDecl, arguments: Mapping[str, Node], found: RuleFile) -> None:
+    slots, options = found.rule.slots, found.rule.options.model_fields
+    known = {*slots, *options, *found.backends, "backend", "salt"}
+    for name, node in arguments.items():
+        if name not in known:
+            raise RecipeError(
+                f"`{decl.rule}` has no input or option `{name}`",
+                code="DXB-R105",
+                where=decl.keys.get(name, node.place),
+                facts={"inputs": listing(slots), "options": listing(options, most=40)},
+                hint=did_you_mean(name, known) or _of_backend(name, found.backends),
+            )
+
+
+def _of_backend(name: str, backends: Mapping[str, BackendFile]) -> str | None:
+    """The hint for an option that belongs to a backend."""
+    for backend in backends.values():
+        kind = None if backend.missing() else backend.options
+        if kind is not None and name in kind.model_fields:
+            return f"it is an option of a backend: `{backend.name}: {{{name}: ...}}`"
+    return None
 
 
 def _spelled(kind: type[BaseException] | str) -> str:
@@ -289,7 +351,8 @@ _UNIT = re.compile(r"\[([^\[\]]+)\]")
 """The unit in an option's docstring: `Wall thickness of a vessel [m].`"""
 
 
-def _options(decl: CallDecl, kind: Any, given: Mapping[str, Node]) -> dict[str, Any]:
+def _options(decl: CallDecl, kind: Any, given: Mapping[str, Node], group: str = "") -> dict[str, Any]:
+    """The options of a rule, or of its backend `group`, complete with defaults."""
     from pydantic import ValidationError
 
     plain = {name: node.plain() for name, node in given.items()}
@@ -302,8 +365,9 @@ def _options(decl: CallDecl, kind: Any, given: Mapping[str, Node]) -> dict[str, 
         name = str(location[0]) if location else ""
         where = given[name].at(location[1:]) if name in given else decl.place
         text = _meanings(kind).get(name)
+        option = ".".join(str(part) for part in ((group,) if group else ()) + location)
         raise RecipeError(
-            f"`{'.'.join(str(part) for part in location)}` of `{decl.rule}` {_demand(first, text or '')}",
+            f"`{option}` of `{decl.rule}` {_demand(first, text or '')}",
             code="DXB-R109",
             where=where,
             facts={"given": repr(first["input"])[:120]},

@@ -14,6 +14,7 @@ from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.recipe import cycles, groups
 from dextera_build.recipe.calls import CallMaker
+from dextera_build.recipe.profiles import Profile
 from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, MatrixDecl, Recipe, UseDecl, refuse_deep
 from dextera_build.recipe.scope import Alias, Bound, GroupName, Scope, UseName, item
 from dextera_build.recipe.settings import COMMAND_LINE, Setting
@@ -29,13 +30,13 @@ Read = Callable[[str], Recipe | None]
 class Request:
     """Additions of the command line (or an API caller) to a recipe."""
 
-    profile: str = "cpu"
+    profile: Profile = field(default_factory=lambda: Profile("cpu"))
     inputs: Mapping[str, str] = field(default_factory=dict)
     """Input name -> path or target address; overrides the recipe."""
     settings: tuple[Setting, ...] = ()
     """Options that override the recipe: `--set 'body[mug].mesh.wall_m=0.004'`."""
     backends: Mapping[str, str] = field(default_factory=dict)
-    """Rule -> backend; overrides the profile's."""
+    """Rule -> backend, or several in order of preference, separated by commas; overrides the profile's."""
 
 
 def plan(address: str, read: Read, library: Library, project: Path, request: Request | None = None) -> Plan:
@@ -51,7 +52,7 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
     Raises:
         RecipeError: The recipe, or one that it uses, is invalid; with the place.
         UsageError: The request uses an unknown name.
-        MachineError: A chosen backend is not installed.
+        MachineError: A package of a rule is not installed; a backend that is missing stands in the plan.
     """
     planner = _Planner(read, library, project, request or Request())
     recipe = planner.recipe(address, Place("the command line"))
@@ -110,10 +111,12 @@ class _Planner:
                     facts={"inputs": listing(recipe.inputs)},
                     hint=did_you_mean(name, recipe.inputs),
                 )
+        self.maker.fallback = recipe.fallback is True
         return self._open(recipe, "", (), {}, self._request.inputs)
 
     def fill(self) -> None:
         """Build every declared call."""
+        self.maker.place_settings(self._pending)
         members: dict[tuple[str, ...], dict[str, tuple[CallDecl, Scope]]] = {group: {} for group in self._groups}
         for address, (decl, scope) in self._pending.items():
             around = self._groups[address[:-1]][0] if len(address) > 1 else None

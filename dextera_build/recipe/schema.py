@@ -96,6 +96,8 @@ class Recipe:
     """Address of the recipe whose inputs, nodes and targets this one inherits."""
     files: tuple[Path, ...] = ()
     """Files that it was read from."""
+    fallback: bool | None = None
+    """Whether a build of it takes the next backend in line for one that is missing; None: as the base, else no."""
 
     def over(self, base: Recipe) -> Recipe:
         """This recipe merged over `base`: its own declarations win, and a node may replace an input."""
@@ -106,6 +108,7 @@ class Recipe:
             nodes={**base.nodes, **self.nodes},
             targets={**base.targets, **self.targets},
             files=(*self.files, *base.files),
+            fallback=base.fallback if self.fallback is None else self.fallback,
         )
 
 
@@ -123,22 +126,23 @@ def read(file: Path, address: str, shown: str | None = None) -> Recipe:
     try:
         if file.stat().st_size > _MOST_BYTES:
             raise OSError(f"it is larger than {_MOST_BYTES >> 20} MiB")
-        text = file.read_text(encoding="utf-8")
+        content = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise RecipeError(f"cannot read the recipe: {error}", code="DXB-R100", where=Place(str(file))) from None
-    root = strict_yaml.parse(text, shown or str(file))
-    parts = _mapping(root, "a recipe", {"summary", "extends", "inputs", "nodes", "targets"})
+    root = strict_yaml.parse(content, shown or str(file))
+    parts = mapping(root, "a recipe", {"summary", "extends", "fallback", "inputs", "nodes", "targets"})
     extends = parts.get("extends")
     if extends is not None:
-        _text(extends, "extends")
+        text(extends, "extends")
     nodes = {} if extends and "nodes" not in parts else _nodes(parts.get("nodes"), root.place)
-    inputs = {name: _input(name, node) for name, node in _entries(parts.get("inputs"), "inputs").items()}
+    inputs = {name: _input(name, node) for name, node in entries(parts.get("inputs"), "inputs").items()}
     for name in nodes:
         if name in inputs:
             raise RecipeError(f"`{name}` is an input and a node", code="DXB-R112", where=nodes[name].place)
-    targets = {name: _target(node) for name, node in _entries(parts.get("targets"), "targets").items()}
-    summary = _text(parts["summary"], "summary") if "summary" in parts else ""
-    return Recipe(address, file, summary, inputs, nodes, targets, extends, (file,))
+    targets = {name: _target(node) for name, node in entries(parts.get("targets"), "targets").items()}
+    summary = text(parts["summary"], "summary") if "summary" in parts else ""
+    fallback = switch(parts["fallback"], "fallback") if "fallback" in parts else None
+    return Recipe(address, file, summary, inputs, nodes, targets, extends, (file,), fallback)
 
 
 def refuse_deep(trail: Sequence[str], where: Place) -> None:
@@ -160,7 +164,8 @@ def refuse_deep(trail: Sequence[str], where: Place) -> None:
         )
 
 
-def _mapping(node: Node, what: str, allowed: Iterable[str]) -> dict[str, Node]:
+def mapping(node: Node, what: str, allowed: Iterable[str]) -> dict[str, Node]:
+    """The entries of a mapping with fixed keys."""
     if not isinstance(node.value, dict):
         raise RecipeError(f"{what} is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
     known = set(allowed)
@@ -176,17 +181,19 @@ def _mapping(node: Node, what: str, allowed: Iterable[str]) -> dict[str, Node]:
     return node.value
 
 
-def _entries(node: Node | None, what: str) -> dict[str, Node]:
+def entries(node: Node | None, what: str) -> dict[str, Node]:
+    """The entries of a mapping from names, if there is one."""
     if node is None or node.value is None:
         return {}
     if not isinstance(node.value, dict):
         raise RecipeError(f"`{what}` is a mapping, this is {node.kind}", code="DXB-R112", where=node.place)
     for key, place, _ in node.entries():
-        _check_name(key, place)
+        check_name(key, place)
     return node.value
 
 
-def _check_name(name: str, place: Place) -> None:
+def check_name(name: str, place: Place) -> None:
+    """Refuse a text that is not a name."""
     if not name or set(name) - set(_NAME) or name[0].isdigit():
         raise RecipeError(
             f"`{name}` is not a name",
@@ -196,30 +203,46 @@ def _check_name(name: str, place: Place) -> None:
         )
 
 
-def _text(node: Node, what: str) -> str:
+def text(node: Node, what: str) -> str:
+    """The value of a node that is text."""
     if not isinstance(node.value, str):
         raise RecipeError(f"`{what}` is text, this is {node.kind}", code="DXB-R112", where=node.place)
     return node.value
 
 
+def switch(node: Node, what: str) -> bool:
+    """The value of a node that is true or false."""
+    if not isinstance(node.value, bool):
+        raise RecipeError(f"`{what}` is true or false, this is {node.kind}", code="DXB-R112", where=node.place)
+    return node.value
+
+
+def listed(node: Node, what: str) -> tuple[str, ...]:
+    """One name, or a list of at least one."""
+    items = node.value if isinstance(node.value, list) else [node]
+    if not items:
+        raise RecipeError(f"`{what}` is empty", code="DXB-R112", where=node.place, hint="name one, or leave it out")
+    return tuple(text(item, what) for item in items)
+
+
 def _input(name: str, node: Node) -> InputDecl:
     if isinstance(node.value, str):
         return InputDecl(name, node.value, False, "", node.place)
-    parts = _mapping(node, f"the input `{name}`", {"help", "default", "optional"})
+    parts = mapping(node, f"the input `{name}`", {"help", "default", "optional"})
     default = parts.get("default")
     optional = parts.get("optional")
     return InputDecl(
         name,
-        _text(default, "default") if default is not None and default.value is not None else None,
+        text(default, "default") if default is not None and default.value is not None else None,
         optional is not None and optional.value is True,
-        _text(parts["help"], "help") if "help" in parts else "",
+        text(parts["help"], "help") if "help" in parts else "",
         node.place,
     )
 
 
 def _nodes(node: Node | None, where: Place) -> dict[str, Decl]:
     found: dict[str, Decl] = {}
-    if node is not None and _entries(node, "nodes"):
+    if node is not None and entries(node, "nodes"):
         found = {name: _node(name, inner, place) for name, place, inner in node.entries()}
     if not found:
         raise RecipeError("no nodes are declared", code="DXB-R112", where=node.place if node else where)
@@ -240,21 +263,21 @@ def _node(name: str, node: Node, place: Place) -> Decl:
     if kinds == ["each"]:
         return _group(name, node, place)
     if kinds == ["matrix"]:
-        parts = _mapping(node, f"the matrix `{name}`", {"matrix", "nodes"})
-        copies = matrix.copies(_entries(parts["matrix"], "matrix"), parts["matrix"].place)
+        parts = mapping(node, f"the matrix `{name}`", {"matrix", "nodes"})
+        copies = matrix.copies(entries(parts["matrix"], "matrix"), parts["matrix"].place)
         return MatrixDecl(name, copies, _nodes(parts.get("nodes"), place), place)
     if kinds == ["recipe"]:
-        _text(node.value["recipe"], "recipe")
+        text(node.value["recipe"], "recipe")
         return UseDecl(name, node.value["recipe"], _arguments(node), place)
     return _call(name, node)
 
 
 def _call(name: str, node: Node) -> CallDecl:
-    salt = _text(node.value["salt"], "salt") if "salt" in node.value else ""
-    rule = _text(node.value["rule"], "rule")
+    salt = text(node.value["salt"], "salt") if "salt" in node.value else ""
+    rule = text(node.value["rule"], "rule")
     backend = node.value.get("backend")
     if backend is not None:
-        _text(backend, "backend")
+        listed(backend, "backend")
     return CallDecl(name, rule, backend, salt, _arguments(node), node, node.value["rule"].place)
 
 
@@ -263,13 +286,13 @@ def _arguments(node: Node) -> dict[str, Node]:
 
 
 def _group(name: str, node: Node, place: Place) -> GroupDecl:
-    parts = _mapping(node, f"the group `{name}`", {"each", "as", "nodes", "overrides"})
-    _text(parts["each"], "each")
-    item = _text(parts["as"], "as") if "as" in parts else "item"
-    _check_name(item, parts["as"].place if "as" in parts else place)
+    parts = mapping(node, f"the group `{name}`", {"each", "as", "nodes", "overrides"})
+    text(parts["each"], "each")
+    item = text(parts["as"], "as") if "as" in parts else "item"
+    check_name(item, parts["as"].place if "as" in parts else place)
     overrides = {
-        label: _entries(members, f"overrides.{label}")
-        for label, members in _entries(parts.get("overrides"), "overrides").items()
+        label: entries(members, f"overrides.{label}")
+        for label, members in entries(parts.get("overrides"), "overrides").items()
     }
     return GroupDecl(name, parts["each"], item, _nodes(parts.get("nodes"), place), overrides, place)
 
@@ -277,5 +300,5 @@ def _group(name: str, node: Node, place: Place) -> GroupDecl:
 def _target(node: Node) -> list[Node]:
     items = node.value if isinstance(node.value, list) else [node]
     for item in items:
-        _text(item, "a target")
+        text(item, "a target")
     return list(items)

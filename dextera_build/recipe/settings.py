@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
-from dataclasses import dataclass
+from collections.abc import Container
+from dataclasses import dataclass, replace
 
 from dextera_build.errors import Place, UsageError
 from dextera_build.recipe import strict_yaml
@@ -22,8 +23,29 @@ class Setting:
     call: tuple[str, ...]
     labels: tuple[str | None, ...]
     """One per enclosing group; None means every copy."""
-    option: str
+    option: tuple[str, ...]
+    """The option; in a group of options, below the group's name: `("primitives", "wall_m")`."""
     value: Node
+
+    def at(self, calls: Container[tuple[str, ...]]) -> Setting:
+        """The same setting, with the names that follow one of these calls as groups of options."""
+        for size in range(len(self.call), 0, -1):
+            if (call := self.call[:size]) in calls:
+                option = (*self.call[size:], *self.option)
+                return replace(self, call=call, labels=self.labels[: size - 1], option=option)
+        return self
+
+
+def put(arguments: dict[str, Node], path: tuple[str, ...], value: Node) -> None:
+    """Set an option, or a part of a group of options, of which the recipe may set others."""
+    name, *inner = path
+    if not inner:
+        arguments[name] = value
+        return
+    known = arguments.get(name)
+    group = dict(known.value) if known is not None and isinstance(known.value, dict) else {}
+    put(group, tuple(inner), value)
+    arguments[name] = Node(group, value.place, {key: node.place for key, node in group.items()})
 
 
 def parse(text: str) -> Setting:
@@ -51,6 +73,6 @@ def parse(text: str) -> Setting:
         text,
         tuple(name for name, _ in parts[:-1]),
         tuple(label for _, label in parts[:-2]),
-        parts[-1][0],
+        (parts[-1][0],),
         strict_yaml.parse(value or '""', str(COMMAND_LINE), where),
     )

@@ -11,9 +11,10 @@ from dextera_build.artifacts.object import Body, ObjectView, Placement
 from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import kinematics, registration, transforms
 from dextera_build.geometry.registration import Search, Similarity
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context
 
 from . import overlay_picture, starts
+from .icp_options import IcpOptions
 from .model_view import ModelView, Score, seen_points
 from .placed import Placed
 
@@ -22,26 +23,28 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="Sim(3) ICP on render-visible points, chosen by render score",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("open3d", "scipy"),
     extra="twin",
 )
 
 
-def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
+def place(ctx: Context, body: Body, seen: ObjectView, common: ObjectOptions, options: IcpOptions) -> Placed:
     """Refine the body's own pose if it is good, otherwise try every orientation.
 
     Args:
+        ctx: The rule's context.
         body: Links in mesh units, with the joint positions of the photograph.
         seen: The view to match.
-        options: See `ObjectOptions`.
+        common: The rule's options.
+        options: The backend's.
     """
     vertices, faces = kinematics.posed_surface(body)
     model = ModelView(vertices, faces, seen)
     points = seen_points(seen)
     guess = Similarity(1.0, np.array(body.pose.matrix))
     score = model.score(guess)
-    if score.iou >= options.guess_iou and score.violation <= options.most_violation:
+    if score.iou >= options.guess_iou and score.violation <= common.most_violation:
         best, method = _refined(model, vertices, points, guess, score, options)
     else:
         best, method = starts.search(model, vertices, faces, seen, options)
@@ -51,13 +54,13 @@ def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
     return _result(model, vertices, points, best, method + rested)
 
 
-def picture(body: Body, seen: ObjectView, placement: Placement) -> np.ndarray:
+def picture(ctx: Context, body: Body, seen: ObjectView, placement: Placement, options: IcpOptions) -> np.ndarray:
     """Draw the placed model on the crop, (H, W, 3) uint8."""
     return overlay_picture.draw(*kinematics.posed_surface(body), seen, placement)
 
 
 def _refined(
-    model: ModelView, vertices: np.ndarray, points: np.ndarray, guess: Similarity, score: Score, options: ObjectOptions
+    model: ModelView, vertices: np.ndarray, points: np.ndarray, guess: Similarity, score: Score, options: IcpOptions
 ) -> tuple[Similarity, str]:
     freedom = registration.FREE
     if guess.pose[2, 2] > np.cos(0.01):
@@ -75,9 +78,7 @@ def _lowest(vertices: np.ndarray, placed: Similarity) -> float:
     return float(placed.apply(vertices)[:, 2].min())
 
 
-def _rested(
-    model: ModelView, vertices: np.ndarray, placed: Similarity, options: ObjectOptions
-) -> tuple[Similarity, str]:
+def _rested(model: ModelView, vertices: np.ndarray, placed: Similarity, options: IcpOptions) -> tuple[Similarity, str]:
     """Move a body that nearly touches the support onto it, unless the view contradicts."""
     lowest = _lowest(vertices, placed)
     if abs(lowest) > options.rest_m:

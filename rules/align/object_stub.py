@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.object import Body, ObjectView, Placement
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 
 from .placed import Placed
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 BACKEND = Backend(summary="the body's own pose at scale 1, for tests", profiles=("stub",))
 
 
-def place(body: Body, seen: ObjectView, options: ObjectOptions) -> Placed:
+def place(ctx: Context, body: Body, seen: ObjectView, common: ObjectOptions, options: Options) -> Placed:
     """The guess, unscaled and unchecked."""
     placement = Placement(pose=body.pose, scale=1.0, residual_m=0.0, overlap=1.0, method="guess, unchecked")
     return Placed(placement, iou=1.0, violation=0.0, gap_m=0.0)
 
 
-def picture(body: Body, seen: ObjectView, placement: Placement) -> None:
+def picture(ctx: Context, body: Body, seen: ObjectView, placement: Placement, options: Options) -> None:
     """Draw nothing."""

@@ -13,7 +13,7 @@ from dextera_build.geometry.registration import Search, Similarity
 from .model_view import ModelView, seen_points
 
 if TYPE_CHECKING:
-    from .object import ObjectOptions
+    from .icp_options import IcpOptions
 
 _COARSE = 3000
 """Rays per render when ranking the starts."""
@@ -22,7 +22,7 @@ _SQUARE = np.radians(6.0)
 
 
 def search(
-    model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: ObjectView, options: ObjectOptions
+    model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: ObjectView, options: IcpOptions
 ) -> tuple[Similarity, str]:
     """The best placement over 6 up directions x 24 turns, and 600 rotations spread over SO(3).
 
@@ -31,7 +31,7 @@ def search(
         vertices: (V, 3) in model units.
         faces: (F, 3) int.
         seen: The view.
-        options: See `ObjectOptions`.
+        options: See `IcpOptions`.
     """
     coarse = ModelView(vertices, faces, seen, pixels=_COARSE)
     points = seen_points(seen)
@@ -91,7 +91,7 @@ def _turns(centre: np.ndarray, placed: Similarity) -> list[Similarity]:
 
 
 def _squared(
-    model: ModelView, vertices: np.ndarray, placed: Similarity, points: np.ndarray, options: ObjectOptions
+    model: ModelView, vertices: np.ndarray, placed: Similarity, points: np.ndarray, options: IcpOptions
 ) -> list[Similarity]:
     """The placement set flat on the downward face of its hull and refined; empty without such a face."""
     rotation = placed.pose[:3, :3]

@@ -2,40 +2,49 @@
 
 from __future__ import annotations
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat
+from typing import Any, Protocol
+
+from pydantic import NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.object import Segmentation, Support
 from dextera_build.artifacts.scene import Background
-from dextera_build.rule import Context, Fraction, Options, rule
+from dextera_build.rule import Context, Options, rule
 
 
 class StaticOptions(Options):
     """Options of background.static."""
 
-    dilate: Fraction = 0.025
-    """Mask dilation before filling, as a fraction of the image width; covers soft edges and contact shadows."""
-    shadow_reach_m: NonNegativeFloat = 0.1
-    """Distance from a mask on the support up to which shadows are lightened [m]; 0 keeps them."""
-    texel_m: PositiveFloat = 0.001
-    """Smallest texel of the rectified support [m]."""
-    snap_m: NonNegativeFloat = 0.015
-    """Surface within this height of the support is snapped to it [m]."""
-    stride: float = Field(0.01, gt=0.0, le=1.0)
-    """Spacing of the mesh's vertices in the photograph, as a fraction of its width."""
-    edge: PositiveFloat = 0.05
-    """Relative depth step between neighbouring vertices that cuts the mesh."""
-    farthest_m: PositiveFloat = 4.0
-    """Surface farther from the camera is omitted [m]."""
     margin_m: NonNegativeFloat = 0.1
     """Extension of the support's collision box beyond its seen part [m]."""
     thickness_m: PositiveFloat = 0.05
     """Thickness of the collision box of the support [m]."""
 
 
+class BackgroundBackend(Protocol):
+    """What a backend of background.static defines."""
+
+    def clean(
+        self,
+        ctx: Context,
+        capture: Capture,
+        support: Support,
+        segmentation: Segmentation,
+        common: StaticOptions,
+        options: Any,
+    ) -> Background:
+        """Remove what stands on the support from photograph and depth, and build the surface behind it [m, world]."""
+        ...
+
+
 @rule(version=1)
 def static(
-    ctx: Context, capture: Capture, support: Support, segmentation: Segmentation, *, options: StaticOptions
+    ctx: Context[BackgroundBackend],
+    capture: Capture,
+    support: Support,
+    segmentation: Segmentation,
+    *,
+    options: StaticOptions,
 ) -> Background:
     """Return the cleaned photograph and depth, a textured surface in the world frame [m] and collision boxes.
 
@@ -45,7 +54,7 @@ def static(
     labels = segmentation.labels.labels
     if labels.shape != size:
         ctx.fail("the segmentation is of another picture", photograph=f"{size}", labels=f"{labels.shape}")
-    result: Background = ctx.backend.clean(capture, support, segmentation, options)
+    result: Background = ctx.backend.clean(ctx, capture, support, segmentation, options, ctx.backend_options)
     top = result.boxes[0].centre[2] + result.boxes[0].half_size[2]
     ctx.check(abs(top) < 1e-9, "the support's box does not end at z = 0", top=f"{top * 1000:.3f} mm")
     ctx.check(len(result.mesh.faces) > 0, "nothing of the background was measured", hint="lower `stride`")

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import Segmentation, Support
 from dextera_build.artifacts.scene import Background
 from dextera_build.geometry import regions
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Fraction, Options
 
 from .boxes import support_box
 from .layers import SAME_COLOUR, Layers, split
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="rectified texture synthesis on the support, inpainting elsewhere, depth from the plane",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("opencv-python-headless",),
     extra="twin",
 )
@@ -35,7 +36,33 @@ MOST_GAIN = 1.6
 """Maximum gain when removing shadows and reflections."""
 
 
-def clean(capture: Capture, support: Support, segmentation: Segmentation, options: StaticOptions) -> Background:
+class PlanesOptions(Options):
+    """Options of backend `planes` of background.static."""
+
+    dilate: Fraction = 0.025
+    """Mask dilation before filling, as a fraction of the image width; covers soft edges and contact shadows."""
+    shadow_reach_m: NonNegativeFloat = 0.1
+    """Distance from a mask on the support up to which shadows are lightened [m]; 0 keeps them."""
+    texel_m: PositiveFloat = 0.001
+    """Smallest texel of the rectified support [m]."""
+    snap_m: NonNegativeFloat = 0.015
+    """Surface within this height of the support is snapped to it [m]."""
+    stride: float = Field(0.01, gt=0.0, le=1.0)
+    """Spacing of the mesh's vertices in the photograph, as a fraction of its width."""
+    edge: PositiveFloat = 0.05
+    """Relative depth step between neighbouring vertices that cuts the mesh."""
+    farthest_m: PositiveFloat = 4.0
+    """Surface farther from the camera is omitted [m]."""
+
+
+def clean(
+    ctx: Context,
+    capture: Capture,
+    support: Support,
+    segmentation: Segmentation,
+    common: StaticOptions,
+    options: PlanesOptions,
+) -> Background:
     """Remove everything on the support from photograph and depth, and build the surface behind it."""
     cv2.setNumThreads(1)
     hole = _grown((segmentation.labels.labels > 0) | segmentation.fixed, options.dilate)
@@ -45,7 +72,8 @@ def clean(capture: Capture, support: Support, segmentation: Segmentation, option
         image = _fill_support(image, layers, capture, support, options)
     pixels = np.clip(np.round(image), 0, 255).astype(np.uint8)
     pixels = _inpaint(pixels, hole & ~layers.behind, layers.behind)
-    depth = _depth(capture.depth.depth, layers, support, options)
+    near = regions.inside_convex(layers.floor, support.polygon, common.margin_m) & layers.behind
+    depth = _depth(capture.depth.depth, layers, near, options)
     mesh = grid_mesh(
         pixels,
         depth,
@@ -59,7 +87,7 @@ def clean(capture: Capture, support: Support, segmentation: Segmentation, option
         image=Image(pixels=pixels),
         depth=DepthImage(depth=depth),
         mesh=snap(mesh, options.snap_m),
-        boxes=(support_box(support.polygon, options.margin_m, options.thickness_m),),
+        boxes=(support_box(support.polygon, common.margin_m, common.thickness_m),),
     )
 
 
@@ -74,7 +102,7 @@ def _grown(mask: np.ndarray, part: float) -> np.ndarray:
 
 
 def _fill_support(
-    image: np.ndarray, layers: Layers, capture: Capture, support: Support, options: StaticOptions
+    image: np.ndarray, layers: Layers, capture: Capture, support: Support, options: PlanesOptions
 ) -> np.ndarray:
     """The picture with holes on the support filled in its plane, and shadows beside them lightened."""
     target = layers.hole & layers.behind
@@ -157,10 +185,9 @@ def _both_ways(pixels: np.ndarray, hole: np.ndarray) -> np.ndarray:
     return np.asarray(np.round(cv2.resize((telea + flow) / 2, size, interpolation=cv2.INTER_LINEAR)), np.uint8)
 
 
-def _depth(depth: np.ndarray, layers: Layers, support: Support, options: StaticOptions) -> np.ndarray:
+def _depth(depth: np.ndarray, layers: Layers, near: np.ndarray, options: PlanesOptions) -> np.ndarray:
     """Depth of the empty scene: the plane on the support, otherwise the surroundings of a hole; 0 if unknown."""
     clean = np.where(layers.hole, 0.0, depth)
-    near = regions.inside_convex(layers.floor, support.polygon, options.margin_m) & layers.behind
     open_ = (clean == 0) & near
     clean[open_] = layers.plane[open_]
     rest = layers.hole & ~layers.behind

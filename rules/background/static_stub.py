@@ -12,7 +12,7 @@ from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import Segmentation, Support
 from dextera_build.artifacts.scene import Background
 from dextera_build.geometry import cameras, transforms
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 
 from .boxes import support_box
 from .surface import plane_depth
@@ -23,7 +23,14 @@ if TYPE_CHECKING:
 BACKEND = Backend(summary="one colour for holes, a flat rectangle for the scene", profiles=("stub",))
 
 
-def clean(capture: Capture, support: Support, segmentation: Segmentation, options: StaticOptions) -> Background:
+def clean(
+    ctx: Context,
+    capture: Capture,
+    support: Support,
+    segmentation: Segmentation,
+    common: StaticOptions,
+    options: Options,
+) -> Background:
     """Fill holes with one colour and project the photograph onto the support."""
     hole = (segmentation.labels.labels > 0) | segmentation.fixed
     pixels = capture.rgb.pixels.copy()
@@ -31,7 +38,7 @@ def clean(capture: Capture, support: Support, segmentation: Segmentation, option
     k = capture.camera.matrix()
     plane = plane_depth(capture.camera, support.camera_pose.matrix)
     depth = np.where(hole, np.where(np.isfinite(plane), plane, 0.0), capture.depth.depth).astype(np.float32)
-    box = support_box(support.polygon, 0.0, options.thickness_m)
+    box = support_box(support.polygon, 0.0, common.thickness_m)
     x, y = box.half_size[:2]
     turn = np.array([[np.cos(box.yaw), -np.sin(box.yaw)], [np.sin(box.yaw), np.cos(box.yaw)]])
     flat = np.array([[-x, -y], [x, -y], [x, y], [-x, y]]) @ turn.T + box.centre[:2]
@@ -42,5 +49,5 @@ def clean(capture: Capture, support: Support, segmentation: Segmentation, option
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     image = Image(pixels=pixels)
     mesh = Mesh(vertices=corners.astype(np.float32), faces=faces, uv=uv[faces].astype(np.float32), texture=image)
-    boxes = (support_box(support.polygon, options.margin_m, options.thickness_m),)
+    boxes = (support_box(support.polygon, common.margin_m, common.thickness_m),)
     return Background(image=image, depth=DepthImage(depth=depth), mesh=mesh, boxes=boxes)

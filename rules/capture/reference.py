@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Protocol
+
 import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
@@ -10,6 +12,7 @@ from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import World
 from dextera_build.rule import Context, Options, rule
+from dextera_build.sim.render.shot import Shot
 
 from .sensor import ColourNoiseOptions, DepthNoiseOptions, measure_colour, measure_depth
 
@@ -27,16 +30,28 @@ class ReferenceOptions(Options):
     """Noise of the colour stream."""
 
 
+class CameraBackend(Protocol):
+    """What a backend of capture.reference defines."""
+
+    def photograph(self, ctx: Context, world: World, robot: RobotModel | None, supersample: int, options: Any) -> Shot:
+        """Colours, depth [m] and object labels through the world's camera, without noise."""
+        ...
+
+
 @rule(version=1, packages=("numpy",), cpus=2, memory_gb=2.0)
 def reference(
-    ctx: Context, world: World, robot: RobotModel | None = None, *, options: ReferenceOptions | None = None
+    ctx: Context[CameraBackend],
+    world: World,
+    robot: RobotModel | None = None,
+    *,
+    options: ReferenceOptions | None = None,
 ) -> Capture:
     """Return the output of the world's camera: colours, depth [m] with noise and holes, intrinsics.
 
     The backend offers `photograph(world, robot, supersample=...) -> Shot`.
     """
     options = options or ReferenceOptions()
-    shot = ctx.backend.photograph(world, robot, supersample=options.supersample)
+    shot = ctx.backend.photograph(ctx, world, robot, options.supersample, ctx.backend_options)
     rng = np.random.default_rng(options.seed)
     depth = measure_depth(shot.depth, world.camera.matrix(), options.depth_noise, rng)
     rgb = measure_colour(shot.rgb, options.colour_noise, rng)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Protocol
+
 import numpy as np
 from pydantic import PositiveInt
 
@@ -10,6 +12,7 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.scene import Truth, TruthObject
 from dextera_build.artifacts.world import World
 from dextera_build.rule import Context, Options, rule
+from dextera_build.sim.render.shot import Shot
 
 from . import solids
 
@@ -21,14 +24,24 @@ class TruthOptions(Options):
     """Samples per pixel edge of the colour render."""
 
 
+class CameraBackend(Protocol):
+    """What a backend of capture.truth defines."""
+
+    def photograph(self, ctx: Context, world: World, robot: RobotModel | None, supersample: int, options: Any) -> Shot:
+        """Colours, depth [m] and object labels through the world's camera, without noise."""
+        ...
+
+
 @rule(version=1, packages=("numpy",), cpus=2, memory_gb=2.0)
-def truth(ctx: Context, world: World, robot: RobotModel | None = None, *, options: TruthOptions | None = None) -> Truth:
+def truth(
+    ctx: Context[CameraBackend], world: World, robot: RobotModel | None = None, *, options: TruthOptions | None = None
+) -> Truth:
     """Return posed surfaces in the frame `reference` [m], noise-free colours and depth, and labels of visible pixels.
 
     The backend offers `photograph(world, robot, supersample=...) -> Shot`, as for `capture.reference`.
     """
     options = options or TruthOptions()
-    shot = ctx.backend.photograph(world, robot, supersample=options.supersample)
+    shot = ctx.backend.photograph(ctx, world, robot, options.supersample, ctx.backend_options)
     objects = {
         name: TruthObject(mesh=solids.moved(thing.surface, thing.pose.matrix), label=label)
         for label, (name, thing) in enumerate(world.objects.items(), start=1)

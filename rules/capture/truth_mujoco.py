@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import World
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.render.shot import Shot
 from dextera_build.sim.worlds import world as worlds
 
@@ -16,6 +16,6 @@ BACKEND = Backend(
 )
 
 
-def photograph(world: World, robot: RobotModel | None, *, supersample: int) -> Shot:
+def photograph(ctx: Context, world: World, robot: RobotModel | None, supersample: int, options: Options) -> Shot:
     """Colours with soft shadows, depth [m] and object labels through the world's camera."""
     return worlds.photograph(world, robot, supersample=supersample, soft=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import World
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.render.shot import Shot
 
 from .unlit import unlit
@@ -17,6 +17,6 @@ BACKEND = Backend(
 )
 
 
-def photograph(world: World, robot: RobotModel | None, *, supersample: int) -> Shot:
+def photograph(ctx: Context, world: World, robot: RobotModel | None, supersample: int, options: Options) -> Shot:
     """Unlit colours, depth [m] and object labels through the world's camera; `supersample` is ignored."""
     return unlit(world)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any, Protocol
 
 import numpy as np
 from pydantic import PositiveInt
@@ -21,8 +22,20 @@ class FilmOptions(Options):
     """Frames in the preview of the first episode."""
 
 
+class FilmBackend(Protocol):
+    """What a backend of demonstrate.film defines."""
+
+    def frames(
+        self, ctx: Context, bundle: TaskBundle, episodes: Episodes, view: View, options: Any
+    ) -> Iterator[tuple[str, np.ndarray]]:
+        """Index and frames (T, H, W, 3) uint8 of each episode."""
+        ...
+
+
 @rule(version=1, packages=("numpy",))
-def film(ctx: Context, bundle: TaskBundle, episodes: Episodes, view: View, *, options: FilmOptions) -> Film:
+def film(
+    ctx: Context[FilmBackend], bundle: TaskBundle, episodes: Episodes, view: View, *, options: FilmOptions
+) -> Film:
     """Return one frame (H, W, 3) uint8 sRGB per step of every kept episode, seen through `view`.
 
     Recorded states are rendered, nothing is simulated; frame t is the scene before action t.
@@ -30,7 +43,7 @@ def film(ctx: Context, bundle: TaskBundle, episodes: Episodes, view: View, *, op
     camera = view.camera
     packed: dict[str, bytes] = {}
     count = 0
-    taken: Iterator[tuple[str, np.ndarray]] = ctx.backend.frames(bundle, episodes, view)
+    taken: Iterator[tuple[str, np.ndarray]] = ctx.backend.frames(ctx, bundle, episodes, view, ctx.backend_options)
     for index, pixels in taken:
         expected = (len(episodes.items[index].joints), camera.height, camera.width, 3)
         ctx.check(pixels.shape == expected, "an episode has another number of frames than steps", episode=index)

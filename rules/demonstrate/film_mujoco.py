@@ -8,12 +8,14 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.render import filming
 
-BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu", "gpu"), packages=("mujoco",), extra="twin")
+BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu",), packages=("mujoco",), extra="twin")
 
 
-def frames(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[str, np.ndarray]]:
+def frames(
+    ctx: Context, bundle: TaskBundle, episodes: Episodes, view: View, options: Options
+) -> Iterator[tuple[str, np.ndarray]]:
     """Index and frames (T, H, W, 3) uint8 of each episode."""
     return filming.frames(bundle, episodes, view)

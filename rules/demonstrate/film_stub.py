@@ -9,12 +9,14 @@ import numpy as np
 from dextera_build import digest
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(summary="no rendering: a bar that grows with time, on a grey of its camera's own", profiles=("stub",))
 
 
-def frames(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[str, np.ndarray]]:
+def frames(
+    ctx: Context, bundle: TaskBundle, episodes: Episodes, view: View, options: Options
+) -> Iterator[tuple[str, np.ndarray]]:
     """Index and frames (T, H, W, 3) uint8 of each episode."""
     # A different camera gives different pictures, as in a real film, so dependent nodes are rebuilt.
     grey = int(digest.of_bytes(np.ascontiguousarray(view.camera_pose.matrix).tobytes())[:2], 16) // 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any, Protocol
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
@@ -33,9 +34,26 @@ class LerobotOptions(Options):
     """Key frame interval; a reader decodes at most this many frames to get one."""
 
 
+class LerobotBackend(Protocol):
+    """What a backend of demonstrate.lerobot defines."""
+
+    def write(
+        self,
+        ctx: Context,
+        bundle: TaskBundle,
+        episodes: Episodes,
+        film: Film | None,
+        view: View | None,
+        common: LerobotOptions,
+        options: Any,
+    ) -> dict[str, bytes]:
+        """Path -> content of the whole folder."""
+        ...
+
+
 @rule(version=1, packages=("numpy",))
 def lerobot(
-    ctx: Context,
+    ctx: Context[LerobotBackend],
     bundle: TaskBundle,
     episodes: Episodes,
     film: Film | None = None,
@@ -57,7 +75,7 @@ def lerobot(
             film=f"{film.width} x {film.height} px",
             hint="choose an even `width_px` and `height_px` in simulate.view",
         )
-    files: dict[str, bytes] = ctx.backend.write(ctx, bundle, episodes, film, view, options)
+    files: dict[str, bytes] = ctx.backend.write(ctx, bundle, episodes, film, view, options, ctx.backend_options)
     info = json.loads(files["meta/info.json"])
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     ctx.check(info["total_episodes"] == len(episodes.items), "episodes were lost")

@@ -10,7 +10,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.policy import layout
-from dextera_build.rule import Backend, Context
+from dextera_build.rule import Backend, Context, Options
 
 from . import lerobot_features, lerobot_meta, lerobot_stats, lerobot_tables, rolling
 from .video import Clip, Encoder
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="Parquet by pyarrow, H.264 by PyAV",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("pyarrow", "av"),
     extra="learn",
 )
@@ -36,25 +36,26 @@ def write(
     episodes: Episodes,
     film: Film | None,
     view: View | None,
-    options: LerobotOptions,
+    common: LerobotOptions,
+    options: Options,
 ) -> dict[str, bytes]:
     """Path -> content of the whole folder; all files are complete."""
     goal = layout.of_bundle(bundle).goal
     features = lerobot_features.features(episodes, goal)
-    words = lerobot_meta.instruction(bundle, options)
-    rows, stats, files = _data(episodes, features, words, options)
+    words = lerobot_meta.instruction(bundle, common)
+    rows, stats, files = _data(episodes, features, words, common)
     video: dict[str, object] = {}
     if film is not None:
-        key = lerobot_meta.picture_key(options)
+        key = lerobot_meta.picture_key(common)
         video = {key: lerobot_meta.video_feature(episodes, film.width, film.height)}
-        stats[key] = _videos(ctx, episodes, film, rows, files, options)
+        stats[key] = _videos(ctx, episodes, film, rows, files, common)
     files[lerobot_meta.EPISODES.format(chunk_index=0, file_index=0)] = lerobot_tables.episodes(rows)
     files[lerobot_meta.TASKS] = lerobot_tables.tasks(words)
-    files["meta/info.json"] = lerobot_meta.document(lerobot_meta.info(bundle, episodes, features, video, options))
+    files["meta/info.json"] = lerobot_meta.document(lerobot_meta.info(bundle, episodes, features, video, common))
     files["meta/stats.json"] = lerobot_meta.document(lerobot_stats.plain(stats))
     files["meta/dextera.json"] = lerobot_meta.document(lerobot_meta.about(bundle, episodes))
     if view is not None:
-        files["meta/cameras.json"] = lerobot_meta.document(lerobot_meta.cameras(bundle, view, options.camera))
+        files["meta/cameras.json"] = lerobot_meta.document(lerobot_meta.cameras(bundle, view, common.camera))
     return files
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.policy import layout
-from dextera_build.rule import Backend, Context
+from dextera_build.rule import Backend, Context, Options
 
 from . import lerobot_features, lerobot_meta, lerobot_stats
 
@@ -25,7 +25,8 @@ def write(
     episodes: Episodes,
     film: Film | None,
     view: View | None,
-    options: LerobotOptions,
+    common: LerobotOptions,
+    options: Options,
 ) -> dict[str, bytes]:
     """`meta/info.json`, `meta/stats.json` and `meta/dextera.json`."""
     features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal)
@@ -36,7 +37,7 @@ def write(
     whole = {name: np.concatenate([columns[name] for columns in parts]) for name in features}
     stats = {name: lerobot_stats.of_numbers(values) for name, values in whole.items()}
     return {
-        "meta/info.json": lerobot_meta.document(lerobot_meta.info(bundle, episodes, features, {}, options)),
+        "meta/info.json": lerobot_meta.document(lerobot_meta.info(bundle, episodes, features, {}, common)),
         "meta/stats.json": lerobot_meta.document(lerobot_stats.plain(stats)),
         "meta/dextera.json": lerobot_meta.document(lerobot_meta.about(bundle, episodes)),
     }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal, Protocol
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.episode import Episodes, Film
@@ -23,9 +23,26 @@ class McapOptions(Options):
     """Compression of the file's chunks."""
 
 
+class McapBackend(Protocol):
+    """What a backend of demonstrate.mcap defines."""
+
+    def write(
+        self,
+        ctx: Context,
+        bundle: TaskBundle,
+        episodes: Episodes,
+        film: Film | None,
+        view: View | None,
+        common: McapOptions,
+        options: Any,
+    ) -> dict[str, bytes]:
+        """Path -> content of each recording."""
+        ...
+
+
 @rule(version=1, packages=("numpy",))
 def mcap(
-    ctx: Context,
+    ctx: Context[McapBackend],
     bundle: TaskBundle,
     episodes: Episodes,
     film: Film | None = None,
@@ -46,7 +63,7 @@ def mcap(
             film=f"{film.width} x {film.height} px",
             view=f"{view.camera.width} x {view.camera.height} px",
         )
-    files: dict[str, bytes] = ctx.backend.write(ctx, bundle, episodes, film, view, options)
+    files: dict[str, bytes] = ctx.backend.write(ctx, bundle, episodes, film, view, options, ctx.backend_options)
     ctx.check(len(files) == len(episodes.items), "episodes were lost")
     megabytes = sum(map(len, files.values())) / 1e6
     ctx.metric("size", megabytes, "MB")

@@ -12,7 +12,7 @@ from mcap.writer import CompressionType, Writer
 from dextera_build.artifacts.episode import Episode, Episodes, Film
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.geometry import poses
-from dextera_build.rule import Backend, Context
+from dextera_build.rule import Backend, Context, Options
 
 from . import ros_messages, ros_types
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="ROS 2 messages in CDR, schemas as ros2msg",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("mcap", "zstandard"),
     extra="learn",
 )
@@ -41,13 +41,14 @@ def write(
     episodes: Episodes,
     film: Film | None,
     view: View | None,
-    options: McapOptions,
+    common: McapOptions,
+    options: Options,
 ) -> dict[str, bytes]:
     """Path -> content of each recording."""
     files = {}
     for number, (label, episode) in enumerate(episodes.in_order()):
         pixels = film.pixels(label) if film is not None else None
-        recording = Recording(episodes, options)
+        recording = Recording(episodes, common)
         recording.describe(bundle, label, episode)
         recording.once(bundle, view)
         for step in range(len(episode.joints)):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.rule import Backend, Context
+from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:
     from .mcap import McapOptions
@@ -21,7 +21,8 @@ def write(
     episodes: Episodes,
     film: Film | None,
     view: View | None,
-    options: McapOptions,
+    common: McapOptions,
+    options: Options,
 ) -> dict[str, bytes]:
     """Path -> the magic bytes at both ends of a recording."""
     return {f"episode-{number:06d}.mcap": MAGIC + MAGIC for number in range(len(episodes.items))}

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any, Protocol
 
+import numpy as np
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.episode import Episodes
@@ -27,14 +29,28 @@ class OperateOptions(Options):
     """Episodes with an unintended contact above this force are discarded [N]."""
 
 
+class OperateBackend(Protocol):
+    """What a backend of demonstrate.operate defines."""
+
+    def operate(self, ctx: Context, bundle: TaskBundle, common: OperateOptions, options: Any) -> Episodes:
+        """Attempt demonstrations until enough succeed or the tries are used up."""
+        ...
+
+    def strips(
+        self, ctx: Context, bundle: TaskBundle, episodes: Episodes, options: Any
+    ) -> list[tuple[str, np.ndarray]]:
+        """Captions and film strips (H, W, 3) uint8."""
+        ...
+
+
 @rule(version=1)
-def operate(ctx: Context, bundle: TaskBundle, *, options: OperateOptions) -> Episodes:
+def operate(ctx: Context[OperateBackend], bundle: TaskBundle, *, options: OperateOptions) -> Episodes:
     """Return demonstrations from drawn starts, in the robot's base frame [m, rad], and failed attempts with reasons.
 
     The backend's operator plans only from the shape of the task's assets and the embodiment's data. The backend
     offers `operate(bundle, options, progress) -> Episodes` and `strips(bundle, episodes) -> list of (caption, pixels)`.
     """
-    shown: Episodes = ctx.backend.operate(bundle, options, ctx.progress)
+    shown: Episodes = ctx.backend.operate(ctx, bundle, options, ctx.backend_options)
     reasons = Counter(episode.reason for episode in shown.failures.values())
     counted = ", ".join(f"{count} x {reason}" for reason, count in reasons.most_common(5))
     done = len(shown.items)
@@ -48,6 +64,6 @@ def operate(ctx: Context, bundle: TaskBundle, *, options: OperateOptions) -> Epi
     low, high = wilson(done, shown.attempts)
     ctx.metric("success", 100 * done / shown.attempts, "%")
     ctx.say(f"{done} of {shown.attempts} attempts ({100 * low:.0f}-{100 * high:.0f} %) {counted}".rstrip())
-    for caption, picture in ctx.backend.strips(bundle, shown):
+    for caption, picture in ctx.backend.strips(ctx, bundle, shown, ctx.backend_options):
         ctx.preview(picture, caption)
     return shown

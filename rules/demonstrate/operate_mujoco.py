@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.policy import layout
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.drive import Driver, Filters
 from dextera_build.sim.render.stills import Stills
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="a script: grasps and pushes from geometry, rehearsed in MuJoCo; inverse kinematics by mink",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("mujoco", "mink", "daqp"),
     extra="learn",
 )
@@ -33,24 +32,24 @@ SHOWN = 10
 """Pictures per strip."""
 
 
-def operate(bundle: TaskBundle, options: OperateOptions, progress: Callable[[int, int, str], None]) -> Episodes:
+def operate(ctx: Context, bundle: TaskBundle, common: OperateOptions, options: Options) -> Episodes:
     """Attempt demonstrations until enough succeed or the tries are used up."""
     driver = Driver(Environment(bundle))
-    operator = planning.practise(driver, progress)
-    filters = Filters(lag_m=options.lag_m, press_n=options.press_n)
+    operator = planning.practise(driver, ctx.progress)
+    filters = Filters(lag_m=common.lag_m, press_n=common.press_n)
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}
     attempts = 0
-    while len(items) < options.episodes and attempts < options.tries * options.episodes:
-        start = starts.draw(bundle, driver.environment.model, seed_of("operate", options.seed, attempts))
+    while len(items) < common.episodes and attempts < common.tries * common.episodes:
+        start = starts.draw(bundle, driver.environment.model, seed_of("operate", common.seed, attempts))
         episode = driver.run(operator, start, origin="operator", filters=filters)
         (items if episode.success else failures)[f"{attempts:05d}"] = episode
         attempts += 1
-        progress(len(items), options.episodes, f"{attempts} attempts")
+        ctx.progress(len(items), common.episodes, f"{attempts} attempts")
     return layout.gathered(bundle, items, failures, attempts)
 
 
-def strips(bundle: TaskBundle, episodes: Episodes) -> list[tuple[str, np.ndarray]]:
+def strips(ctx: Context, bundle: TaskBundle, episodes: Episodes, options: Options) -> list[tuple[str, np.ndarray]]:
     """Film strips of the first success and the first failure."""
     stills = Stills(bundle, None)
     shown = [("a demonstration", episode) for episode in list(episodes.items.values())[:1]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.policy import layout
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.runtime.pretence import pretended
 
 if TYPE_CHECKING:
@@ -19,15 +18,15 @@ if TYPE_CHECKING:
 BACKEND = Backend(summary="no simulation: nothing moves, and every episode succeeds", profiles=("stub",))
 
 
-def operate(bundle: TaskBundle, options: OperateOptions, progress: Callable[[int, int, str], None]) -> Episodes:
+def operate(ctx: Context, bundle: TaskBundle, common: OperateOptions, options: Options) -> Episodes:
     """Return the requested number of motionless episodes."""
     items = {
-        f"{number:05d}": pretended(bundle, options.seed + number, "operator", success=True)
-        for number in range(options.episodes)
+        f"{number:05d}": pretended(bundle, common.seed + number, "operator", success=True)
+        for number in range(common.episodes)
     }
-    return layout.gathered(bundle, items, {}, options.episodes)
+    return layout.gathered(bundle, items, {}, common.episodes)
 
 
-def strips(bundle: TaskBundle, episodes: Episodes) -> list[tuple[str, np.ndarray]]:
+def strips(ctx: Context, bundle: TaskBundle, episodes: Episodes, options: Options) -> list[tuple[str, np.ndarray]]:
     """No pictures."""
     return []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import Any, Protocol
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
@@ -39,9 +40,19 @@ class SynthesizeOptions(Options):
     """Maximum attempts per episode before the shard fails."""
 
 
+class SynthesizeBackend(Protocol):
+    """What a backend of demonstrate.synthesize defines."""
+
+    def synthesize(
+        self, ctx: Context, bundle: TaskBundle, sources: Episodes, shard: Shard, common: SynthesizeOptions, options: Any
+    ) -> Episodes:
+        """Attempt episodes until the shard is full or fails."""
+        ...
+
+
 @rule(version=1)
 def synthesize(
-    ctx: Context, bundle: TaskBundle, sources: Episodes, shard: Shard, *, options: SynthesizeOptions
+    ctx: Context[SynthesizeBackend], bundle: TaskBundle, sources: Episodes, shard: Shard, *, options: SynthesizeOptions
 ) -> Episodes:
     """Return the shard's episodes in the robot's base frame [m, rad], and discarded attempts with their reasons.
 
@@ -54,7 +65,7 @@ def synthesize(
         f"the demonstrations show `{sources.task}`, but the task is `{bundle.task.name}`",
         hint="give both the same task bundle",
     )
-    found: Episodes = ctx.backend.synthesize(bundle, sources, shard, options, ctx.progress)
+    found: Episodes = ctx.backend.synthesize(ctx, bundle, sources, shard, options, ctx.backend_options)
     reasons = Counter(episode.reason for episode in found.failures.values())
     done = len(found.items)
     ctx.check(

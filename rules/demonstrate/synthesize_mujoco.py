@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +10,7 @@ from dextera_build.artifacts.episode import Episode, Episodes, Shard
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.policy import layout
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.drive import Driver, Filters, Noise
 from dextera_build.sim.runtime import starts
@@ -23,26 +22,22 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="MuJoCo; inverse kinematics by mink",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("mujoco", "mink", "daqp"),
     extra="learn",
 )
 
 
 def synthesize(
-    bundle: TaskBundle,
-    sources: Episodes,
-    shard: Shard,
-    options: SynthesizeOptions,
-    progress: Callable[[int, int, str], None],
+    ctx: Context, bundle: TaskBundle, sources: Episodes, shard: Shard, common: SynthesizeOptions, options: Options
 ) -> Episodes:
     """Attempt episodes until the shard is full or fails."""
     driver = Driver(Environment(bundle))
-    manner = _manner(options)
+    manner = _manner(common)
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}
     attempts = 0
-    while len(items) < shard.count and attempts < options.tries * shard.count:
+    while len(items) < shard.count and attempts < common.tries * shard.count:
         seed = seed_of(shard.seed, shard.first, attempts)
         attempts += 1
         try:
@@ -56,7 +51,7 @@ def synthesize(
             items[f"{shard.first + len(items):05d}"] = episode
         else:
             failures[f"{shard.first:05d}-{attempts:03d}"] = episode
-        progress(len(items), shard.count, f"{attempts} attempts")
+        ctx.progress(len(items), shard.count, f"{attempts} attempts")
     return layout.gathered(bundle, items, failures, attempts)
 
 

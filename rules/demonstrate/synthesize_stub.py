@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.episode import Episodes, Shard
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:
     from .synthesize import SynthesizeOptions
@@ -16,11 +15,7 @@ BACKEND = Backend(summary="no simulation: the demonstrations over again", profil
 
 
 def synthesize(
-    bundle: TaskBundle,
-    sources: Episodes,
-    shard: Shard,
-    options: SynthesizeOptions,
-    progress: Callable[[int, int, str], None],
+    ctx: Context, bundle: TaskBundle, sources: Episodes, shard: Shard, common: SynthesizeOptions, options: Options
 ) -> Episodes:
     """Return the shard's number of episodes."""
     demonstrations = list(sources.items.values())

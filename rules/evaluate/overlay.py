@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.image import Image
@@ -22,8 +22,16 @@ class OverlayOptions(Options):
     """Weight of the twin in the blended picture, 0..1."""
 
 
+class OverlayBackend(Protocol):
+    """What a backend of evaluate.overlay defines."""
+
+    def render(self, ctx: Context, scene: Scene, options: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Colours (H, W, 3) uint8 and, per pixel, the index of its object in `scene.bodies` (H, W) int32, or -1."""
+        ...
+
+
 @rule(version=1)
-def overlay(ctx: Context, capture: Capture, scene: Scene, *, options: OverlayOptions) -> Image:
+def overlay(ctx: Context[OverlayBackend], capture: Capture, scene: Scene, *, options: OverlayOptions) -> Image:
     """Return four pictures from the photograph's camera: photograph, twin, blend, and the twin's outlines on the photo.
 
     The twin is rendered in keyframe `home` over the cleaned photograph.
@@ -38,7 +46,7 @@ def overlay(ctx: Context, capture: Capture, scene: Scene, *, options: OverlayOpt
         )
     twin: np.ndarray
     owner: np.ndarray
-    twin, owner = ctx.backend.render(scene)
+    twin, owner = ctx.backend.render(ctx, scene, ctx.backend_options)
     ctx.check(twin.shape == capture.rgb.pixels.shape, "the render has another size than the photograph")
     shown = sum(bool((owner == number).any()) for number in range(len(scene.bodies)))
     ctx.metric("objects in view", shown, f"of {len(scene.bodies)}")

@@ -7,14 +7,14 @@ import io
 import numpy as np
 
 from dextera_build.artifacts.scene import Scene
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import model as models
 from dextera_build.sim.render import rendering
 
-BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu", "gpu"), packages=("mujoco",), extra="twin")
+BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu",), packages=("mujoco",), extra="twin")
 
 
-def render(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np.ndarray]:
     """Colours (H, W, 3) uint8 and, per pixel, the index of its object in `scene.bodies` (H, W) int32, or -1."""
     model = models.compile_folder(scene.model)
     data = models.at_home(model)

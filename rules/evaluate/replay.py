@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any, Protocol
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.artifacts.trials import Trials
 from dextera_build.policy.contract import check_data
@@ -45,9 +46,32 @@ class ReplayOptions(Options):
     """Pictures in each film strip."""
 
 
+class ReplayBackend(Protocol):
+    """What a backend of evaluate.replay defines."""
+
+    def replays(
+        self,
+        ctx: Context,
+        twin: TaskBundle,
+        world: TaskBundle,
+        sources: Episodes,
+        seeds: list[int],
+        common: ReplayOptions,
+        options: Any,
+    ) -> Iterator[Attempt]:
+        """One attempt per seed, in order."""
+        ...
+
+    def stills(
+        self, ctx: Context, bundle: TaskBundle, episode: Episode, rows: np.ndarray, view: View | None, options: Any
+    ) -> np.ndarray | None:
+        """Pictures (N, H, W, 3) uint8 of these steps; None for no pictures."""
+        ...
+
+
 @rule(version=1, packages=("numpy",), memory_gb=2.0)
 def replay(
-    ctx: Context,
+    ctx: Context[ReplayBackend],
     twin: TaskBundle,
     world: TaskBundle,
     sources: Episodes,
@@ -66,7 +90,7 @@ def replay(
     ctx.check(bool(sources.items), "no demonstrations were given", hint="look at `dxb log` of the demonstrations")
     record = Record(world)
     resets = seeds(options.seed, max(options.resets, options.trials))
-    attempts: Iterator[Attempt] = ctx.backend.replays(twin, world, sources, resets, options)
+    attempts: Iterator[Attempt] = ctx.backend.replays(ctx, twin, world, sources, resets, options, ctx.backend_options)
     for attempt in attempts:
         record.add(attempt)
         ctx.progress(len(record.items), options.trials, f"{record.rate.successes} succeeded")
@@ -118,7 +142,7 @@ def _show(
     shown: dict[str, np.ndarray] = {
         world.kind: pictures
         for world, episode in zip(worlds, episodes, strict=True)
-        if (pictures := ctx.backend.stills(world, episode, rows, view)) is not None
+        if (pictures := ctx.backend.stills(ctx, world, episode, rows, view, ctx.backend_options)) is not None
     }
     if shown:
         verdict = "success" if episodes[-1].success else f"failure: {episodes[-1].reason}"

@@ -9,7 +9,7 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Episodes, Start
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.drive import Driver, Filters
 from dextera_build.sim.experts.synthesis import Manner
@@ -25,18 +25,24 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="MuJoCo; inverse kinematics by mink",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("mujoco", "mink", "daqp"),
     extra="twin",
 )
 
 
 def replays(
-    twin: TaskBundle, world: TaskBundle, sources: Episodes, seeds: list[int], options: ReplayOptions
+    ctx: Context,
+    twin: TaskBundle,
+    world: TaskBundle,
+    sources: Episodes,
+    seeds: list[int],
+    common: ReplayOptions,
+    options: Options,
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     driver = Driver(Environment(twin))
-    manner = Manner(filters=Filters(lag_m=options.lag_m, press_n=options.press_n), nearest=options.nearest)
+    manner = Manner(filters=Filters(lag_m=common.lag_m, press_n=common.press_n), nearest=common.nearest)
 
     def synthesise(start: Start, seed: int) -> Episode:
         return synthesis.synthesise(driver, sources, start, seed, manner)
@@ -45,9 +51,9 @@ def replays(
         driver.environment,
         Environment(world),
         synthesise,
-        tries=options.tries,
-        tracker=Tracker(options.tracker_m, float(np.radians(options.tracker_deg))),
-        linger_s=options.linger_s,
+        tries=common.tries,
+        tracker=Tracker(common.tracker_m, float(np.radians(common.tracker_deg))),
+        linger_s=common.linger_s,
     )
     for seed in seeds:
         there = replay.attempt(seed)

@@ -9,7 +9,7 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.runtime.pretence import pretended
 
 from .protocol import Attempt
@@ -21,7 +21,13 @@ BACKEND = Backend(summary="no simulation: nine of ten replays succeed", profiles
 
 
 def replays(
-    twin: TaskBundle, world: TaskBundle, sources: Episodes, seeds: list[int], options: ReplayOptions
+    ctx: Context,
+    twin: TaskBundle,
+    world: TaskBundle,
+    sources: Episodes,
+    seeds: list[int],
+    common: ReplayOptions,
+    options: Options,
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     for seed in seeds:
@@ -30,6 +36,8 @@ def replays(
         yield Attempt(seed, episode, episode.objects[0], rehearsal=rehearsal)
 
 
-def stills(bundle: TaskBundle, episode: Episode, rows: np.ndarray, view: View | None) -> np.ndarray | None:
+def stills(
+    ctx: Context, bundle: TaskBundle, episode: Episode, rows: np.ndarray, view: View | None, options: Options
+) -> np.ndarray | None:
     """No pictures."""
     return None

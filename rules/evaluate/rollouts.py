@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any, Protocol
 
+import numpy as np
 from pydantic import Field
 
 from dextera_build.artifacts.episode import Episode
@@ -30,9 +32,36 @@ class RolloutsOptions(Options):
     """Pictures in each film strip."""
 
 
+class RolloutsBackend(Protocol):
+    """What a backend of evaluate.rollouts defines."""
+
+    def rollouts(
+        self,
+        ctx: Context,
+        bundle: TaskBundle,
+        checkpoint: Checkpoint,
+        view: View | None,
+        seeds: list[int],
+        options: Any,
+    ) -> Iterator[Attempt]:
+        """One attempt per seed, in order."""
+        ...
+
+    def stills(
+        self, ctx: Context, bundle: TaskBundle, episode: Episode, rows: np.ndarray, view: View | None, options: Any
+    ) -> np.ndarray | None:
+        """Pictures (N, H, W, 3) uint8 of these steps; None for no pictures."""
+        ...
+
+
 @rule(version=1, packages=("numpy",), memory_gb=2.0)
 def rollouts(
-    ctx: Context, bundle: TaskBundle, checkpoint: Checkpoint, view: View | None = None, *, options: RolloutsOptions
+    ctx: Context[RolloutsBackend],
+    bundle: TaskBundle,
+    checkpoint: Checkpoint,
+    view: View | None = None,
+    *,
+    options: RolloutsOptions,
 ) -> Trials:
     """Return the policy's trials in the bundle's world, with start poses in the base frame [m].
 
@@ -42,7 +71,9 @@ def rollouts(
     """
     contracts.check(checkpoint.contract, bundle, view=view)
     record = Record(bundle)
-    attempts: Iterator[Attempt] = ctx.backend.rollouts(bundle, checkpoint, view, seeds(options.seed, options.trials))
+    attempts: Iterator[Attempt] = ctx.backend.rollouts(
+        ctx, bundle, checkpoint, view, seeds(options.seed, options.trials), ctx.backend_options
+    )
     for done, attempt in enumerate(attempts, 1):
         record.add(attempt)
         ctx.progress(done, options.trials, f"{record.rate.successes} succeeded")
@@ -59,7 +90,7 @@ def rollouts(
 def _show(ctx: Context, bundle: TaskBundle, episode: Episode, number: int, view: View | None, count: int) -> None:
     """Show a film strip of one trial, if the backend can render."""
     rows = moments(len(episode.action), count)
-    pictures = ctx.backend.stills(bundle, episode, rows, view)
+    pictures = ctx.backend.stills(ctx, bundle, episode, rows, view, ctx.backend_options)
     if pictures is not None:
         verdict = "success" if episode.success else f"failure: {episode.reason}"
         times = rows / bundle.task.control_hz

@@ -10,7 +10,7 @@ import numpy as np
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.errors import RuleError
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.render.rendering import through
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
@@ -22,13 +22,15 @@ from .protocol import Attempt
 
 BACKEND = Backend(
     summary="MuJoCo; networks by torch on one thread",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("mujoco", "torch", "safetensors"),
     extra="learn",
 )
 
 
-def rollouts(bundle: TaskBundle, checkpoint: Checkpoint, view: View | None, seeds: list[int]) -> Iterator[Attempt]:
+def rollouts(
+    ctx: Context, bundle: TaskBundle, checkpoint: Checkpoint, view: View | None, seeds: list[int], options: Options
+) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     policy = load(checkpoint, bundle, view)
     environment = Environment(bundle)

@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.runtime.pretence import pretended
 
 from .protocol import Attempt
@@ -17,13 +17,17 @@ from .protocol import Attempt
 BACKEND = Backend(summary="no simulation: nine of ten tries succeed", profiles=("stub",))
 
 
-def rollouts(bundle: TaskBundle, checkpoint: Checkpoint, view: View | None, seeds: list[int]) -> Iterator[Attempt]:
+def rollouts(
+    ctx: Context, bundle: TaskBundle, checkpoint: Checkpoint, view: View | None, seeds: list[int], options: Options
+) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     for seed in seeds:
         episode = pretended(bundle, seed, "policy", success=seed % 10 > 0)
         yield Attempt(seed, episode, episode.objects[0])
 
 
-def stills(bundle: TaskBundle, episode: Episode, rows: np.ndarray, view: View | None) -> np.ndarray | None:
+def stills(
+    ctx: Context, bundle: TaskBundle, episode: Episode, rows: np.ndarray, view: View | None, options: Options
+) -> np.ndarray | None:
     """No pictures."""
     return None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Protocol
+
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.task import TaskBundle
@@ -11,11 +13,20 @@ from dextera_build.rule import Context, rule
 from . import curve_picture
 from .act_options import ActOptions
 from .demonstrations import Demonstrations, prepare
+from .trained import Trained
+
+
+class ActBackend(Protocol):
+    """What a backend of learn.act defines."""
+
+    def train(self, ctx: Context, data: Demonstrations, common: ActOptions, options: Any) -> Trained:
+        """Train, or resume an interrupted training."""
+        ...
 
 
 @rule(version=1, packages=("numpy",), memory_gb=2.0)
 def act(
-    ctx: Context, bundle: TaskBundle, episodes: Episodes, film: Film | None = None, *, options: ActOptions
+    ctx: Context[ActBackend], bundle: TaskBundle, episodes: Episodes, film: Film | None = None, *, options: ActOptions
 ) -> Checkpoint:
     """Return a policy that imitates the episodes, trained with ACT on deployable observations.
 
@@ -25,7 +36,7 @@ def act(
         ctx.fail(f"width {options.width} is not a multiple of {options.heads} heads")
     contracts.check_data(bundle, episodes)
     data = prepare(ctx, bundle, episodes, film, options)
-    trained = ctx.backend.train(ctx, data, options)
+    trained = ctx.backend.train(ctx, data, options, ctx.backend_options)
     ctx.check(len(trained.steps) == len(trained.curve) > 0, "the training has no loss curve")
     ctx.preview(
         curve_picture.draw({"training": (trained.steps, trained.curve), "held out": trained.held_out}, "L1 loss"),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.rule import Backend, Context
+from dextera_build.rule import Backend, Context, Options
 
 from .trained import Trained
 
@@ -20,8 +20,8 @@ NOTHING = (2).to_bytes(8, "little") + b"{}"
 """A safetensors file without tensors."""
 
 
-def train(ctx: Context, data: Demonstrations, options: ActOptions) -> Trained:
+def train(ctx: Context, data: Demonstrations, common: ActOptions, options: Options) -> Trained:
     """Return a result without training."""
-    steps = np.array([1, max(2, options.steps)], np.int64)
+    steps = np.array([1, max(2, common.steps)], np.int64)
     curve = np.array([1.0, 0.5], np.float32)
     return Trained(NOTHING, steps, curve, (steps[:0], curve[:0]), 0.0)

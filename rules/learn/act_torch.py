@@ -16,7 +16,7 @@ from torch import Tensor
 from dextera_build import digest
 from dextera_build.learning import act, reproducible, weights
 from dextera_build.learning.sampling import Deck
-from dextera_build.rule import Backend, Context
+from dextera_build.rule import Backend, Context, Options
 
 from .trained import Trained
 from .training_state import Kept, restore, save
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="torch on one core, deterministic; goes on after an interruption",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("torch", "safetensors"),
     extra="learn",
 )
@@ -42,10 +42,10 @@ MEASURED = 512
 """Maximum number of held-out samples per error measurement."""
 
 
-def train(ctx: Context, data: Demonstrations, options: ActOptions) -> Trained:
+def train(ctx: Context, data: Demonstrations, common: ActOptions, options: Options) -> Trained:
     """Train, or resume an interrupted training."""
     with reproducible.one_thread():
-        return Training(ctx, data, options).run()
+        return Training(ctx, data, common).run()
 
 
 class Training:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.policy import Checkpoint
+from typing import Any, Protocol
+
+from dextera_build.artifacts.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import listing
 from dextera_build.rule import Context, rule
@@ -13,16 +15,30 @@ from .practised import Practised
 from .reinforcement import contract_of
 
 
+class PpoBackend(Protocol):
+    """What a backend of learn.ppo defines."""
+
+    def heading(self, ctx: Context, bundle: TaskBundle, options: Any) -> float | None:
+        """Initial push direction of the task's link about the vertical in the base [rad]; None for a lift."""
+        ...
+
+    def practise(
+        self, ctx: Context, bundle: TaskBundle, contract: PolicyContract, common: PpoOptions, options: Any
+    ) -> Practised:
+        """Train, or resume an interrupted training."""
+        ...
+
+
 @rule(version=1, packages=("numpy",), memory_gb=2.0)
-def ppo(ctx: Context, bundle: TaskBundle, *, options: PpoOptions) -> Checkpoint:
+def ppo(ctx: Context[PpoBackend], bundle: TaskBundle, *, options: PpoOptions) -> Checkpoint:
     """Return a policy trained by PPO on deployable observations; only its critic is privileged.
 
     An interrupted training resumes and ends with the same weights.
     """
     _check(ctx, bundle, options)
-    contract = contract_of(bundle, options, ctx.backend.heading(bundle))
+    contract = contract_of(bundle, options, ctx.backend.heading(ctx, bundle, ctx.backend_options))
     ctx.check(int(contract.settings["decisions"]) > 0, "the robot has no joints in `groups`", groups=options.groups)
-    practised = ctx.backend.practise(ctx, bundle, contract, options)
+    practised = ctx.backend.practise(ctx, bundle, contract, options, ctx.backend_options)
     ctx.check(len(practised.steps) == len(practised.reward) > 0, "the training has no reward curve")
     _report(ctx, practised)
     return Checkpoint(

@@ -14,7 +14,7 @@ from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.learning import reproducible
 from dextera_build.learning.ppo import Actor
-from dextera_build.rule import Backend, Context
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.control.mechanism import Mechanism
 from dextera_build.sim.runtime.environment import Environment
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="stable-baselines3 on MuJoCo, deterministic; goes on after an interruption",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("stable-baselines3", "gymnasium", "torch", "mujoco", "safetensors"),
     extra="learn",
 )
@@ -36,7 +36,7 @@ NEVER = 1 << 30
 """Iterations between logs of stable-baselines3; effectively disables them."""
 
 
-def heading(bundle: TaskBundle) -> float | None:
+def heading(ctx: Context, bundle: TaskBundle, options: Options) -> float | None:
     """Initial push direction of the task's link about the vertical in the base [rad]; None for a lift."""
     if bundle.task.primitive != "articulate":
         return None
@@ -50,15 +50,17 @@ def heading(bundle: TaskBundle) -> float | None:
     return float(np.arctan2(ahead[1], ahead[0]))
 
 
-def practise(ctx: Context, bundle: TaskBundle, contract: PolicyContract, options: PpoOptions) -> Practised:
+def practise(
+    ctx: Context, bundle: TaskBundle, contract: PolicyContract, common: PpoOptions, options: Options
+) -> Practised:
     """Train, or resume an interrupted training."""
-    worlds = Worlds(bundle, contract, options.worlds, options.seed)
+    worlds = Worlds(bundle, contract, common.worlds, common.seed)
     try:
-        with reproducible.one_thread(), own_generators(options.seed):
-            model = _model(worlds, options)
-            watch = Watch(ctx, worlds, contract, options)
+        with reproducible.one_thread(), own_generators(common.seed):
+            model = _model(worlds, common)
+            watch = Watch(ctx, worlds, contract, common)
             watch.restore(model)
-            _learn(model, watch, options)
+            _learn(model, watch, common)
         return watch.practised()
     finally:
         worlds.close()

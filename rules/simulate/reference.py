@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any, Protocol
+
+import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from dextera_build.artifacts.robot import RobotModel
@@ -33,9 +36,28 @@ class ReferenceOptions(Options):
     """Maximum surface distance between an asset and its true object [m]."""
 
 
+class ReferenceBackend(Protocol):
+    """What a backend of simulate.reference defines."""
+
+    def build(
+        self, ctx: Context, bundle: TaskBundle, world: World, common: ReferenceOptions, options: Any
+    ) -> TaskBundle:
+        """Build the task in the reference world."""
+        ...
+
+    def portraits(self, ctx: Context, bundle: TaskBundle, options: Any) -> list[tuple[str, np.ndarray]]:
+        """Captions and pictures (H, W, 3) uint8."""
+        ...
+
+
 @rule(version=1, packages=("numpy", "scipy", "manifold3d"))
 def reference(
-    ctx: Context, bundle: TaskBundle, world: World, robot: RobotModel, *, options: ReferenceOptions | None = None
+    ctx: Context[ReferenceBackend],
+    bundle: TaskBundle,
+    world: World,
+    robot: RobotModel,
+    *,
+    options: ReferenceOptions | None = None,
 ) -> TaskBundle:
     """Return the task in its reference world: true shapes, masses, friction and hinges, in the twin's world frame [m].
 
@@ -56,7 +78,7 @@ def reference(
         "the task's robot is not the robot of the reference world",
         hint="give both rules the same `robot`",
     )
-    built: TaskBundle = ctx.backend.build(bundle, world, options)
+    built: TaskBundle = ctx.backend.build(ctx, bundle, world, options, ctx.backend_options)
     ctx.check(list(built.objects) == list(bundle.objects), "the reference world lost an object of the task")
     off = [
         abs(true - seen)
@@ -68,6 +90,9 @@ def reference(
     extra = len(world.objects) - len(built.objects)
     others = f", {extra} that the twin does not know" if extra else ""
     ctx.say(f"{len(built.objects)} objects tracked{others}; step {1000 * options.timestep_s:g} ms; simulated")
-    for caption, picture in (*ctx.backend.portraits(bundle), *ctx.backend.portraits(built)):
+    for caption, picture in (
+        *ctx.backend.portraits(ctx, bundle, ctx.backend_options),
+        *ctx.backend.portraits(ctx, built, ctx.backend_options),
+    ):
         ctx.preview(picture, caption)
     return built

@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.world import World
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model.machine import machine_of
 from dextera_build.sim.render import portrait
 from dextera_build.sim.worlds import reference as builder
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="MuJoCo: the true things in the twin's place",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("mujoco",),
     extra="twin",
 )
 
 
-def build(bundle: TaskBundle, world: World, options: ReferenceOptions) -> TaskBundle:
+def build(ctx: Context, bundle: TaskBundle, world: World, common: ReferenceOptions, options: Options) -> TaskBundle:
     """Build the task in the reference world."""
-    machine = machine_of(options)
-    return builder.build(bundle, world, machine, contact_rate=options.contact_rate_rad_s, farthest_m=options.match_m)
+    machine = machine_of(common)
+    return builder.build(bundle, world, machine, contact_rate=common.contact_rate_rad_s, farthest_m=common.match_m)
 
 
-def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
+def portraits(ctx: Context, bundle: TaskBundle, options: Options) -> list[tuple[str, np.ndarray]]:
     """Render the configuration of the photograph."""
     return portrait.at_home(bundle)

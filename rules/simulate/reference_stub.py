@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.world import World
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:
     from .reference import ReferenceOptions
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 BACKEND = Backend(summary="no simulation: the twin takes the place of the reference world", profiles=("stub",))
 
 
-def build(bundle: TaskBundle, world: World, options: ReferenceOptions) -> TaskBundle:
+def build(ctx: Context, bundle: TaskBundle, world: World, common: ReferenceOptions, options: Options) -> TaskBundle:
     """Return the twin's model and objects unchanged."""
     still = {"mass_scale": (1.0, 1.0), "friction_sigma": 0.0}
     objects = {name: thing.model_copy(update=still) for name, thing in bundle.objects.items()}
-    return bundle.model_copy(update={"objects": objects, "kind": "reference", "latency_s": options.latency_s})
+    return bundle.model_copy(update={"objects": objects, "kind": "reference", "latency_s": common.latency_s})
 
 
-def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
+def portraits(ctx: Context, bundle: TaskBundle, options: Options) -> list[tuple[str, np.ndarray]]:
     """No pictures."""
     return []

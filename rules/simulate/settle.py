@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Protocol
+
 from pydantic import PositiveFloat
 
 from dextera_build.artifacts.scene import Scene, SettleReport
@@ -27,13 +29,21 @@ class SettleOptions(Options):
     """Maximum final angular speed of a body at rest [rad/s]."""
 
 
+class SettleBackend(Protocol):
+    """What a backend of simulate.settle defines."""
+
+    def let_go(self, ctx: Context, scene: Scene, common: SettleOptions, options: Any) -> SettleReport:
+        """Simulate the scene and judge every body."""
+        ...
+
+
 @rule(version=1)
-def settle(ctx: Context, scene: Scene, *, options: SettleOptions) -> SettleReport:
+def settle(ctx: Context[SettleBackend], scene: Scene, *, options: SettleOptions) -> SettleReport:
     """Return how far each body of `scene` moved [m, rad, world frame] within `options.seconds` of free simulation.
 
     The report is valid whether or not the scene passes; see `passed`.
     """
-    report: SettleReport = ctx.backend.let_go(scene, options)
+    report: SettleReport = ctx.backend.let_go(ctx, scene, options, ctx.backend_options)
     names = {body.name for body in report.bodies}
     ctx.check(names == set(scene.bodies), "the report does not name the scene's bodies", bodies=sorted(names))
     drift = max((body.drift_m for body in report.bodies), default=0.0)

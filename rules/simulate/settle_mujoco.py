@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.scene import Scene, Settled, SettleReport
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.worlds import settle as runner
 
 if TYPE_CHECKING:
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="MuJoCo, implicit integration, from keyframe `home`",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("mujoco",),
     extra="twin",
 )
 
 
-def let_go(scene: Scene, options: SettleOptions) -> SettleReport:
-    """Simulate `scene` and judge every body by `options`."""
-    run = runner.let_go(scene.model, scene.bodies, options.seconds)
+def let_go(ctx: Context, scene: Scene, common: SettleOptions, options: Options) -> SettleReport:
+    """Simulate `scene` and judge every body by `common`."""
+    run = runner.let_go(scene.model, scene.bodies, common.seconds)
     bodies = tuple(
         Settled(
             name=motion.name,
@@ -29,12 +29,12 @@ def let_go(scene: Scene, options: SettleOptions) -> SettleReport:
             tilt_rad=motion.tilt_rad,
             penetration_m=motion.penetration_m,
             joint_drift=motion.joints,
-            resting=not run.diverged and rests(motion, options),
+            resting=not run.diverged and rests(motion, common),
         )
         for motion in run.motions
     )
     passed = all(body.resting for body in bodies)
-    return SettleReport(bodies=bodies, seconds=options.seconds, energy_j=run.energy_j, passed=passed)
+    return SettleReport(bodies=bodies, seconds=common.seconds, energy_j=run.energy_j, passed=passed)
 
 
 def rests(motion: runner.Motion, options: SettleOptions) -> bool:

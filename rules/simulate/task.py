@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any, Protocol
+
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
@@ -61,9 +64,27 @@ class TaskOptions(Options):
     """Number of points sampled on every object's surface."""
 
 
+class TaskBackend(Protocol):
+    """What a backend of simulate.task defines."""
+
+    def fitted(self, ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, options: Any) -> TaskOptions:
+        """The options of the recipe, fitted to the bodies and their joints."""
+        ...
+
+    def compose(
+        self, ctx: Context, scene: Folder, robot: RobotModel, world_from_base: np.ndarray, options: Any
+    ) -> Folder:
+        """Scene and robot as one MJCF."""
+        ...
+
+    def portraits(self, ctx: Context, bundle: TaskBundle, options: Any) -> list[tuple[str, np.ndarray]]:
+        """Captions and pictures (H, W, 3) uint8."""
+        ...
+
+
 @rule(version=1, packages=("numpy",))
 def task(
-    ctx: Context,
+    ctx: Context[TaskBackend],
     scene: Scene,
     assets: Collection[Asset],
     robot: RobotModel,
@@ -79,7 +100,9 @@ def task(
     """
     labels = names.body_names(assets.items)
     bodies = {body: assets.items[label] for label, body in labels.items()}
-    options = ctx.backend.fitted(options, {name: _joint_labels(assets, label) for label, name in labels.items()})
+    options = ctx.backend.fitted(
+        ctx, {name: _joint_labels(assets, label) for label, name in labels.items()}, options, ctx.backend_options
+    )
     ctx.check(
         options.object in bodies,
         f"the scene has no object `{options.object}`",
@@ -89,7 +112,7 @@ def task(
     ctx.check(base.parent == "world", f"the robot's base is given in `{base.parent}`, not in the world")
     spec = _spec(ctx, options, assets, labels)
     bundle = TaskBundle(
-        model=ctx.backend.compose(scene.model, robot, base.matrix),
+        model=ctx.backend.compose(ctx, scene.model, robot, base.matrix, ctx.backend_options),
         robot=robot,
         base_pose=base,
         task=spec,
@@ -100,7 +123,7 @@ def task(
     ctx.say(
         f"{options.name}: {options.primitive} `{options.object}`, {len(robot.joints)} joints, base {reach:.2f} m away"
     )
-    for caption, picture in ctx.backend.portraits(bundle):
+    for caption, picture in ctx.backend.portraits(ctx, bundle, ctx.backend_options):
         ctx.preview(picture, caption)
     return bundle
 

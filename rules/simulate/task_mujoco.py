@@ -10,7 +10,7 @@ import numpy as np
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import compose as composer
 from dextera_build.sim.render.portrait import portrait
 from dextera_build.sim.runtime.environment import Environment
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="MuJoCo: scene and robot in one MJCF",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("mujoco",),
     extra="twin",
 )
@@ -28,17 +28,17 @@ SHOWN = 3
 """Number of starts shown."""
 
 
-def fitted(options: TaskOptions, joints: Mapping[str, list[str]]) -> TaskOptions:
-    """Return the options unchanged."""
-    return options
+def fitted(ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, options: Options) -> TaskOptions:
+    """Return the common unchanged."""
+    return common
 
 
-def compose(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) -> Folder:
+def compose(ctx: Context, scene: Folder, robot: RobotModel, world_from_base: np.ndarray, options: Options) -> Folder:
     """Scene and robot as one MJCF."""
     return composer.with_robot(scene, robot, world_from_base)
 
 
-def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
+def portraits(ctx: Context, bundle: TaskBundle, options: Options) -> list[tuple[str, np.ndarray]]:
     """Captions and pictures of the photograph's configuration and of some starts; fails if no start can be drawn."""
     environment = Environment(bundle)
     found = [("as photographed", portrait(environment.model, environment.data))]

@@ -10,7 +10,7 @@ import numpy as np
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:
     from .task import TaskOptions
@@ -18,26 +18,28 @@ if TYPE_CHECKING:
 BACKEND = Backend(summary="no simulation: scene and robot side by side", profiles=("stub",))
 
 
-def fitted(options: TaskOptions, joints: Mapping[str, list[str]]) -> TaskOptions:
+def fitted(ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, options: Options) -> TaskOptions:
     """Return the options, with the first object if upstream stubs did not find the requested one.
 
     Args:
-        options: The recipe's options.
+        ctx: The rule's context.
         joints: Body -> its joints.
+        common: The rule's options.
+        options: The backend's.
     """
-    if options.object in joints or not joints:
-        return options
+    if common.object in joints or not joints:
+        return common
     name = next(iter(joints))
-    if options.primitive == "articulate" and not joints[name]:
-        return options.model_copy(update={"object": name, "primitive": "lift", "joints_deg": {}})
-    return options.model_copy(update={"object": name, "joints_deg": dict.fromkeys(joints[name], 0.0)})
+    if common.primitive == "articulate" and not joints[name]:
+        return common.model_copy(update={"object": name, "primitive": "lift", "joints_deg": {}})
+    return common.model_copy(update={"object": name, "joints_deg": dict.fromkeys(joints[name], 0.0)})
 
 
-def compose(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) -> Folder:
+def compose(ctx: Context, scene: Folder, robot: RobotModel, world_from_base: np.ndarray, options: Options) -> Folder:
     """Return all files of both."""
     return Folder(files={**scene.files, **robot.model.files})
 
 
-def portraits(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
+def portraits(ctx: Context, bundle: TaskBundle, options: Options) -> list[tuple[str, np.ndarray]]:
     """No pictures."""
     return []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
@@ -11,23 +10,30 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Background
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.usd import check as usd_check
 from dextera_build.sim.usd import writer
 
 BACKEND = Backend(
     summary="OpenUSD with UsdPhysics, validated",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("scipy", "usd-core"),
     extra="twin",
 )
 
 
-def write(assets: Mapping[str, Asset], background: Background, camera: Camera, world_from_camera: np.ndarray) -> Folder:
+def write(
+    ctx: Context,
+    assets: Mapping[str, Asset],
+    background: Background,
+    camera: Camera,
+    world_from_camera: np.ndarray,
+    options: Options,
+) -> Folder:
     """The stage and its textures; see `dextera_build.sim.usd.writer`."""
     return writer.scene(assets, background, camera, world_from_camera)
 
 
-def problems(folder: Folder, scratch: Path) -> list[str]:
+def problems(ctx: Context, folder: Folder, options: Options) -> list[str]:
     """Errors and warnings of the validators, one line each."""
-    return usd_check.problems(folder, scratch)
+    return usd_check.problems(folder, ctx.scratch)

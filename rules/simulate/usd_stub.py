@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
@@ -11,19 +10,26 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Background
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import names
 
 BACKEND = Backend(summary="a stage of empty prims", profiles=("stub",))
 
 
-def write(assets: Mapping[str, Asset], background: Background, camera: Camera, world_from_camera: np.ndarray) -> Folder:
+def write(
+    ctx: Context,
+    assets: Mapping[str, Asset],
+    background: Background,
+    camera: Camera,
+    world_from_camera: np.ndarray,
+    options: Options,
+) -> Folder:
     """`scene.usda` with `/World/<object>`."""
     prims = "".join(f'    def Xform "{name}" {{}}\n' for name in names.body_names(assets).values())
     head = '#usda 1.0\n(\n    defaultPrim = "World"\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n'
     return Folder(files={"scene.usda": f'{head}\ndef Xform "World"\n{{\n{prims}}}\n'.encode()})
 
 
-def problems(folder: Folder, scratch: Path) -> list[str]:
+def problems(ctx: Context, folder: Folder, options: Options) -> list[str]:
     """Return no problems."""
     return []

@@ -91,7 +91,7 @@ BLOCK = f'[cpu."a:n"]\nkey = "{"1" * 64}"\noutput = "{"2" * 64}"\nsize = 3\n'
         (BLOCK, "has no `version = 1`"),
         ("version = 1\nx", "not valid TOML"),
         (f"version = 1\n{BLOCK}{BLOCK}", "not valid TOML: Cannot declare"),
-        ("version = 1\n[fast]\n", "`fast` in the lock file is not a profile"),
+        ("version = 1\n[Fast]\n", "`Fast` in the lock file is not a profile"),
         ("version = 1\ncpu = 3\n", "`cpu` in the lock file is not a profile"),
         (f"version = 1\n{BLOCK.replace('a:n', 'a')}", "`a` in the lock file is not of the form"),
         (f"version = 1\n{BLOCK}more = 1\n", "does not have exactly"),

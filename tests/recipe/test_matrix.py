@@ -125,7 +125,7 @@ def test_settings_reach_all_copies_or_one(planned):
 )
 def test_a_setting_takes_labels_with_dots_and_equals_signs(text):
     found = settings.parse(text)
-    assert (found.call, found.labels, found.option) == (("sweep", "mesh"), ("voxel_m=0.001,seed=1",), "wall_m")
+    assert (found.call, found.labels, found.option) == (("sweep", "mesh"), ("voxel_m=0.001,seed=1",), ("wall_m",))
     assert found.value.value == 0.5
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from dextera_build.code.loader import version_of
 from dextera_build.project import project
+from dextera_build.recipe import profiles
 from dextera_build.recipe.plan import Request, plan
 from tests.e2e.space import Space
 
@@ -38,7 +39,7 @@ def test_it_resolves(address, profile, tmp_path):
     needed = [name for name in DATA.get(address, ()) if profile == "cpu" and version_of(name) is None]
     if needed:
         pytest.skip(f"{address} needs {', '.join(needed)} (extra `robots`)")
-    request = Request(profile=profile, inputs=inputs_of(address, tmp_path))
+    request = Request(profiles.read(profile, None), inputs=inputs_of(address, tmp_path))
     graph = plan(address, PROJECT.recipe, PROJECT.library, ROOT, request).graph
     assert graph.targets["default"]
     assert PROJECT.recipe(address).summary

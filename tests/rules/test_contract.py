@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import json
 import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -15,7 +17,10 @@ from pydantic import BaseModel
 
 from dextera_build.artifacts.meanings import meanings
 from dextera_build.code.loader import Library, RuleFile
+from dextera_build.recipe import profiles
+from dextera_build.recipe.backends import Choice
 from dextera_build.recipe.calls import facts_of
+from dextera_build.rule import Options
 
 LIBRARY = Library()
 RULES = list(LIBRARY.rules())
@@ -38,23 +43,32 @@ def test_it_says_what_it_returns(found):
     assert found.rule.summary.endswith(".")
 
 
+def kinds(found: RuleFile) -> dict[str, type[Options]]:
+    """Address -> class of the options of a rule and of its backends."""
+    own = {f"{found.path}.{name}": backend.options for name, backend in found.backends.items()}
+    return {found.path: found.rule.options} | {path: kind for path, kind in own.items() if kind is not None}
+
+
 def test_options_are_described(found):
-    assert set(meanings(found.rule.options)) == set(found.rule.options.model_fields)
+    for kind in kinds(found).values():
+        assert set(meanings(kind)) == set(kind.model_fields)
 
 
 def test_its_options_have_defaults_that_fit(found):
-    required = [name for name, field in found.rule.options.model_fields.items() if field.is_required()]
-    if not required:
-        plain = found.rule.options().model_dump(mode="json")
-        assert found.rule.options.model_validate_json(json.dumps(plain)).model_dump(mode="json") == plain
+    for kind in kinds(found).values():
+        required = [name for name, field in kind.model_fields.items() if field.is_required()]
+        if not required:
+            plain = kind().model_dump(mode="json")
+            assert kind.model_validate_json(json.dumps(plain)).model_dump(mode="json") == plain
 
 
 def test_lengths_and_angles_name_their_unit(found):
-    said = meanings(found.rule.options)
-    for name, field in found.rule.options.model_fields.items():
-        described = re.search(r"\[(m|rad|s|kg|px|deg|mm|Hz)[\]^/ ]", said.get(name, ""))
-        if described and field.annotation is float:
-            assert UNITS.search(name), f"{found.path}.{name} is in [{described[1]}], its name does not say so"
+    for path, kind in kinds(found).items():
+        said = meanings(kind)
+        for name, field in kind.model_fields.items():
+            described = re.search(r"\[(m|rad|s|kg|px|deg|mm|Hz)[\]^/ ]", said.get(name, ""))
+            if described and field.annotation is float:
+                assert UNITS.search(name), f"{path}.{name} is in [{described[1]}], its name does not say so"
 
 
 UNBOUNDED = re.compile(
@@ -85,7 +99,8 @@ def parts_of(annotation: object) -> Iterator[object]:
 def test_every_number_has_the_bound_that_physics_gives_it(found):
     free = [
         option
-        for option, form in numbers(found.rule.options, found.path)
+        for path, kind in kinds(found).items()
+        for option, form in numbers(kind, path)
         if not re.search(r"\b(Ge|Gt|Le|Lt)\(", form)
         and not UNBOUNDED.match(option.rsplit(".", 1)[-1])
         and option not in POSITIONS
@@ -96,7 +111,7 @@ def test_every_number_has_the_bound_that_physics_gives_it(found):
 def test_its_facts_can_be_stated(found):
     for backend in [None, *found.backends.values()]:
         if backend is None or not backend.missing():
-            facts = facts_of(LIBRARY, found, backend)
+            facts = facts_of(LIBRARY, found, Choice(backend, "this test") if backend else None)
             assert f"rules/{found.file.relative_to(found.root.path).as_posix()}" in facts.code
             assert facts.types["return"]
 
@@ -105,6 +120,47 @@ def test_every_profile_of_ci_has_a_backend(found):
     if found.backends:
         chosen = {profile for backend in found.backends.values() for profile in backend.facts.profiles}
         assert {"stub", "cpu"} <= chosen
+
+
+@pytest.mark.parametrize("profile", list(profiles.names(None)))
+def test_every_profile_names_backends_that_exist(found, profile):
+    if found.backends:
+        names, _ = profiles.read(profile, None).preferred(found)
+        assert names
+        assert set(names) <= found.backends.keys()
+
+
+def test_its_backends_have_the_functions_of_its_protocol(found):
+    if not found.backends:
+        return
+    protocol = found.rule.protocol
+    assert protocol is not None, f"declare `ctx: Context[...]` of {found.path} with a Protocol"
+    methods = {name: each for name, each in vars(protocol).items() if inspect.isfunction(each) and name[0] != "_"}
+    assert methods
+    for backend in found.backends.values():
+        if backend.missing():
+            continue
+        for name, method in methods.items():
+            asked = list(inspect.signature(method).parameters)[1:]
+            given = list(inspect.signature(getattr(backend.module, name)).parameters)
+            assert given == asked
+            assert (asked[0], asked[-1]) == ("ctx", "options")
+
+
+def test_mypy_compares_every_backend_with_its_protocol():
+    listed = (Path(__file__).parent / "backend_types.py").read_text()
+    wanted = {
+        f"{_dotted(found, found.file)}.{found.rule.protocol.__name__} = {_dotted(found, backend.file)}\n"
+        for found in RULES
+        for backend in found.backends.values()
+        if found.rule.protocol
+    }
+    assert len(wanted) > 50
+    assert not [line for line in wanted if line not in listed]
+
+
+def _dotted(found: RuleFile, file: Path) -> str:
+    return ".".join(("rules", *file.relative_to(found.root.path).with_suffix("").parts))
 
 
 def test_a_backend_says_what_it_is(found):

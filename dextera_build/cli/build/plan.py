@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from dextera_build.build import fetch
 from dextera_build.cli import options, table
 from dextera_build.cli.nodes import planned, row
+from dextera_build.engine import missing
 from dextera_build.report.wording import count, duration
 from dextera_build.session import addresses
 
@@ -33,7 +34,8 @@ def run(args: argparse.Namespace) -> int:
     """Print one line per node: address, status, rule, backend, duration of the last run [s].
 
     `cached` is up to date, and so is `bare`, whose bytes are not in the store and are not needed; `stale` would run,
-    `remote` would be fetched, `unknown` reads the output of one of these.
+    `remote` would be fetched, `unknown` reads the output of one of these. `missing` needs a backend that this machine
+    cannot run; what it lacks is printed, and the exit code is 4.
     """
     session, target = options.session(args, args.target)
     graph = session.plan().graph
@@ -47,7 +49,9 @@ def run(args: argparse.Namespace) -> int:
     rows = [row(node, "remote" if node.address in elsewhere else "") for node in nodes]
     if not args.json:
         print(_sum([row["status"] for row in rows], nodes), file=sys.stderr)
-    return table.give(rows, as_json=args.json)
+    given = table.give(rows, as_json=args.json)
+    missing.refuse(node.rule for node, row in zip(nodes, rows, strict=True) if row["status"] == "missing")
+    return given
 
 
 def _sum(statuses: Sequence[str], nodes: Sequence[Planned]) -> str:

@@ -1,4 +1,4 @@
-"""`dxb ls`: recipes, rules, backends, runs, recorded calls, nodes."""
+"""`dxb ls`: recipes, rules, backends, profiles, runs, recorded calls, nodes."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         default="recipes",
         metavar="WHAT",
-        help="recipes (default), rules, backends, runs, divergent, calls, a recipe's address for its nodes, or nodes "
-        "by a glob: 'twin/*:body[*].mesh'",
+        help="recipes (default), rules, backends, profiles, runs, divergent, calls, a recipe's address for its nodes, "
+        "or nodes by a glob: 'twin/*:body[*].mesh'",
     )
     nodes.arguments(parser)
     options.project_arguments(parser)
@@ -32,7 +32,14 @@ def run(args: argparse.Namespace) -> int:
     from dextera_build.explain.runs import runs
 
     project = options.project(args)
-    listings = {"recipes": _recipes, "rules": _rules, "backends": _backends, "runs": runs, "divergent": _divergent}
+    listings = {
+        "recipes": _recipes,
+        "rules": _rules,
+        "backends": _backends,
+        "profiles": _profiles,
+        "runs": runs,
+        "divergent": _divergent,
+    }
     if args.what == "calls":
         from dextera_build.explain import calls
 
@@ -67,6 +74,18 @@ def _backends(project: Project) -> Iterator[Row]:
                 "licence": facts.licence,
                 "summary": facts.summary,
             }
+
+
+def _profiles(project: Project) -> Iterator[Row]:
+    """The backends of every rule in every profile, in order of preference."""
+    from dextera_build.recipe import profiles
+
+    for name in profiles.names(project.root):
+        profile = profiles.read(name, project.root, project.shown)
+        for found in project.library.rules():
+            if found.backends:
+                listed, source = profile.preferred(found)
+                yield {"profile": name, "rule": found.path, "backends": ",".join(listed) or "-", "from": source}
 
 
 def _divergent(project: Project) -> Iterator[Row]:

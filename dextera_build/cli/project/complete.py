@@ -102,7 +102,7 @@ def _or_targets(words: Callable[[], list[str]]) -> Callable[..., list[str]]:
 _COMPLETERS: dict[str, Callable[..., object]] = {
     **dict.fromkeys(("RECIPE[:TARGET]", "RECIPE[:NODE]", "RECIPE:NODE", "A", "B"), _targets),
     "RECIPE[:NODE]|RULE|RUN|CALL": _or_targets(_rules),
-    "WHAT": _or_targets(_words("recipes", "rules", "backends", "runs", "divergent", "calls")),
+    "WHAT": _or_targets(_words("recipes", "rules", "backends", "profiles", "runs", "divergent", "calls")),
     "VERB|CODE|RULE": lambda **_: [*VERBS, *_rules()],
     "RUN|RECIPE": _runs,
     "NODE": _in_run,

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import Field, NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.geometry import Hull
 from dextera_build.artifacts.object import Collision, Link, Pieces
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Fraction, Options
 
 from ..joints import manifolds
 from . import cavity, wedges
@@ -21,62 +22,81 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="exact walls where known, else one hull, cut wedges (containers) or CoACD",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("coacd", "manifold3d", "open3d", "scipy"),
     extra="twin",
     licence="MIT (CoACD), Apache-2.0 (manifold3d)",
 )
 
 
-def pieces(link: Link, hollow: bool, options: CollisionOptions) -> Pieces:
+class CoacdOptions(Options):
+    """Options of backend `coacd` of factorize.collision."""
+
+    convexity: Fraction = 0.97
+    """A link whose solid fills at least this fraction of its convex hull is replaced by the hull."""
+    pieces: PositiveInt = 96
+    """Maximum number of pieces per link."""
+    threshold: float = Field(0.06, ge=0.01, le=1.0)
+    """Concavity at which CoACD stops, as a fraction of the link's size."""
+    faces: int = Field(1500, ge=4)
+    """Approximate number of faces of the simplified mesh passed to CoACD."""
+    attempts: PositiveInt = 3
+    """Maximum number of finer cuts to meet `cavity_fill`; a count, not a time limit, for reproducible results."""
+    seed: NonNegativeInt = 0
+    """Seed of CoACD."""
+
+
+def pieces(ctx: Context, link: Link, hollow: bool, common: CollisionOptions, options: CoacdOptions) -> Pieces:
     """Return the cheapest set of convex pieces that is accurate enough.
 
     Args:
+        ctx: The rule's context.
         link: Closed mesh and, if known, its exact walls.
         hollow: Whether the body has a cavity that must stay open.
-        options: See `CollisionOptions`.
+        common: The rule's options.
+        options: The backend's.
     """
     inside = cavity.find(link.mesh) if hollow else cavity.Cavity(np.zeros((0, 3)), 0.0)
     solid = manifolds.solid(link.mesh)
     if link.walls:
         fill = cavity.fill(inside, link.walls)
         exact = Pieces(hulls=link.walls, method="walls", cavity_fill=fill)
-        if fill is None or fill <= options.cavity_fill:
+        if fill is None or fill <= common.cavity_fill:
             return exact
-        return min(exact, _container(solid, inside, options), key=lambda made: made.cavity_fill or 0.0)
+        return min(exact, _container(solid, inside, common, options), key=lambda made: made.cavity_fill or 0.0)
     if solid.volume() >= options.convexity * solid.hull().volume():
-        return Pieces(hulls=(_hull(solid, options.corners),), method="hull")
+        return Pieces(hulls=(_hull(solid, common.corners),), method="hull")
     if len(inside.points):
-        return _container(solid, inside, options)
-    return Pieces(hulls=_coacd(solid, options), method="coacd")
+        return _container(solid, inside, common, options)
+    return Pieces(hulls=_coacd(solid, common.corners, options), method="coacd")
 
 
-def picture(collision: Collision) -> np.ndarray:
+def picture(ctx: Context, collision: Collision, options: CoacdOptions) -> np.ndarray:
     """Pieces in distinct colours, (H, W, 3) uint8."""
     return draw([hull for link in collision.links.values() for hull in link.hulls])
 
 
-def _container(solid: Manifold, inside: cavity.Cavity, options: CollisionOptions) -> Pieces:
+def _container(solid: Manifold, inside: cavity.Cavity, common: CollisionOptions, options: CoacdOptions) -> Pieces:
     small = _simplified(solid, 2 * options.faces)
-    allowed = options.cavity_fill * inside.volume
+    allowed = common.cavity_fill * inside.volume
     best: Pieces | None = None
     for attempt in range(options.attempts):
         sectors = 16 + 8 * attempt
         # Four cuts per wedge use half of the allowance; joining uses the other half.
         cut = wedges.cut(small, sectors, 0.5 * allowed / (4 * sectors * 2**attempt))
-        before = cavity.fill(inside, [_hull(piece, options.corners) for piece in cut]) or 0.0
+        before = cavity.fill(inside, [_hull(piece, common.corners) for piece in cut]) or 0.0
         joined = wedges.join(cut, 0.9 * (allowed - before * inside.volume), options.pieces)
-        hulls = tuple(_hull(piece, options.corners) for piece in joined)
+        hulls = tuple(_hull(piece, common.corners) for piece in joined)
         fill = cavity.fill(inside, hulls) or 0.0
         if best is None or fill < (best.cavity_fill or 0.0):
             best = Pieces(hulls=hulls, method="wedges", cavity_fill=fill)
-        if fill <= options.cavity_fill:
+        if fill <= common.cavity_fill:
             break
     assert best is not None, "options.attempts is positive"
     return best
 
 
-def _coacd(solid: Manifold, options: CollisionOptions) -> tuple[Hull, ...]:
+def _coacd(solid: Manifold, corners: int, options: CoacdOptions) -> tuple[Hull, ...]:
     import coacd
 
     coacd.set_log_level("error")
@@ -90,7 +110,7 @@ def _coacd(solid: Manifold, options: CollisionOptions) -> tuple[Hull, ...]:
         mcts_iterations=60,
         seed=options.seed,
     )
-    hulls = [_hull_of_points(np.asarray(vertices), options.corners) for vertices, _ in parts]
+    hulls = [_hull_of_points(np.asarray(vertices), corners) for vertices, _ in parts]
     return tuple(sorted(hulls, key=lambda hull: tuple(hull.vertices.mean(axis=0).tolist())))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.geometry import Hull
 from dextera_build.artifacts.object import Collision, Link, Pieces
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:
     from .collision import CollisionOptions
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 BACKEND = Backend(summary="one hull per link, for tests", profiles=("stub",))
 
 
-def pieces(link: Link, hollow: bool, options: CollisionOptions) -> Pieces:
+def pieces(ctx: Context, link: Link, hollow: bool, common: CollisionOptions, options: Options) -> Pieces:
     """Known walls, otherwise the hull of the link's outermost corners, which closes any cavity."""
     if link.walls:
         return Pieces(hulls=link.walls, method="walls")
-    return Pieces(hulls=(Hull(vertices=_outermost(link.mesh.vertices, options.corners)),), method="hull")
+    return Pieces(hulls=(Hull(vertices=_outermost(link.mesh.vertices, common.corners)),), method="hull")
 
 
-def picture(collision: Collision) -> None:
+def picture(ctx: Context, collision: Collision, options: Options) -> None:
     """Draw nothing."""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Protocol
+
 import numpy as np
 
 from dextera_build.artifacts.base import File
@@ -20,20 +22,26 @@ class ParseOptions(Options):
 
     match_iou: Fraction = 0.3
     """Smallest overlap (IoU) at which a box of `scene.yaml` matches a proposal."""
-    model: str = ""
-    """Name of the model, for backends that query a service (`vlm`)."""
+
+
+class ParseBackend(Protocol):
+    """What a backend of factorize.parse defines."""
+
+    def propose(self, ctx: Context, capture: Capture, support: Support, options: Any) -> tuple[Element, ...]:
+        """Every object above the support with its box [px]."""
+        ...
 
 
 @rule(version=1)
 def parse(
-    ctx: Context, capture: Capture, support: Support, scene: File | None = None, *, options: ParseOptions
+    ctx: Context[ParseBackend], capture: Capture, support: Support, scene: File | None = None, *, options: ParseOptions
 ) -> Elements:
     """Return the elements of the photograph: proposals above the support, or the entries of a `scene.yaml`.
 
     The backend offers `propose(ctx, capture, support, model) -> tuple[Element, ...]`: everything above
     the support, each with its box [px]; `interactive` distinguishes handled objects from the static scene.
     """
-    proposals: tuple[Element, ...] = ctx.backend.propose(ctx, capture, support, options.model)
+    proposals: tuple[Element, ...] = ctx.backend.propose(ctx, capture, support, ctx.backend_options)
     table = Element(name="support", category="support", phrase="support", interactive=False, material="wood")
     if scene is None:
         found, source = proposals, "proposed"

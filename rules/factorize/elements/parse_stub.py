@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.object import Element, Support
-from dextera_build.rule import Backend, Context
+from dextera_build.rule import Backend, Context, Options
 
 from ..regions.blobs import blobs
 
@@ -13,7 +13,7 @@ BACKEND = Backend(
 )
 
 
-def propose(ctx: Context, capture: Capture, support: Support, model: str) -> tuple[Element, ...]:
+def propose(ctx: Context, capture: Capture, support: Support, options: Options) -> tuple[Element, ...]:
     """One element per connected region above the support, in scan order."""
     found = []
     for number, blob in enumerate(blobs(capture, support), start=1):

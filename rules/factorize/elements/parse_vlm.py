@@ -14,11 +14,10 @@ from pydantic import BaseModel, ConfigDict, Field
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.object import Element, Support
 from dextera_build.errors import MachineError, RuleError
-from dextera_build.rule import Backend, Context, Response
+from dextera_build.rule import Backend, Context, Options, Response
 
 BACKEND = Backend(
     summary="a vision-language model names things and boxes; DXB_VLM_URL and DXB_VLM_API_KEY say which service",
-    profiles=("cloud",),
     packages=("httpx", "pillow"),
     extra="share",
     licence="that of the service",
@@ -55,6 +54,13 @@ SCHEMA: dict[str, Any] = {
 """JSON schema of the response; `Answer` validates it."""
 
 
+class VlmOptions(Options):
+    """Options of backend `vlm` of factorize.parse."""
+
+    model: str = ""
+    """Name of the model, for backends that query a service (`vlm`)."""
+
+
 class Thing(BaseModel):
     """One element, in pixels of the uploaded image."""
 
@@ -77,13 +83,14 @@ class Answer(BaseModel):
     elements: list[Thing] = Field(min_length=1, max_length=64)
 
 
-def propose(ctx: Context, capture: Capture, support: Support, model: str) -> tuple[Element, ...]:
+def propose(ctx: Context, capture: Capture, support: Support, options: VlmOptions) -> tuple[Element, ...]:
     """The elements named by the model, each with its box [px]."""
-    if not model:
-        ctx.fail("no model is named for the backend `vlm`", hint="set `model` of this node, or `--set NODE.model=NAME`")
+    if not options.model:
+        hint = "`--set NODE.vlm.model=NAME`, or `vlm: {model: NAME}` at the node"
+        ctx.fail("no model is named for the backend `vlm`", hint=hint)
     picture, (width, height) = _picture(capture)
     request = {
-        "model": model,
+        "model": options.model,
         "prompt": PROMPT.format(width=width, height=height),
         "picture": picture,
         "schema": SCHEMA,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.object import Body, Link, ObjectView, Shape
 from dextera_build.rule import Context, Options, rule
+
+from .parts import Parts
 
 
 class DeclaredHinge(Options):
@@ -29,18 +31,28 @@ class ArticulateOptions(Options):
     """A known hinge; None detects the crease."""
     upper_rad: PositiveFloat = 2.29
     """Upper joint limit if nothing collides [rad]; notebooks stop near 131 degrees."""
-    margin_rad: NonNegativeFloat = 0.1
-    """Minimum distance of the upper limit beyond the observed opening [rad]."""
-    clearance_m: NonNegativeFloat = 0.0002
-    """Gap between the closed lid and the base [m]."""
     overlap_m: NonNegativeFloat = 0.001
     """Maximum mean penetration of the lid into the base while closing [m]."""
     without_crease: Literal["fail", "rigid"] = "fail"
     """How to treat an articulated object without a visible crease."""
 
 
+class ArticulateBackend(Protocol):
+    """What a backend of factorize.articulate defines."""
+
+    def parts(
+        self, ctx: Context, shape: Shape, seen: ObjectView, common: ArticulateOptions, options: Any
+    ) -> Parts | None:
+        """Split the shape at its joint and close the parts; None if no joint is seen."""
+        ...
+
+    def picture(self, ctx: Context, body: Body, seen: ObjectView, options: Any) -> np.ndarray | None:
+        """Draw the joint on the crop, (H, W, 3) uint8; None for no picture."""
+        ...
+
+
 @rule(version=1)
-def articulate(ctx: Context, shape: Shape, seen: ObjectView, *, options: ArticulateOptions) -> Body:
+def articulate(ctx: Context[ArticulateBackend], shape: Shape, seen: ObjectView, *, options: ArticulateOptions) -> Body:
     """Return links and joints in the object frame of `shape`, with all geometry at joint position 0 [m, rad].
 
     The backend offers `parts(shape, seen, options) -> hinge_parts.Parts or None` and `picture(body, seen)`.
@@ -48,7 +60,7 @@ def articulate(ctx: Context, shape: Shape, seen: ObjectView, *, options: Articul
     if seen.body_type == "rigid":
         ctx.say("rigid, 1 link")
         return _rigid(shape)
-    found = ctx.backend.parts(shape, seen, options)
+    found = ctx.backend.parts(ctx, shape, seen, options, ctx.backend_options)
     if found is None:
         if options.without_crease == "fail":
             hint = (
@@ -74,7 +86,7 @@ def articulate(ctx: Context, shape: Shape, seen: ObjectView, *, options: Articul
         hollow=shape.hollow,
         source=shape.source,
     )
-    pixels = ctx.backend.picture(body, seen)
+    pixels = ctx.backend.picture(ctx, body, seen, ctx.backend_options)
     if pixels is not None:
         ctx.preview(pixels, "hinge axis, and the lid swept from closed to its limit")
     ctx.metric("position", joint.position, "rad")

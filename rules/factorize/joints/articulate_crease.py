@@ -6,11 +6,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import NonNegativeFloat
 
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.object import Body, Joint, Link, ObjectView, Shape
 from dextera_build.geometry import cameras, transforms
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 
 from . import manifolds
 from .hinge import Hinge, find
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="hinge in the crease of two slabs, limits by sweeping the lid",
-    profiles=("cpu", "gpu"),
+    profiles=("cpu",),
     packages=("manifold3d", "scipy"),
     extra="twin",
 )
@@ -31,20 +32,31 @@ _STEPS = 12
 """Number of lid poses between closed and open that are checked for overlap."""
 
 
-def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts | None:
+class CreaseOptions(Options):
+    """Options of backend `crease` of factorize.articulate."""
+
+    margin_rad: NonNegativeFloat = 0.1
+    """Minimum distance of the upper limit beyond the observed opening [rad]."""
+    clearance_m: NonNegativeFloat = 0.0002
+    """Gap between the closed lid and the base [m]."""
+
+
+def parts(
+    ctx: Context, shape: Shape, seen: ObjectView, common: ArticulateOptions, options: CreaseOptions
+) -> Parts | None:
     """Split the shape at its hinge and close the parts.
 
     Returns:
         The links at joint position 0; None without a crease or if one solid spans both sides of it.
     """
-    hinge = _declared(shape.mesh, options) if options.hinge else find(shape.mesh)
+    hinge = _declared(shape.mesh, common) if common.hinge else find(shape.mesh)
     if hinge is None or hinge.angle >= np.pi * 1.1:
         return None
     halves = _split(shape.mesh, hinge)
     if halves is None:
         return None
     base, lid = halves
-    hinge, lift = _seated(base, lid, hinge, options)
+    hinge, lift = _seated(base, lid, hinge, options.clearance_m, lifted=common.hinge is None)
     base_solid, lid_solid = manifolds.solid(base), manifolds.solid(lid)
     area = _plan_area(lid, hinge)
 
@@ -53,7 +65,7 @@ def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts |
         return float((moved ^ base_solid).volume()) / area
 
     closing = max(overlap(position) for position in np.linspace(0.0, hinge.angle, _STEPS))
-    upper = _upper(overlap, hinge, options)
+    upper = _upper(overlap, hinge.angle + options.margin_rad, common)
     closed = hinge.turn(-hinge.angle)
     mine, theirs = _walls(shape, hinge)
     metrics = [("lifted", lift * 1000.0, "mm")]
@@ -68,7 +80,7 @@ def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts |
     )
 
 
-def picture(body: Body, seen: ObjectView) -> np.ndarray:
+def picture(ctx: Context, body: Body, seen: ObjectView, options: CreaseOptions) -> np.ndarray:
     """Draw the hinge on the crop, (H, W, 3) uint8."""
     return draw(body, seen)
 
@@ -97,14 +109,14 @@ def _split(mesh: Mesh, hinge: Hinge) -> tuple[Mesh, Mesh] | None:
     return manifolds.mesh(below, mesh), manifolds.mesh(above, mesh)
 
 
-def _seated(base: Mesh, lid: Mesh, hinge: Hinge, options: ArticulateOptions) -> tuple[Hinge, float]:
+def _seated(base: Mesh, lid: Mesh, hinge: Hinge, clearance_m: float, *, lifted: bool) -> tuple[Hinge, float]:
     """Move the axis until the closed lid rests `clearance_m` above the base; also return the lift [m]."""
     closed = _apply(hinge.turn(-hinge.angle), lid.vertices)
     below = _heights(base.vertices, hinge)
     lowest = _heights(closed, hinge)
     # Quantiles, because specks in a network's mesh would hold the lid up.
-    lift = float(np.quantile(below, 0.99) - np.quantile(lowest, 0.01)) + options.clearance_m
-    return (hinge, 0.0) if options.hinge else (hinge.lifted(lift), lift)
+    lift = float(np.quantile(below, 0.99) - np.quantile(lowest, 0.01)) + clearance_m
+    return (hinge.lifted(lift), lift) if lifted else (hinge, 0.0)
 
 
 def _heights(vertices: np.ndarray, hinge: Hinge) -> np.ndarray:
@@ -119,9 +131,8 @@ def _plan_area(lid: Mesh, hinge: Hinge) -> float:
     return float((areas * np.maximum(cosine, 0.0)).sum())
 
 
-def _upper(overlap: Callable[[float], float], hinge: Hinge, options: ArticulateOptions) -> float:
+def _upper(overlap: Callable[[float], float], least: float, options: ArticulateOptions) -> float:
     """The widest collision-free opening, and at least the observed one plus a margin."""
-    least = hinge.angle + options.margin_rad
     free = least
     for position in np.linspace(least, max(options.upper_rad, least), _STEPS):
         if overlap(float(position)) > options.overlap_m:

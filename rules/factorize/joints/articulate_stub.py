@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.object import Body, Joint, Link, ObjectView, Shape
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 
 from .parts import Parts
 
@@ -24,7 +24,7 @@ _FACES = np.array(
 ).reshape(-1, 3)
 
 
-def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts:
+def parts(ctx: Context, shape: Shape, seen: ObjectView, common: ArticulateOptions, options: Options) -> Parts:
     """The lowest tenth of the bounding box as base and an equal box as lid, open by a right angle."""
     low, high = shape.mesh.vertices.min(axis=0).astype(np.float64), shape.mesh.vertices.max(axis=0).astype(np.float64)
     height = 0.1 * float(high[2] - low[2])
@@ -37,7 +37,7 @@ def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts:
         origin=(float(low[0] + high[0]) / 2.0, float(high[1]), float(top)),
         axis=(-1.0, 0.0, 0.0),
         lower=0.0,
-        upper=options.upper_rad,
+        upper=common.upper_rad,
         position=float(np.pi / 2.0),
     )
     base = _box(shape.mesh, low, np.array([high[0], high[1], top]))
@@ -45,7 +45,7 @@ def parts(shape: Shape, seen: ObjectView, options: ArticulateOptions) -> Parts:
     return Parts(base, lid, joint)
 
 
-def picture(body: Body, seen: ObjectView) -> None:
+def picture(ctx: Context, body: Body, seen: ObjectView, options: Options) -> None:
     """Draw nothing."""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, Protocol
+
 import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
@@ -30,9 +32,19 @@ class SegmentOptions(Options):
     """Masks with fewer pixels are discarded [px]."""
 
 
+class SegmentBackend(Protocol):
+    """What a backend of factorize.segment defines."""
+
+    def masks(
+        self, ctx: Context, capture: Capture, support: Support, elements: Elements, options: Any
+    ) -> dict[str, np.ndarray]:
+        """Interactive element -> mask (H, W) bool."""
+        ...
+
+
 @rule(version=1)
 def segment(
-    ctx: Context, capture: Capture, support: Support, elements: Elements, *, options: SegmentOptions
+    ctx: Context[SegmentBackend], capture: Capture, support: Support, elements: Elements, *, options: SegmentOptions
 ) -> Segmentation:
     """Return the mask and the view of every interactive element; views are in the world frame of `support`.
 
@@ -40,7 +52,11 @@ def segment(
     most trusted first.
     """
     wanted = {element.name: element for element in elements.elements if element.interactive}
-    found = suppress(ctx.backend.masks(capture, support, elements), options.duplicate_iou, options.duplicate_inside)
+    found = suppress(
+        ctx.backend.masks(ctx, capture, support, elements, ctx.backend_options),
+        options.duplicate_iou,
+        options.duplicate_inside,
+    )
     found = {name: mask for name, mask in found.items() if mask.sum() >= options.smallest_px}
     ctx.check(
         bool(found),

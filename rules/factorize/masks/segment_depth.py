@@ -6,7 +6,7 @@ import numpy as np
 
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.object import Element, Elements, Support
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 
 from ..regions.proposals import Proposal, scenery
 from . import matte
@@ -22,7 +22,9 @@ SAME = 0.3
 PART = 0.85
 
 
-def masks(capture: Capture, support: Support, elements: Elements) -> dict[str, np.ndarray]:
+def masks(
+    ctx: Context, capture: Capture, support: Support, elements: Elements, options: Options
+) -> dict[str, np.ndarray]:
     """Interactive element -> mask (H, W) bool, in the elements' order."""
     seen = scenery(capture, support)
     owners = [_owner(proposal, elements.elements) for proposal in seen.objects]

@@ -6,7 +6,7 @@ import numpy as np
 
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.object import Elements, Support
-from dextera_build.rule import Backend
+from dextera_build.rule import Backend, Context, Options
 
 from ..regions.blobs import blobs
 from .overlap import box_iou
@@ -14,7 +14,9 @@ from .overlap import box_iou
 BACKEND = Backend(summary="connected pixels above the support", profiles=("stub",))
 
 
-def masks(capture: Capture, support: Support, elements: Elements) -> dict[str, np.ndarray]:
+def masks(
+    ctx: Context, capture: Capture, support: Support, elements: Elements, options: Options
+) -> dict[str, np.ndarray]:
     """Interactive element -> mask (H, W) bool of the region with the largest box overlap."""
     found = {}
     seen = blobs(capture, support)

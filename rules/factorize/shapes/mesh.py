@@ -2,34 +2,37 @@
 
 from __future__ import annotations
 
-from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
+from typing import Any, Protocol
+
+from pydantic import PositiveInt
 
 from dextera_build.artifacts.object import ObjectView, Shape
 from dextera_build.rule import Context, Options, rule
 
-from .families.names import HYPOTHESES
 from .picture import picture
 
 
 class MeshOptions(Options):
     """Options of factorize.mesh; every field is part of the key."""
 
-    hypotheses: tuple[str, ...] = HYPOTHESES
-    """Body families to fit."""
-    wall_m: PositiveFloat = 0.003
-    """Wall thickness of a vessel if the view does not show it [m]."""
     texture_px: PositiveInt = 1024
     """Largest width and height of the texture [px]."""
-    refine_steps: NonNegativeInt = 14
-    """Maximum least-squares steps per hypothesis; the best one gets three times as many."""
     least_points: PositiveInt = 150
     """Minimum number of trusted depth pixels in a view."""
 
 
+class MeshBackend(Protocol):
+    """What a backend of factorize.mesh defines."""
+
+    def complete(self, ctx: Context, seen: ObjectView, common: MeshOptions, options: Any) -> Shape:
+        """The closed, textured body that explains the view."""
+        ...
+
+
 @rule(version=1, packages=("numpy",))
-def mesh(ctx: Context, seen: ObjectView, *, options: MeshOptions) -> Shape:
+def mesh(ctx: Context[MeshBackend], seen: ObjectView, *, options: MeshOptions) -> Shape:
     """Return a closed, textured mesh of the object [m], origin at the centre of the base, z up as it stands."""
-    shape: Shape = ctx.backend.complete(ctx, seen, options)
+    shape: Shape = ctx.backend.complete(ctx, seen, options, ctx.backend_options)
     lowest = float(shape.mesh.vertices[:, 2].min())
     ctx.check(shape.mesh.is_closed, "the mesh is open", hint="use backend `stub`", faces=len(shape.mesh.faces))
     ctx.check(abs(lowest) < 1e-4, "the base is not at z = 0", lowest=f"{lowest * 1000:.2f} mm")

@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import NonNegativeInt, PositiveFloat
 
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import ObjectView, Shape
 from dextera_build.artifacts.pose import Pose
 from dextera_build.errors import listing
-from dextera_build.rule import Backend, Context
+from dextera_build.rule import Backend, Context, Options
 
 from . import evidence as evidence_of
 from .families.names import HYPOTHESES
@@ -37,6 +38,17 @@ HANDLED = ("revolved", "revolved_hollow", "cylinder")
 HALF_TURN_SYMMETRIC = ("box", "tilted_box", "lying_cylinder", "oval")
 
 
+class PrimitivesOptions(Options):
+    """Options of backend `primitives` of factorize.mesh."""
+
+    hypotheses: tuple[str, ...] = HYPOTHESES
+    """Body families to fit."""
+    wall_m: PositiveFloat = 0.003
+    """Wall thickness of a vessel if the view does not show it [m]."""
+    refine_steps: NonNegativeInt = 14
+    """Maximum least-squares steps per hypothesis; the best one gets three times as many."""
+
+
 @dataclass(frozen=True)
 class _Fitted:
     """A family's best body."""
@@ -46,18 +58,19 @@ class _Fitted:
     score: float
 
 
-def complete(ctx: Context, seen: ObjectView, options: MeshOptions) -> Shape:
+def complete(ctx: Context, seen: ObjectView, common: MeshOptions, options: PrimitivesOptions) -> Shape:
     """Return the closed, textured body that best explains the view.
 
     Args:
         ctx: The rule's context.
         seen: The view.
-        options: The rule's options.
+        common: The rule's options.
+        options: The backend's.
     """
     evidence = evidence_of.gather(seen)
-    if len(evidence.points) < options.least_points:
+    if len(evidence.points) < common.least_points:
         ctx.fail(
-            f"the view has {len(evidence.points)} pixels with trusted depth, {options.least_points} are needed",
+            f"the view has {len(evidence.points)} pixels with trusted depth, {common.least_points} are needed",
             hint="lower `least_points`, or use backend `stub`",
             mask=f"{int(seen.mask.sum()):,} pixels, {int((seen.mask & (seen.depth.depth > 0)).sum()):,} with depth",
         )
@@ -71,7 +84,7 @@ def complete(ctx: Context, seen: ObjectView, options: MeshOptions) -> Shape:
     best = max(fitted, key=lambda found: found.score)
     body, judged, loose = _finished(best, evidence, options.refine_steps)
     scores = {found.candidate.model.name: found.score for found in fitted}
-    shape = _shape(best.candidate.model.name, body, judged, scores, seen, options)
+    shape = _shape(best.candidate.model.name, body, judged, scores, seen, common)
     return shape.model_copy(update={"unobserved": loose})
 
 

@@ -11,7 +11,7 @@ from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import ObjectView, Shape
 from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import cameras, solids, transforms
-from dextera_build.rule import Backend, Context
+from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:
     from .mesh import MeshOptions
@@ -22,13 +22,13 @@ SMALLEST_M = 0.005
 """Minimum edge length [m]."""
 
 
-def complete(ctx: Context, seen: ObjectView, options: MeshOptions) -> Shape:
+def complete(ctx: Context, seen: ObjectView, common: MeshOptions, options: Options) -> Shape:
     """Return the world-axis-aligned box of the middle 96 % of the seen points, from the support up."""
     depth = seen.depth.depth.astype(np.float64)
     valid = seen.mask & (depth > 0)
-    if int(valid.sum()) < options.least_points:
+    if int(valid.sum()) < common.least_points:
         ctx.fail(
-            f"the view has {int(valid.sum())} pixels with depth, {options.least_points} are needed",
+            f"the view has {int(valid.sum())} pixels with depth, {common.least_points} are needed",
             hint="lower `least_points`",
         )
     points = transforms.apply(seen.camera_pose.matrix, cameras.backproject(depth, seen.camera.matrix())[valid])

@@ -70,7 +70,7 @@ def test_an_occluder_does_not_pull_the_box_to_the_part_that_is_seen(runner):
 def test_a_poor_guess_that_nothing_beats_clearly_is_kept(runner):
     seen = object_views.view(BRACKET, TRUTH)
     poor = factories.pose(0.035, 0.04, 0.0, 0.6)
-    placed = align(runner, object_views.body(BRACKET, poor), seen, search_gain=2.0, guess_iou=0.9)
+    placed = align(runner, object_views.body(BRACKET, poor), seen, icp={"search_gain": 2.0, "guess_iou": 0.9})
     assert (placed.pose.matrix == poor).all()
     assert placed.method.startswith("guess kept (IoU 0.")
     assert placed.method.endswith("gained too little)")

@@ -169,9 +169,9 @@ def test_the_stub_needs_neither_simulator_nor_network(runner, tmp_path):
     assert found.placed.shape == (40, 2, 7)
     assert np.linalg.norm(found.placed[..., 3:], axis=-1) == pytest.approx(1.0)
     code = (
-        "import sys\nfrom dextera_build.code.loader import Library, choose_backend\n"
+        "import sys\nfrom dextera_build.code.loader import Library\n"
         "for path in ('evaluate.rollouts', 'evaluate.replay'):\n"
-        "    choose_backend(Library().find(path), None, 'stub').module\n"
+        "    Library().find(path).backends['stub'].module\n"
         "print([name for name in ('torch', 'mujoco') if name in sys.modules])"
     )
     answer = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -14,7 +14,6 @@ from PIL import Image
 
 from dextera_build.artifacts.episode import Episode, Episodes, Film
 from dextera_build.artifacts.policy import Checkpoint
-from dextera_build.code.loader import choose_backend
 from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.policy.observation import Measurement, deployable
@@ -102,9 +101,7 @@ def interrupted(folder: Path, data: Episodes, stop: int | None, monkeypatch: pyt
     """A training that is killed after `stop` steps; its logged lines and its checkpoint, if it got that far."""
     runner = RuleRunner(folder)
     found = runner.find("learn.act")
-    chosen = choose_backend(found, "torch", "cpu")
-    assert chosen
-    module = chosen.module
+    module = found.backends["torch"].module
     monkeypatch.setattr(module, "SAVE_EVERY_S", 0.0)
     lines: list[str] = []
 

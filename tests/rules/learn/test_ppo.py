@@ -12,7 +12,6 @@ import pytest
 
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.task import Reset, TaskBundle
-from dextera_build.code.loader import choose_backend
 from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.rule import Context
@@ -42,9 +41,7 @@ def interrupted(
 ) -> tuple[Checkpoint | None, list[str]]:
     """A training that is killed after `stop` decisions; its checkpoint, if it got that far, and its logged lines."""
     found = RuleRunner(folder).find("learn.ppo")
-    chosen = choose_backend(found, "sb3", "cpu")
-    assert chosen
-    module = chosen.module
+    module = found.backends["sb3"].module
     monkeypatch.setattr(f"{module.Watch.__module__}.SAVE_EVERY_S", 0.0, raising=True)
     lines: list[str] = []
 

@@ -117,7 +117,7 @@ def test_wedges_repeat_byte_for_byte(runner):
 
 def test_the_line_says_what_was_reached_and_what_was_not(runner):
     body = object_views.body(object_views.mesh(object_views.bowl()), hollow=True)
-    pieces(runner, body, pieces=12, attempts=1)
+    pieces(runner, body, coacd={"pieces": 12, "attempts": 1})
     assert runner.outcome.line.startswith("base: 12 by wedges, cavity filled ")
     assert runner.outcome.line.endswith("%, 5% was asked")
     assert len(runner.outcome.previews) == 1

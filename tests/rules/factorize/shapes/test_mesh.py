@@ -81,7 +81,7 @@ def test_a_box_within_three_millimetres(tmp_path, size, yaw, eye, seed):
 def test_a_depth_that_is_not_seen_is_said_to_be_guessed(tmp_path):
     seen = synthetic.view(box(0.09, 0.06, 0.2), synthetic.Eye(pitch_deg=14))
     runner = RuleRunner(tmp_path)
-    found = runner.run("factorize.mesh", options={"hypotheses": ("box",)}, seen=seen)
+    found = runner.run("factorize.mesh", options={"primitives": {"hypotheses": ("box",)}}, seen=seen)
     assert found.unobserved in (("x",), ("y",))
     assert "guessed" in runner.outcome.line
 
@@ -216,7 +216,9 @@ def test_the_texture_shows_the_photograph_on_the_seen_side(tmp_path):
 def test_every_allowed_family_is_scored(tmp_path):
     runner = RuleRunner(tmp_path)
     seen = synthetic.view(can(0.033, 0.12), synthetic.Eye())
-    found = runner.run("factorize.mesh", options={"hypotheses": ("box", "cylinder", "extruded")}, seen=seen)
+    found = runner.run(
+        "factorize.mesh", options={"primitives": {"hypotheses": ("box", "cylinder", "extruded")}}, seen=seen
+    )
     assert set(found.scores) == {"box", "cylinder", "extruded"}
     assert max(found.scores, key=lambda name: found.scores[name]) == found.hypothesis
     assert runner.outcome.line.startswith("cylinder, 66 x 66 x 120 mm, 1.")

@@ -84,7 +84,9 @@ def test_it_wins_where_the_families_fit_badly(tmp_path: Path) -> None:
     assert found.hypothesis == "mirrored"
     assert set(found.scores) == {"box", "cylinder", "oval", "mirrored"}
     best = max((name for name in found.scores if name != "mirrored"), key=lambda name: found.scores[name])
-    family: Shape = RuleRunner(tmp_path).run("factorize.mesh", options={"hypotheses": (best,)}, seen=seen)
+    family: Shape = RuleRunner(tmp_path).run(
+        "factorize.mesh", options={"primitives": {"hypotheses": (best,)}}, seen=seen
+    )
     assert distance(found, body) < 0.5 * distance(family, body)
 
 

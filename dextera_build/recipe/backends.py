@@ -1,0 +1,93 @@
+"""Chooses the backend of a call: the one that the command line, the recipe or the profile prefers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dextera_build.code.loader import BackendFile, RuleFile
+from dextera_build.errors import Place, RecipeError, did_you_mean, install_extra, listing
+from dextera_build.recipe.profiles import Profile
+
+
+@dataclass(frozen=True)
+class Wish:
+    """Backends in order of preference, from the command line or a recipe."""
+
+    names: tuple[str, ...]
+    origin: str
+    """`recipe` or `command line`."""
+    where: Place
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The backend of a call."""
+
+    backend: BackendFile
+    why: str
+    """`profile cpu`, `recipe`; with what was passed over: `profile gpu; sam3 is missing: needs transformers`."""
+    missing: tuple[str, ...] = ()
+    """What this machine lacks for it; empty if it can run."""
+    hint: str | None = None
+    """The next step if something is missing."""
+    passed: tuple[str, ...] = ()
+    """Preferred backends that are missing."""
+
+
+def choose(found: RuleFile, wish: Wish | None, profile: Profile, where: Place, *, fallback: bool) -> Choice | None:
+    """The backend of a rule; None for a rule without backends.
+
+    A backend that this machine cannot run is chosen all the same, and a build refuses it: it takes the next in line
+    only if a recipe lists one or allows it for the whole recipe.
+
+    Args:
+        found: The rule.
+        wish: Backends named for this call; None: those of the profile.
+        profile: The build's profile.
+        where: Place of the call.
+        fallback: Whether a profile's next backend may take the place of a missing one.
+
+    Raises:
+        RecipeError: There is no backend of a name, or the profile has none for the rule.
+    """
+    if wish is not None:
+        names, origin, where = wish.names, wish.origin, wish.where
+    elif not found.backends:
+        return None
+    else:
+        names, source = profile.preferred(found)
+        origin = f"profile {profile.name}" + (f" ({source})" if source != profile.name else "")
+        if not names:
+            raise RecipeError(
+                f"no backend of {found.path} belongs to the profile `{profile.name}`",
+                code="DXB-R204",
+                where=where,
+                facts={"backends": listing(found.backends)},
+                hint=f"name one: `backend: {next(iter(found.backends))}`",
+            )
+    line = [_backend(found, name, origin, where) for name in names]
+    usable = [backend for backend in line if not backend.missing()] if fallback or wish is not None else []
+    chosen = usable[0] if usable else line[0]
+    passed = line[: line.index(chosen)]
+    told = [origin, *(f"{other.name} is missing: needs {listing(other.missing())}" for other in passed)]
+    missing = tuple(chosen.missing())
+    hint = _next_step(chosen, line) if missing else None
+    return Choice(chosen, "; ".join(told), missing, hint, tuple(other.name for other in passed))
+
+
+def _backend(found: RuleFile, name: str, origin: str, where: Place) -> BackendFile:
+    if name not in found.backends:
+        raise RecipeError(
+            f"`{found.path}` has no backend `{name}`",
+            code="DXB-R202",
+            where=where,
+            facts={"backends": listing(found.backends), "named by": origin},
+            hint=did_you_mean(name, found.backends),
+        )
+    return found.backends[name]
+
+
+def _next_step(chosen: BackendFile, line: list[BackendFile]) -> str:
+    step = install_extra(chosen.facts.extra) if chosen.facts.extra else f"`pip install {' '.join(chosen.missing())}`"
+    others = [backend.name for backend in line if backend is not chosen and not backend.missing()]
+    return step + (f"; or `fallback: true` in the recipe takes `{others[0]}`" if others else "")

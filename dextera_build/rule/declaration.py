@@ -1,0 +1,157 @@
+"""`rule`, which declares a function as the rule of its file, and the declaration."""
+
+from __future__ import annotations
+
+import inspect
+import types
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Generic, ParamSpec, TypeVar, get_args, get_origin
+
+from dextera_build.artifacts.base import Artifact
+from dextera_build.rule.options import Options
+
+P = ParamSpec("P")
+R = TypeVar("R", bound=Artifact)
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Allowed differences of numbers if a rule runs again on the same inputs; everything else must be equal.
+
+    `Tolerance({"vertices": 1e-6, "parts.mesh.vertices": 1e-6}, metrics={"volume": 1e-9})`
+    """
+
+    fields: Mapping[str, float] = field(default_factory=dict)
+    """Field of the result, without labels and indices -> maximum absolute difference, in the unit of the field."""
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    """Name of a metric -> maximum absolute difference, in the unit of the metric. Other metrics are not compared."""
+
+
+@dataclass(frozen=True)
+class Slot:
+    """One input of a rule."""
+
+    name: str
+    annotation: Any
+    """`Mesh`, `Collection[Asset]`, `Image | Mesh`, ... without the `| None` of an optional input."""
+    optional: bool
+
+
+@dataclass(frozen=True)
+class Rule(Generic[P, R]):
+    """A rule function with its declarations, callable like the function itself."""
+
+    function: Callable[P, R]
+    version: int
+    packages: tuple[str, ...]
+    cpus: int = 1
+    memory_gb: float = 1.0
+    gpus: int = 0
+    resources: Mapping[str, float] = field(default_factory=dict)
+    retries: int = 0
+    retry_on: tuple[type[BaseException] | str, ...] = ()
+    retry_wait_s: float = 1.0
+    tolerance: Tolerance = Tolerance()
+    discovers: bool = False
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
+        """Call the plain function."""
+        return self.function(*args, **kwargs)
+
+    @property
+    def summary(self) -> str:
+        """First line of the docstring."""
+        return (inspect.getdoc(self.function) or "").partition("\n")[0]
+
+    @cached_property
+    def slots(self) -> dict[str, Slot]:
+        """Inputs by name, in order."""
+        hints = typing.get_type_hints(self.function, include_extras=True)
+        found = {}
+        for name, parameter in list(inspect.signature(self.function).parameters.items())[1:]:
+            if name == "options":
+                continue
+            annotation = hints[name]
+            optional = parameter.default is not inspect.Parameter.empty
+            found[name] = Slot(name, _without_none(annotation), optional)
+        return found
+
+    @cached_property
+    def protocol(self) -> type[Any] | None:
+        """The `Protocol` of its backends, `MeshBackend` of a rule that takes `ctx: Context[MeshBackend]`."""
+        hint = next(iter(typing.get_type_hints(self.function).values()))
+        return next(iter(get_args(hint)), None)
+
+    @cached_property
+    def takes_options(self) -> bool:
+        """Whether the function has an `options` parameter."""
+        return "options" in inspect.signature(self.function).parameters
+
+    @cached_property
+    def options(self) -> type[Options]:
+        """The options class; `Options` itself if the rule has none."""
+        kind = typing.get_type_hints(self.function).get("options", Options)
+        return typing.cast(type[Options], _without_none(kind))
+
+    @cached_property
+    def returns(self) -> Any:
+        """The artifact type of the result."""
+        return typing.get_type_hints(self.function, include_extras=True)["return"]
+
+
+def rule(  # noqa: PLR0913 - one argument per declaration
+    *,
+    version: int,
+    packages: tuple[str, ...] = (),
+    cpus: int = 1,
+    memory_gb: float = 1.0,
+    gpus: int = 0,
+    resources: Mapping[str, float] | None = None,
+    retries: int = 0,
+    retry_on: tuple[type[BaseException] | str, ...] = (ConnectionError, TimeoutError),
+    retry_wait_s: float = 1.0,
+    tolerance: Tolerance | None = None,
+    discovers: bool = False,
+) -> Callable[[Callable[P, R]], Rule[P, R]]:
+    """Declare the decorated function as the rule of its file; both must have the same name.
+
+    The function takes `ctx: Context`, then artifacts (its inputs; `X | None = None` makes one optional), then, by
+    keyword, `options: <Options class>`.
+
+    Args:
+        version: Increment it when the meaning changes without a change of the code digest.
+        packages: Third-party distributions that the result depends on; their versions enter the key. Those of the
+            chosen backend are added.
+        cpus: Cores that one call keeps busy, reserved from `--jobs` while it runs.
+        memory_gb: Peak memory of one call [GiB]; once a node has run here, its measured peak counts instead.
+        gpus: Exclusive GPUs of one call. A backend declares GPU memory in its `BACKEND`.
+        resources: Named resources of limited number, `{"licence:solver": 1}`; a project sets their number in
+            `[resources]`.
+        retries: Maximum retries of a call whose worker died, whose machine lacked something (`MachineError`), or that
+            raised one of `retry_on`. Refused inputs and failed checks are never retried.
+        retry_on: Exceptions, or their names (`"httpx.TransportError"`) if the import is slow.
+        retry_wait_s: Delay before the second try [s]; doubled before each further one, at most a minute.
+        tolerance: Differences between results that `dxb check` accepts; None for none. Builds do not use it: the first
+            result of a key stays.
+        discovers: Whether calls discover the project files they read, with `ctx.read`, `ctx.glob`, `ctx.exists`.
+    """
+    for name in resources or {}:
+        if ":" not in name:
+            raise ValueError(f"a named resource is called `kind:name`, not `{name}`")
+
+    def mark(function: Callable[P, R]) -> Rule[P, R]:
+        named = dict(resources or {})
+        allowed = tolerance or Tolerance()
+        needs = (cpus, memory_gb, gpus, named)
+        return Rule(function, version, packages, *needs, retries, retry_on, retry_wait_s, allowed, discovers)
+
+    return mark
+
+
+def _without_none(annotation: Any) -> Any:
+    if get_origin(annotation) in (typing.Union, types.UnionType):
+        return typing.Union[tuple(part for part in get_args(annotation) if part is not type(None))]  # noqa: UP007
+    return annotation

@@ -1,0 +1,20 @@
+"""Options: what a recipe may set of a rule, and of a backend."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Fraction = Annotated[float, Field(ge=0, le=1)]
+"""A number from 0 to 1: a fraction, a probability, a colour channel."""
+
+
+class Options(BaseModel):
+    """Options of a rule: typed, frozen, every field in the key. Nested groups also derive from this class.
+
+    Declare bounds and choices with pydantic: `wall_m: PositiveFloat = 0.003`, `crf: int = Field(18, ge=0, le=51)`,
+    `Literal["png", "jpeg"]`. Planning refuses invalid values; bounds are not part of the key.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)

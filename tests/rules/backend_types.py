@@ -1,0 +1,135 @@
+"""Every backend beside the `Protocol` of its rule, for mypy; `test_contract.py` checks that none is left out.
+
+Nothing imports this file: rules are found, not imported.
+"""
+
+import rules.align.object
+import rules.align.object_icp
+import rules.align.object_stub
+import rules.background.static
+import rules.background.static_planes
+import rules.background.static_stub
+import rules.capture.reference
+import rules.capture.reference_mujoco
+import rules.capture.reference_stub
+import rules.capture.truth
+import rules.capture.truth_mujoco
+import rules.capture.truth_stub
+import rules.demonstrate.film
+import rules.demonstrate.film_mujoco
+import rules.demonstrate.film_stub
+import rules.demonstrate.lerobot
+import rules.demonstrate.lerobot_pyarrow
+import rules.demonstrate.lerobot_stub
+import rules.demonstrate.mcap
+import rules.demonstrate.mcap_ros2
+import rules.demonstrate.mcap_stub
+import rules.demonstrate.operate
+import rules.demonstrate.operate_mujoco
+import rules.demonstrate.operate_stub
+import rules.demonstrate.synthesize
+import rules.demonstrate.synthesize_mujoco
+import rules.demonstrate.synthesize_stub
+import rules.evaluate.overlay
+import rules.evaluate.overlay_mujoco
+import rules.evaluate.overlay_stub
+import rules.evaluate.replay
+import rules.evaluate.replay_mujoco
+import rules.evaluate.replay_stub
+import rules.evaluate.rollouts
+import rules.evaluate.rollouts_mujoco
+import rules.evaluate.rollouts_stub
+import rules.factorize.contact.collision
+import rules.factorize.contact.collision_coacd
+import rules.factorize.contact.collision_stub
+import rules.factorize.elements.parse
+import rules.factorize.elements.parse_clusters
+import rules.factorize.elements.parse_stub
+import rules.factorize.elements.parse_vlm
+import rules.factorize.joints.articulate
+import rules.factorize.joints.articulate_crease
+import rules.factorize.joints.articulate_stub
+import rules.factorize.masks.segment
+import rules.factorize.masks.segment_depth
+import rules.factorize.masks.segment_stub
+import rules.factorize.shapes.mesh
+import rules.factorize.shapes.mesh_primitives
+import rules.factorize.shapes.mesh_stub
+import rules.learn.act
+import rules.learn.act_stub
+import rules.learn.act_torch
+import rules.learn.ppo
+import rules.learn.ppo_sb3
+import rules.learn.ppo_stub
+import rules.simulate.mesh_robot
+import rules.simulate.mesh_robot_mujoco
+import rules.simulate.mesh_robot_stub
+import rules.simulate.perturbed
+import rules.simulate.perturbed_mujoco
+import rules.simulate.perturbed_stub
+import rules.simulate.reference
+import rules.simulate.reference_mujoco
+import rules.simulate.reference_stub
+import rules.simulate.settle
+import rules.simulate.settle_mujoco
+import rules.simulate.settle_stub
+import rules.simulate.task
+import rules.simulate.task_mujoco
+import rules.simulate.task_stub
+import rules.simulate.usd
+import rules.simulate.usd_openusd
+import rules.simulate.usd_stub
+
+align_object_icp: rules.align.object.PlacementBackend = rules.align.object_icp
+align_object_stub: rules.align.object.PlacementBackend = rules.align.object_stub
+background_static_planes: rules.background.static.BackgroundBackend = rules.background.static_planes
+background_static_stub: rules.background.static.BackgroundBackend = rules.background.static_stub
+capture_reference_mujoco: rules.capture.reference.CameraBackend = rules.capture.reference_mujoco
+capture_reference_stub: rules.capture.reference.CameraBackend = rules.capture.reference_stub
+capture_truth_mujoco: rules.capture.truth.CameraBackend = rules.capture.truth_mujoco
+capture_truth_stub: rules.capture.truth.CameraBackend = rules.capture.truth_stub
+demonstrate_film_mujoco: rules.demonstrate.film.FilmBackend = rules.demonstrate.film_mujoco
+demonstrate_film_stub: rules.demonstrate.film.FilmBackend = rules.demonstrate.film_stub
+demonstrate_lerobot_pyarrow: rules.demonstrate.lerobot.LerobotBackend = rules.demonstrate.lerobot_pyarrow
+demonstrate_lerobot_stub: rules.demonstrate.lerobot.LerobotBackend = rules.demonstrate.lerobot_stub
+demonstrate_mcap_ros2: rules.demonstrate.mcap.McapBackend = rules.demonstrate.mcap_ros2
+demonstrate_mcap_stub: rules.demonstrate.mcap.McapBackend = rules.demonstrate.mcap_stub
+demonstrate_operate_mujoco: rules.demonstrate.operate.OperateBackend = rules.demonstrate.operate_mujoco
+demonstrate_operate_stub: rules.demonstrate.operate.OperateBackend = rules.demonstrate.operate_stub
+demonstrate_synthesize_mujoco: rules.demonstrate.synthesize.SynthesizeBackend = rules.demonstrate.synthesize_mujoco
+demonstrate_synthesize_stub: rules.demonstrate.synthesize.SynthesizeBackend = rules.demonstrate.synthesize_stub
+evaluate_overlay_mujoco: rules.evaluate.overlay.OverlayBackend = rules.evaluate.overlay_mujoco
+evaluate_overlay_stub: rules.evaluate.overlay.OverlayBackend = rules.evaluate.overlay_stub
+evaluate_replay_mujoco: rules.evaluate.replay.ReplayBackend = rules.evaluate.replay_mujoco
+evaluate_replay_stub: rules.evaluate.replay.ReplayBackend = rules.evaluate.replay_stub
+evaluate_rollouts_mujoco: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_mujoco
+evaluate_rollouts_stub: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_stub
+factorize_articulate_crease: rules.factorize.joints.articulate.ArticulateBackend = (
+    rules.factorize.joints.articulate_crease
+)
+factorize_articulate_stub: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_stub
+factorize_collision_coacd: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_coacd
+factorize_collision_stub: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_stub
+factorize_mesh_primitives: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_primitives
+factorize_mesh_stub: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_stub
+factorize_parse_clusters: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_clusters
+factorize_parse_stub: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_stub
+factorize_parse_vlm: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_vlm
+factorize_segment_depth: rules.factorize.masks.segment.SegmentBackend = rules.factorize.masks.segment_depth
+factorize_segment_stub: rules.factorize.masks.segment.SegmentBackend = rules.factorize.masks.segment_stub
+learn_act_stub: rules.learn.act.ActBackend = rules.learn.act_stub
+learn_act_torch: rules.learn.act.ActBackend = rules.learn.act_torch
+learn_ppo_sb3: rules.learn.ppo.PpoBackend = rules.learn.ppo_sb3
+learn_ppo_stub: rules.learn.ppo.PpoBackend = rules.learn.ppo_stub
+simulate_mesh_robot_mujoco: rules.simulate.mesh_robot.MeshRobotBackend = rules.simulate.mesh_robot_mujoco
+simulate_mesh_robot_stub: rules.simulate.mesh_robot.MeshRobotBackend = rules.simulate.mesh_robot_stub
+simulate_perturbed_mujoco: rules.simulate.perturbed.PerturbedBackend = rules.simulate.perturbed_mujoco
+simulate_perturbed_stub: rules.simulate.perturbed.PerturbedBackend = rules.simulate.perturbed_stub
+simulate_reference_mujoco: rules.simulate.reference.ReferenceBackend = rules.simulate.reference_mujoco
+simulate_reference_stub: rules.simulate.reference.ReferenceBackend = rules.simulate.reference_stub
+simulate_settle_mujoco: rules.simulate.settle.SettleBackend = rules.simulate.settle_mujoco
+simulate_settle_stub: rules.simulate.settle.SettleBackend = rules.simulate.settle_stub
+simulate_task_mujoco: rules.simulate.task.TaskBackend = rules.simulate.task_mujoco
+simulate_task_stub: rules.simulate.task.TaskBackend = rules.simulate.task_stub
+simulate_usd_openusd: rules.simulate.usd.UsdBackend = rules.simulate.usd_openusd
+simulate_usd_stub: rules.simulate.usd.UsdBackend = rules.simulate.usd_stub
