@@ -38,7 +38,11 @@ def project_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR|LIST",
         help="the store's folder, or the stores to use, with modes: `local:rw,NAME:r,URL:w` (DXB_CACHE, DXB_REMOTES)",
     )
-    parser.add_argument("--profile", metavar="NAME", help="the backends to use: stub, cpu, gpu or cloud (DXB_PROFILE)")
+    parser.add_argument(
+        "--profile",
+        metavar="NAME",
+        help="which backends to prefer: stub, cpu, gpu, cloud, or a profile of the project (DXB_PROFILE)",
+    )
 
 
 def request_arguments(parser: argparse.ArgumentParser) -> None:

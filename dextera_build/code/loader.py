@@ -338,10 +338,10 @@ def _line(file: Path) -> int:
 
 
 def _annotations_of_options(file: Path) -> set[str]:
-    """Types of the parameter `options` of the functions `f(ctx, ..., options)` of a file, as written."""
+    """Types of the parameter `options` of the public functions `f(ctx, ..., options)` of a file, as written."""
     found = set()
     for node in tree(read(file), str(file)).body:
-        if not isinstance(node, ast.FunctionDef) or len(node.args.args) < 2:
+        if not isinstance(node, ast.FunctionDef) or node.name.startswith("_") or len(node.args.args) < 2:
             continue
         first, last = node.args.args[0], node.args.args[-1]
         if (first.arg, last.arg) == ("ctx", "options") and last.annotation is not None:

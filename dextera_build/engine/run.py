@@ -101,7 +101,9 @@ def _announce(scheduler: Scheduler, targets: Sequence[Address]) -> None:
     """Announce the plan, after checking all files that it needs."""
     graph, policy = scheduler.graph, scheduler.policy
     calls = scheduler.wiring.look(targets)  # report missing files before an hour of work, not after
-    missing.refuse(call.rule for path in calls for call in graph.variants(path))
+    chosen = {(call.rule.path, call.rule.chosen): call.rule for path in calls for call in graph.variants(path)}
+    rules = [rule for _, rule in sorted(chosen.items())]
+    missing.refuse(rules)
     groups = {path[:depth] for path in calls for depth in range(1, len(path))}
     scheduler.listen(
         events.RunStarted(
@@ -115,6 +117,8 @@ def _announce(scheduler: Scheduler, targets: Sequence[Address]) -> None:
             groups=len(groups),
             argv=list(policy.argv),
             variant=policy.variant,
+            backends={f"{rule.path}: {rule.backend}": rule.chosen for rule in rules if rule.backend},
+            instead=[f"{rule.path} runs on {rule.backend} ({rule.chosen})" for rule in rules if rule.passed],
         )
     )
 

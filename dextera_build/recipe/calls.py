@@ -154,6 +154,7 @@ class CallMaker:
             if setting.call == address and (all(s is None for s in setting.labels) or label in setting.labels):
                 put(arguments, setting.option, setting.value)
         choice = self._choice(found, (changed or {}).get("backend", decl.backend), decl)
+        facts = self._rule_facts(found, choice)
         slots = found.rule.slots
         _refuse_unknown(decl, arguments, found)
         inputs = self._inputs(decl, {k: v for k, v in arguments.items() if k in slots}, slots, scope)
@@ -161,7 +162,6 @@ class CallMaker:
         options = _options(decl, found.rule.options, {k: v for k, v in given.items() if k not in found.backends})
         if choice is not None and (own := self._own_options(decl, choice, given)) is not None:
             options[choice.backend.name] = own
-        facts = self._rule_facts(found, choice)
         places = {name: node.place for name, node in given.items()}
         return Call(address[-1], facts, options, inputs, decl.place, places, decl.salt)
 

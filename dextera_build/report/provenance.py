@@ -81,12 +81,17 @@ def _rules(run: Run, licences: Mapping[str, str]) -> Html | None:
             rule,
             versions[rule, backend] or "–",
             backend or "–",
+            run.chosen.get(f"{rule}: {backend}", "–"),
             str(len(nodes)),
             *_licence(licences, f"{rule}:{backend}", known),
         ]
         for (rule, backend), nodes in sorted(found.items())
     ]
-    return _table("Rules and backends", ["rule", "version", "backend", "nodes", *(["licence"] if known else [])], rows)
+    return _table(
+        "Rules and backends",
+        ["rule", "version", "backend", "chosen by", "nodes", *(["licence"] if known else [])],
+        rows,
+    )
 
 
 def _packages(run: Run, licences: Mapping[str, str]) -> Html | None:

@@ -104,6 +104,8 @@ class Run:
     nodes: list[Node] = field(default_factory=list)
     groups: dict[str, list[str]] = field(default_factory=dict)
     """Group -> labels."""
+    chosen: dict[str, str] = field(default_factory=dict)
+    """`factorize.mesh: primitives` -> who chose it."""
 
     def by_address(self) -> dict[str, Node]:
         """Address -> node."""
@@ -168,6 +170,7 @@ class _Reader:
 
 def _start(run: Run, data: Mapping[str, Any]) -> None:
     run.name, run.recipe, run.profile, run.dxb = data["run"], data["recipe"], data["profile"], data["dxb"]
+    run.chosen = dict(data.get("backends", {}))
     run.targets, run.argv, run.started = list(data["targets"]), list(data.get("argv", [])), float(data["time"])
 
 

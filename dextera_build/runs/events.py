@@ -49,6 +49,10 @@ class RunStarted(Event):
     argv: list[str] = field(default_factory=list)
     variant: str = ""
     """Distinguishes the request from the recipe's default."""
+    backends: Mapping[str, str] = field(default_factory=dict)
+    """`factorize.mesh: primitives` -> who chose it, and what was passed over."""
+    instead: list[str] = field(default_factory=list)
+    """Lines about backends that are taken because preferred ones are missing."""
 
     def __post_init__(self) -> None:
         # The command line may contain passwords of remotes; logs and reports are shared.

@@ -348,7 +348,12 @@ def test_the_next_in_line_is_taken_only_where_the_recipe_says_so(space):
         space.write("recipes/say/b.yaml", head + text)
         profile = profiles.read("lab", space.root)
         assert dict(planned(space, "say/b", profile=profile).calls())["t",].rule.backend == taken
-    assert space.dxb("build", "say/b", "--profile", "lab").code == 0
+    built = space.dxb("build", "say/b", "--profile", "lab")
+    assert built.code == 0
+    assert "toy.spoken runs on quiet (profile lab; cloud is missing: needs " in built.err
+    assert "toy.spoken runs on quiet" in space.dxb("log", "say/b", "--profile", "lab", "--json").out
+    assert space.dxb("report", "say/b", "--profile", "lab", "-o", "page.html").code == 0
+    assert "cloud is missing" in (space.root / "page.html").read_text()
     assert "lab\ttoy.spoken\tcloud,quiet\tlab" in space.dxb("ls", "profiles").out
 
 

@@ -105,7 +105,8 @@ def plain(line: Line, *, colour: bool = False) -> str:
 def plan(event: RunStarted) -> Line:
     """`plan   17 calls, 1 open group`; the number of nodes is known once the group opens."""
     groups = f", {count(event.groups, 'open group')}" if event.groups else ""
-    return [("plan   ", "name"), (f"{count(event.calls, 'call')}{groups}", "")]
+    instead = "".join(f"\n       {line}" for line in event.instead)
+    return [("plan   ", "name"), (f"{count(event.calls, 'call')}{groups}", ""), (instead, "failed")]
 
 
 def opened(event: GroupOpened) -> Line:

@@ -109,7 +109,7 @@ def test_a_handle_decides_the_turn_of_a_mug_of_unknown_size(runner):
 
 def test_what_nearly_touches_the_support_is_set_down(runner):
     seen = object_views.view(BOX, TRUTH)
-    placed = align(runner, object_views.body(BOX, factories.pose(0.02, 0.03, 0.002, 0.6)), seen, gain=1.0)
+    placed = align(runner, object_views.body(BOX, factories.pose(0.02, 0.03, 0.002, 0.6)), seen, icp={"gain": 1.0})
     assert worst(BOX, placed) < 1e-6
     assert placed.method.endswith("set down by 2.0 mm")
 

@@ -35,7 +35,7 @@ def twin(tmp_path: Path) -> Scene:
 
 
 def test_objects_are_where_ray_casting_says(twin: Scene) -> None:
-    _, owner = overlay_mujoco.render(twin)
+    _, owner = overlay_mujoco.render(Context(scratch=Path()), twin, Options())
     box = factories.box_asset(factories.pose(-0.15))
     surface = raycast.posed(
         box.body.links["base"].mesh.vertices, box.body.links["base"].mesh.faces, factories.pose(-0.15)
@@ -47,7 +47,7 @@ def test_objects_are_where_ray_casting_says(twin: Scene) -> None:
 
 
 def test_the_background_picture_shows_around_the_objects(twin: Scene) -> None:
-    pixels, owner = overlay_mujoco.render(twin)
+    pixels, owner = overlay_mujoco.render(Context(scratch=Path()), twin, Options())
     backdrop = factories.background(size=(240, 320)).image.pixels
     empty = owner < 0
     np.testing.assert_array_equal(pixels[empty], backdrop[empty])
