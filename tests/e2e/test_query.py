@@ -28,7 +28,7 @@ def test_globs_over_recipes_and_nodes(built: Space) -> None:
     assert names(built, "say/words:word.loud") == names(built, "say/words:word[*].loud")
     assert names(built, "say/words:word[one].*") == ["say/words:word[one].loud", "say/words:word[one].louder"]
     assert len(names(built, "say/words:*")) == 7
-    assert built.dxb("ls", "say/words:all").out == "say/words:all\tcached\ttoy.join\t-\t0.0\n"
+    assert built.dxb("ls", "say/words:all").out == "say/words:all\tcached\ttoy.join\t-\t0.0\t-\n"
 
 
 def test_what_nodes_depend_on_and_what_depends_on_them(built: Space) -> None:

@@ -128,11 +128,14 @@ def test_doctor_lists_findings(space):
     assert {"python", "store", "rendering"} <= {finding["what"] for finding in json.loads(answer.out)}
 
 
-def test_a_backend_is_made_beside_a_rule_of_the_project_and_nowhere_else(space):
+def test_a_new_backend_has_the_functions_of_its_rule(space):
     assert space.dxb("new", "backend", "toy.shout=softly").out == "rules/toy/shout_softly.py\n"
-    answer = space.dxb("new", "backend", "factorize.mesh=softly")
-    assert (answer.code, answer.out) == (2, "")
-    assert "error[DXB-U193]: `factorize.mesh` is not a rule of this project" in answer.err
+    assert space.dxb("new", "backend", "simulate.settle=hopeful").out == "rules/simulate/settle_hopeful.py\n"
+    text = (space.root / "rules/simulate/settle_hopeful.py").read_text()
+    assert "def let_go(ctx: Context, scene: Scene, common: Any, options: HopefulOptions) -> SettleReport:" in text
+    found = Project(space.root).library.find("simulate.settle").backends["hopeful"]
+    assert found.options is not None
+    assert list(found.options.model_fields) == ["seed"]
 
 
 def test_a_variable_that_nothing_reads_is_told_once_a_command(built):

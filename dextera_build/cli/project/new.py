@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from dextera_build.cli import options
+from dextera_build.cli.project import new_backend
 from dextera_build.errors import UsageError
 from dextera_build.project.project import Project
 
@@ -41,15 +42,6 @@ def {name}(ctx: Context, image: Image, *, options: {kind}Options) -> Image:
     ctx.preview(bright)
     ctx.say(f"gain {{options.gain:g}}")
     return Image(pixels=bright)
-'''
-_BACKEND = '''"""Backend `{backend}` of {path}."""
-
-from __future__ import annotations
-
-from dextera_build.rule import Backend
-
-# Read without importing this file: literals only.
-BACKEND = Backend(summary="What it does, in one line", profiles=(), packages=())
 '''
 
 
@@ -92,11 +84,8 @@ def _file(project: Project, kind: str, named: str) -> tuple[Path, str]:
         camel = "".join(part.capitalize() for part in name.split("_"))
         return project.root / "rules" / stage / f"{name}.py", _RULE.format(path=path, name=name, kind=camel)
     found = project.library.find(path)
-    if not found.file.is_relative_to((project.root / "rules").resolve()):
-        raise UsageError(
-            f"`{path}` is not a rule of this project; a backend is a file next to its rule",
-            code="DXB-U193",
-            facts={"rule": str(found.file), "rules of the project": str(project.root / "rules")},
-            hint=f"`dxb new rule {stage}.my_rule` makes a rule of your own",
-        )
-    return found.file.with_name(f"{found.file.stem}_{backend}.py"), _BACKEND.format(path=path, backend=backend)
+    own = found.file.is_relative_to((project.root / "rules").resolve())
+    # A backend of a rule from elsewhere lies in the same stage of the project.
+    folder = found.file.parent if own else project.root / "rules" / stage
+    file = folder / f"{found.file.stem}_{backend}.py"
+    return file, new_backend.text(found, backend, project.shown(file), beside=own)

@@ -16,7 +16,7 @@ from dextera_build.artifacts.object import Segmentation, Support
 from dextera_build.artifacts.scene import Background
 from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras, raycast, transforms
-from dextera_build.rule import Context
+from dextera_build.rule import Context, Options
 from rules.background import static_planes, static_stub
 from rules.background.boxes import support_box
 from rules.background.static import StaticOptions, static
@@ -61,7 +61,9 @@ def segmented(mask: np.ndarray) -> Segmentation:
 
 
 def build(capture: Capture, table: Support, mask: np.ndarray, path: Path, backend: ModuleType) -> Background:
-    return static(Context(backend=backend, scratch=path), capture, table, segmented(mask), options=StaticOptions())
+    own = static_planes.PlanesOptions() if backend is static_planes else Options()
+    context = Context(backend, own, scratch=path)
+    return static(context, capture, table, segmented(mask), options=StaticOptions())
 
 
 @pytest.fixture(scope="module")

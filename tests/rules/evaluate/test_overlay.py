@@ -13,7 +13,7 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Scene
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast
-from dextera_build.rule import Context
+from dextera_build.rule import Context, Options
 from rules.evaluate import overlay_mujoco, overlay_stub
 from rules.evaluate.overlay import OverlayOptions, overlay
 from rules.evaluate.panels import outlined

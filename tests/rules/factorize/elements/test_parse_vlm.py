@@ -50,7 +50,7 @@ def parse(tmp_path, scene):
         return runner.run(
             "factorize.parse",
             backend="vlm",
-            options={"model": "seer-1", **options},
+            options={"vlm": {"model": "seer-1", **options}},
             capture=scene.capture,
             support=support,
         )
