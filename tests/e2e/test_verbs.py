@@ -7,6 +7,8 @@ import re
 
 import pytest
 
+from dextera_build.project.project import Project
+
 
 @pytest.fixture
 def built(space):
