@@ -60,10 +60,12 @@ def segmented(mask: np.ndarray) -> Segmentation:
     return Segmentation(items={}, names=("box",), labels=labels, fixed=np.zeros_like(mask))
 
 
+def context_of(backend: ModuleType, path: Path) -> Context:
+    return Context(backend, static_planes.PlanesOptions() if backend is static_planes else Options(), scratch=path)
+
+
 def build(capture: Capture, table: Support, mask: np.ndarray, path: Path, backend: ModuleType) -> Background:
-    own = static_planes.PlanesOptions() if backend is static_planes else Options()
-    context = Context(backend, own, scratch=path)
-    return static(context, capture, table, segmented(mask), options=StaticOptions())
+    return static(context_of(backend, path), capture, table, segmented(mask), options=StaticOptions())
 
 
 @pytest.fixture(scope="module")
@@ -195,7 +197,7 @@ def test_rays_above_the_horizon_never_meet_the_plane() -> None:
 def test_every_backend_keeps_the_contract(backend: ModuleType, tmp_path: Path) -> None:
     empty, table = striped_table()
     capture, mask = with_box(empty, table)
-    context = Context(backend=backend, scratch=tmp_path)
+    context = context_of(backend, tmp_path)
     result = static(context, capture, table, segmented(mask), options=StaticOptions())
     assert result.image.pixels.shape == capture.rgb.pixels.shape
     assert not (result.image.pixels[mask] == (200, 30, 30)).all(axis=-1).any()
@@ -238,7 +240,7 @@ def test_the_robot_is_taken_out_too(tmp_path: Path) -> None:
     capture, mask = with_box(empty, table, shadow=False)
     nothing = LabelImage(labels=np.zeros(mask.shape, np.int32))
     robot = Segmentation(items={}, names=(), labels=nothing, fixed=mask)
-    context = Context(backend=static_planes, scratch=tmp_path)
+    context = Context(static_planes, static_planes.PlanesOptions(), scratch=tmp_path)
     result = static(context, capture, table, robot, options=StaticOptions())
     assert np.abs(result.image.pixels[mask].astype(float).mean(axis=0) - empty.rgb.pixels[mask].mean(axis=0)).max() < 8
 

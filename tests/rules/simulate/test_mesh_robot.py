@@ -50,7 +50,7 @@ def test_the_extra_is_named_where_the_distributions_are_missing(
     monkeypatch.setattr(importlib.metadata, "version", missing)
     with pytest.raises(MachineError) as error:
         RuleRunner(tmp_path).run("simulate.mesh_robot", options=OPTIONS, like=LIKE)
-    assert error.value.message == "backend `mujoco` of simulate.mesh_robot is not installed"
+    assert error.value.message == "backend `mujoco` of simulate.mesh_robot is missing"
     assert "robosuite" in error.value.facts["needs"]
     assert error.value.hint == install_extra("robots")
 

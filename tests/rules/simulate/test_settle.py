@@ -11,7 +11,7 @@ from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Scene, SettleReport
 from dextera_build.errors import RuleError
-from dextera_build.rule import Context
+from dextera_build.rule import Context, Options
 from rules.simulate import settle_mujoco, settle_stub
 from rules.simulate.scene import scene
 from rules.simulate.settle import SettleOptions, settle
@@ -62,8 +62,8 @@ def test_a_report_that_leaves_bodies_out_is_refused(tmp_path: Path) -> None:
 
     class Forgetful:
         @staticmethod
-        def let_go(scene: Scene, options: SettleOptions) -> SettleReport:
-            report = settle_stub.let_go(scene, options)
+        def let_go(ctx: Context, scene: Scene, common: SettleOptions, options: Options) -> SettleReport:
+            report = settle_stub.let_go(ctx, scene, common, options)
             return report.model_copy(update={"bodies": ()})
 
     with pytest.raises(RuleError, match="does not name the scene's bodies"):

@@ -11,7 +11,7 @@ from pxr import Sdf
 from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.object import Asset
 from dextera_build.errors import RuleError
-from dextera_build.rule import Context
+from dextera_build.rule import Context, Options
 from rules.simulate import usd_openusd, usd_stub
 from rules.simulate.usd import usd
 from tests import factories
@@ -38,7 +38,7 @@ def test_an_invalid_stage_is_not_published(tmp_path: Path) -> None:
         write = staticmethod(usd_stub.write)
 
         @staticmethod
-        def problems(folder: Folder, scratch: Path) -> list[str]:
+        def problems(ctx: Context, folder: Folder, options: Options) -> list[str]:
             return ["Rule: something is wrong (/World)"]
 
     with pytest.raises(RuleError, match="the USD is not valid: Rule: something is wrong"):

@@ -12,7 +12,7 @@ from dextera_build.artifacts.object import ObjectView, Shape
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast, solids, transforms
 from dextera_build.geometry.solids import Solid
-from dextera_build.rule import Context
+from dextera_build.rule import Context, Options
 from dextera_build.testing import RuleRunner
 from rules.factorize.shapes import evidence, handle, hypotheses, mesh_stub, paint, scoring
 from rules.factorize.shapes.families import revolution
@@ -21,7 +21,7 @@ from tests.rules.factorize import synthetic_views as synthetic
 
 
 def shape_of(seen: ObjectView, folder: Path, backend: str = "primitives", **options: object) -> Shape:
-    shape: Shape = RuleRunner(folder).run("factorize.mesh", backend=backend, options=options, seen=seen)
+    shape: Shape = RuleRunner(folder).run("factorize.mesh", backend=backend, options={"primitives": options}, seen=seen)
     return shape
 
 
@@ -251,8 +251,8 @@ def test_the_stub_is_a_closed_box_at_the_right_place(tmp_path):
 def test_an_open_mesh_is_not_published(tmp_path):
     class Broken:
         @staticmethod
-        def complete(ctx: Context, seen: ObjectView, options: Any) -> Shape:
-            whole = mesh_stub.complete(ctx, seen, options)
+        def complete(ctx: Context, seen: ObjectView, common: Any, options: Options) -> Shape:
+            whole = mesh_stub.complete(ctx, seen, common, options)
             part = whole.mesh.model_copy(update={"faces": whole.mesh.faces[1:], "uv": whole.mesh.uv[1:]})
             return whole.model_copy(update={"mesh": part})
 

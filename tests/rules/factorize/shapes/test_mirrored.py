@@ -19,7 +19,7 @@ from tests.rules.factorize import synthetic_views as synthetic
 
 
 def mirrored(seen: ObjectView, folder: Path, *others: str) -> Shape:
-    options = {"hypotheses": (*others, "mirrored")}
+    options = {"primitives": {"hypotheses": (*others, "mirrored")}}
     shape: Shape = RuleRunner(folder).run("factorize.mesh", options=options, seen=seen)
     return shape
 
