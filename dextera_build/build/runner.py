@@ -96,7 +96,7 @@ def parted(found: RuleFile, backend: str | None, given: Mapping[str, Any]) -> tu
         given: Options as JSON data.
     """
     kind = (found.backends[backend].options if backend else None) or Options
-    common = {name: value for name, value in given.items() if name != backend}
+    common = {name: value for name, value in given.items() if name not in found.backends}
     # JSON mode accepts a list for a tuple, and the engine passes options as JSON.
     return (
         found.rule.options.model_validate_json(json.dumps(common)),

@@ -104,9 +104,7 @@ evaluate_replay_mujoco: rules.evaluate.replay.ReplayBackend = rules.evaluate.rep
 evaluate_replay_stub: rules.evaluate.replay.ReplayBackend = rules.evaluate.replay_stub
 evaluate_rollouts_mujoco: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_mujoco
 evaluate_rollouts_stub: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_stub
-factorize_articulate_crease: rules.factorize.joints.articulate.ArticulateBackend = (
-    rules.factorize.joints.articulate_crease
-)
+crease: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_crease
 factorize_articulate_stub: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_stub
 factorize_collision_coacd: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_coacd
 factorize_collision_stub: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_stub

@@ -181,7 +181,7 @@ def _header(session: Session, output: str) -> dict[str, Any]:
         if isinstance(value, dict) and "$array" in value:
             dtype, shape, _ = value["$array"]
             rows[f"field {name}"] = f"{dtype} {tuple(shape)}"
-        elif isinstance(value, dict) and session.store.blobs.has(value.get("$ref", "")):
+        elif isinstance(value, dict) and "$ref" in value and session.store.blobs.has(value["$ref"]):
             rows[f"field {name}"] = _part(json.loads(session.store.blobs.get(value["$ref"])))
         elif isinstance(value, dict):
             rows[f"field {name}"] = ", ".join(value.get("$map", {})) or next(iter(value), "").removeprefix("$")
