@@ -20,6 +20,7 @@ from dextera_build.artifacts import describe, fields
 from dextera_build.artifacts.arrays import Array as Array
 from dextera_build.artifacts.arrays import is_array, save_arrays
 from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, Stored
+from dextera_build.artifacts.formats import suffix_among
 from dextera_build.artifacts.forms import NOTHING, forms
 from dextera_build.artifacts.labels import check_labels, check_paths, path_fault
 from dextera_build.artifacts.schema import array_specs
@@ -37,6 +38,8 @@ class Artifact(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
     type_name: ClassVar[str] = ""
+    saves: ClassVar[tuple[str, ...]] = ()
+    """Suffixes of the file formats that `save` writes, the usual one first."""
 
     def __init__(self, **fields: Any) -> None:
         try:
@@ -111,12 +114,30 @@ class Artifact(BaseModel):
         """
         return cls.decode(key, get).export(folder, stem)
 
+    def save(self, path: str | Path) -> list[Path]:
+        """Write this value as the file `path`, in the format of its suffix, and return all files, `path` first.
+
+        Raises:
+            ArtifactError: The type has no such format.
+        """
+        path = Path(path)
+        suffix_among(self.name(), path, self.saves)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return self._write(path)
+
+    def _write(self, path: Path) -> list[Path]:
+        """Write `path`, whose suffix is one of `saves`, in any case of letters."""
+        raise NotImplementedError
+
     def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write this value to `folder` in common file formats, and return the files, the main one first.
 
-        The default writes every field that is an artifact into its own files, and the rest as JSON and NPZ.
+        A type without a file format writes every field that is an artifact into its own files, and the rest as JSON
+        and NPZ.
         """
         folder = Path(folder)
+        if self.saves:
+            return self.save(folder / f"{stem}{self.saves[0]}")
         folder.mkdir(parents=True, exist_ok=True)
         arrays: dict[str, Any] = {}
         plain: dict[str, Any] = {}

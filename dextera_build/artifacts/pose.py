@@ -136,6 +136,25 @@ class Similarity(Artifact):
         return self
 
 
+def check_frame(kind: str, frame: str, motion: Pose | Similarity) -> None:
+    """Refuse to move something that is not in the child frame of `motion`.
+
+    Args:
+        kind: What is moved, for the message.
+        frame: Its frame.
+        motion: The motion.
+
+    Raises:
+        ArtifactError: The frames differ.
+    """
+    if frame != motion.child:
+        raise ArtifactError(
+            f"a {kind} in frame `{frame}` cannot be moved by {_named(motion)}",
+            code="DXB-A208",
+            hint="state its frame, or compose the motion with `@` until its child is that frame",
+        )
+
+
 def _named(motion: Pose | Similarity) -> str:
     return f"T_{motion.parent}_{motion.child}"
 

@@ -30,19 +30,49 @@ def thumbnail(parts: Sequence[tuple[np.ndarray, Paint]]) -> np.ndarray:
     total = sum(float(np.linalg.norm(cross, axis=1).sum()) for cross in areas)
     if not total > 0:
         return picture
-    middle = (whole.min(axis=0) + whole.max(axis=0)) / 2
-    pose = look_at(middle + np.array([-0.6, -0.8, 0.55]), middle)
-    reach = float(np.linalg.norm((whole - middle) @ pose[:3, :2], axis=1).max())
+    pose, middle, reach = _viewpoint(whole)
     seen = [
         _points(corners, cross, paint, pose, total)
         for (corners, paint), cross in zip(parts, areas, strict=True)
         if len(corners)
     ]
     places, colours = (np.concatenate(found) for found in zip(*seen, strict=True))
-    places = (places - middle @ pose[:3, :3]) * (0.48 * min(_SIZE) / reach)
+    return _dotted(picture, (places - middle @ pose[:3, :3]) / reach, colours, 1)
+
+
+def scatter(points: np.ndarray, colours: np.ndarray) -> np.ndarray:
+    """Points from their front left and above, (240, 320, 3) uint8 on white.
+
+    Args:
+        points: (N, 3), z up; at most 300,000 are drawn, evenly chosen.
+        colours: (N, 3) sRGB, 0..1.
+    """
+    picture = np.full((*_SIZE, 3), _PAPER, np.uint8)
+    chosen = slice(None, None, -(-len(points) // _SAMPLES) or 1)
+    points, colours = points[chosen].astype(np.float64), colours[chosen]
+    if not len(points):
+        return picture
+    pose, middle, reach = _viewpoint(points)
+    wide = 3 if len(points) < 3_000 else 2 if len(points) < 30_000 else 1
+    return _dotted(picture, (points - middle) @ pose[:3, :3] / max(reach, 1e-12), colours, wide)
+
+
+def _viewpoint(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """T_world_camera (4, 4), the middle (3,) of the points (N, 3), and their reach from it across the view."""
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    pose = look_at(middle + np.array([-0.6, -0.8, 0.55]), middle)
+    return pose, middle, float(np.linalg.norm((points - middle) @ pose[:3, :2], axis=1).max())
+
+
+def _dotted(picture: np.ndarray, places: np.ndarray, colours: np.ndarray, wide: int) -> np.ndarray:
+    """The picture with a square of `wide` pixels at places (N, 3): right, down and forward, within 1 of the middle."""
     order = np.argsort(-places[:, 2], kind="stable")  # the nearest point is written last
-    column, row = (np.round(places[order, axis] + _SIZE[1 - axis] / 2).astype(int) for axis in (0, 1))
-    picture[row, column] = np.round(255 * colours[order].clip(0, 1)).astype(np.uint8)
+    scaled = places[order, :2] * (0.48 * min(_SIZE))
+    column, row = (np.round(scaled[:, axis] + _SIZE[1 - axis] / 2).astype(int) for axis in (0, 1))
+    shades = np.round(255 * colours[order].clip(0, 1)).astype(np.uint8)
+    offsets = np.arange(wide) - wide // 2
+    rows, columns = row[:, None, None] + offsets[:, None], column[:, None, None] + offsets
+    picture[rows, columns] = shades[:, None, None]
     return picture
 
 

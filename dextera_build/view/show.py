@@ -12,6 +12,7 @@ from dextera_build.artifacts.camera import Camera, Capture
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Asset, Body, Collision, ObjectView, Segmentation, Shape, Support
+from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Background
 from dextera_build.errors import UsageError
@@ -149,6 +150,14 @@ def _(segmentation: Segmentation, server: Any, name: str) -> Any:
 
 
 @show.register
+def _(cloud: PointCloud, server: Any, name: str) -> Any:
+    """The points, in one colour if they have none."""
+    grey = np.full(cloud.points.shape, 110, np.uint8)
+    colours = grey if cloud.colours is None else cloud.colours
+    return add_points(server, name, cloud.points, colours, np.ones(len(cloud.points), bool))
+
+
+@show.register
 def _(collection: Collection, server: Any, name: str) -> Any:  # type: ignore[type-arg]
     """Every item under its label."""
     frame = add_frame(server, name, np.eye(4))
@@ -192,7 +201,7 @@ def add_piece(server: Any, name: str, hull: Hull, colour: tuple[int, int, int], 
 
 
 def add_points(server: Any, name: str, points: np.ndarray, colours: np.ndarray, where: np.ndarray) -> Any:
-    """Points (H, W, 3) [m] with colours (H, W, 3) uint8 at the pixels of `where` (H, W), thinned evenly."""
+    """Points (..., 3) [m] with colours (..., 3) uint8 where `where` (...) holds, thinned evenly."""
     chosen = np.flatnonzero(where)
     chosen = chosen[:: max(1, -(-len(chosen) // MOST_POINTS))]
     flat, paint = points.reshape(-1, 3)[chosen], colours.reshape(-1, 3)[chosen]

@@ -21,6 +21,7 @@ from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose, Similarity
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
@@ -108,12 +109,22 @@ def _similarity(draw: Draw) -> dict[str, Any]:
     return fields | {"scale": draw(st.floats(1e-3, 1e3)), "covariance": wider}
 
 
+def _point_cloud(draw: Draw) -> dict[str, Any]:
+    fields = _fields(draw, PointCloud)
+    if fields["normals"] is not None:
+        axis = draw(arrays.arrays(np.int64, len(fields["points"]), elements=st.integers(0, 3)))
+        fields["normals"] = np.eye(4, 3, dtype=np.float32)[axis]
+    attributes = {f"_{name}": numbers for name, numbers in fields["attributes"].items()}
+    return fields | {"frame": draw(LABELS), "attributes": attributes}
+
+
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Folder: _folder,
     Mesh: _mesh,
     Capture: _capture,
     Pose: _pose,
     Similarity: _similarity,
+    PointCloud: _point_cloud,
 }
 """Types whose fields depend on one another."""
 

@@ -14,6 +14,7 @@ import pytest
 from dextera_build.artifacts.base import Collection, File
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.errors import UsageError
 from dextera_build.geometry import kinematics, quaternions
 from dextera_build.view import scene, server
@@ -124,6 +125,7 @@ def test_the_frustum_is_the_cameras(shown: Recorder) -> None:
         factories.support(),
         factories.capture(),
         factories.capture().rgb,
+        PointCloud(points=np.eye(3, dtype=np.float32)),
         Collection[Mesh](items={"a": factories.box_mesh((0, 0, 0), (1, 1, 1))}),
     ],
     ids=lambda artifact: artifact.name(),

@@ -1,4 +1,4 @@
-"""`dxb get`: a node's artifact as files."""
+"""`dxb get`: a node's artifact as files, or as one file in the format of its suffix."""
 
 from __future__ import annotations
 
@@ -14,7 +14,13 @@ from dextera_build.errors import UsageError
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("node", metavar="RECIPE:NODE", help="twin/laptop_scene:body[mug].mesh")
-    parser.add_argument("-o", "--out", metavar="DIR", default=".", help="where to write (the current folder)")
+    parser.add_argument(
+        "-o",
+        "--out",
+        metavar="DIR|FILE",
+        default=".",
+        help="the folder to write to (the current one), or a file whose suffix is a format of the type: mug.glb",
+    )
     options.project_arguments(parser)
     options.request_arguments(parser)
     options.json_argument(parser)
@@ -29,7 +35,10 @@ def run(args: argparse.Namespace) -> int:
         hint = f"`dxb get {session.recipe}:NODE`; `dxb ls {session.recipe}`"
         raise UsageError("a node is missing: `get` takes RECIPE:NODE", code="DXB-U111", hint=hint)
     artifact = session.artifact(node)
-    with writing(Path(args.out)):
-        written = artifact.export(Path(args.out), stem_of(node))
+    out = Path(args.out)
+    with writing(out):
+        # A type without file formats takes every path as a folder, `-o twin.v2` included.
+        as_file = bool(out.suffix and artifact.saves) and not out.is_dir()
+        written = artifact.save(out) if as_file else artifact.export(out, stem_of(node))
     print(json.dumps({"files": [str(path) for path in written]}) if args.json else "\n".join(map(str, written)))
     return 0
