@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
 
 from dextera_build.engine.graph import (
@@ -169,6 +170,23 @@ class Wiring:
         if isinstance(part, Item):
             return self.opening(part.group, reader.labels[: len(part.group) - 1])
         return self._gathering(part, reader.path[:-1], reader.labels)
+
+    def values(self, node: Node) -> dict[str, str]:
+        """Slot -> digest of the inputs of `node`, whose sources are known; without optional fields that are not set.
+
+        Raises:
+            DxbError: See `value`.
+        """
+        found: dict[str, str] = {}
+        for slot, source in node.call.inputs.items():
+            if isinstance(source, Output | Item) and source.optional:
+                start = self.value(replace(source, fields=()), node)
+                given = headers.project_set(self._store.blobs.get, start, source.fields)
+                if given is not None:
+                    found[slot] = given
+            else:
+                found[slot] = self.value(source, node)
+        return found
 
     def value(self, source: Input, reader: Unit) -> str:
         """Digest of an input of `reader` whose sources are known; stores a collection that the recipe lists.

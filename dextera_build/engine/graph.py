@@ -33,6 +33,8 @@ class Output:
     call: tuple[str, ...]
     fields: tuple[str, ...] = ()
     """Fields of artifact headers to follow: `$capture.rgb`."""
+    optional: bool = False
+    """Whether the reader does without the input if one of `fields` is not set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,8 @@ class Item:
 
     group: tuple[str, ...]
     fields: tuple[str, ...] = ()
+    optional: bool = False
+    """See `Output.optional`."""
 
 
 @dataclass(frozen=True, slots=True)

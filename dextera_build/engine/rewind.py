@@ -37,12 +37,13 @@ def rewind(unit: Unit, digest: str, store: Store, states: States) -> list[Unit] 
 def absent(node: Node, store: Store, wiring: Wiring) -> list[Node]:
     """Nodes with bare results whose absent bytes `node`, with all inputs known, needs to read."""
     found: dict[Node, None] = {}
+    inputs = node.inputs or wiring.values(node)  # a dry run does not keep inputs
     for slot, source in node.call.inputs.items():
         bare = [maker for maker in _makers(wiring.sources(source, node)) if maker.bare]
         if not bare:
             continue
-        given = node.inputs.get(slot) or wiring.value(source, node)  # a dry run does not keep inputs
-        if not store.actions.references.are_here(given):
+        given = inputs.get(slot)
+        if given is not None and not store.actions.references.are_here(given):
             found |= dict.fromkeys(maker for maker in bare if not _is_here(maker, store))
     return list(found)
 

@@ -189,7 +189,7 @@ class Scheduler:
         call = node.call
         if node.leaves:
             self.wiring.note_leaves(node, call)  # another node may have refreshed their digests since
-        inputs = node.inputs = {slot: self.wiring.value(source, node) for slot, source in call.inputs.items()}
+        inputs = node.inputs = self.wiring.values(node)
         document = node.document = self._writer.document(call, inputs)
         node.key = digests.of_bytes(document)
         try:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.code.loader import BackendFile, Library, RuleFile, version_of
-from dextera_build.engine.graph import Call, Graph, Input, Pack, RuleFacts
+from dextera_build.engine.graph import Call, Graph, Input, Item, Output, Pack, RuleFacts
 from dextera_build.errors import (
     ArtifactError,
     MachineError,
@@ -328,6 +328,8 @@ def _resolved(node: Node, name: str, slot: Slot, scope: Scope) -> Input | None:
             code="DXB-R107",
             where=node.place,
         )
+    if slot.optional and isinstance(bound.input, Output | Item) and bound.input.fields:
+        return replace(bound.input, optional=True)
     return bound.input
 
 

@@ -92,6 +92,17 @@ def project(read: Read, digest: str, fields: Sequence[str]) -> str:
     """Follow artifact fields from `digest`; a step may also be a key of a map of artifacts.
 
     Raises:
+        RuleError: A field does not exist, is not set, or leads to something that is not an artifact.
+    """
+    found = project_set(read, digest, fields, unset=False)
+    assert found is not None
+    return found
+
+
+def project_set(read: Read, digest: str, fields: Sequence[str], *, unset: bool = True) -> str | None:
+    """Like `project`; with `unset`, None if a field on the way is declared but not set.
+
+    Raises:
         RuleError: A field does not exist, or leads to something that is not an artifact.
     """
     kind = owner = ""
@@ -106,6 +117,8 @@ def project(read: Read, digest: str, fields: Sequence[str]) -> str:
             owner = f"in `{fields[place - 1]}` of {kind}"
         here = known.get(step)
         last = place == len(fields) - 1
+        if unset and here is None and step in known:
+            return None
         if not isinstance(here, dict) or ("$ref" not in here and (last or "$map" not in here)):
             raise _refused(step, owner, known)
     return str(here["$ref"])

@@ -8,7 +8,7 @@ import threading
 from pathlib import Path
 
 from dextera_build import digest
-from dextera_build.engine.graph import Address, Group, Pack
+from dextera_build.engine.graph import Address, Graph, Group, Pack
 from dextera_build.engine.key import Writer
 from dextera_build.runs.events import (
     GroupOpened,
@@ -43,6 +43,21 @@ def test_only_what_the_target_needs_runs(store: Store) -> None:
     assert result.targets == ("body[mug].mesh",)
     every_copy, _ = run(scene(), store, Address(("body", "mesh")))
     assert every_copy.targets == ("body[box].mesh", "body[mug].mesh")
+
+
+def test_an_optional_field_that_is_not_set_is_an_input_left_out(store: Store) -> None:
+    def plan(note: str | None, *, optional: bool = True) -> Graph:
+        second = dataclasses.replace(out("a", "note"), optional=optional)
+        return graph(call("a", "noted", note), call("b", first=out("a"), second=second))
+
+    _, record = run(plan(None), store)
+    assert [set(event.inputs) for event in record.of(NodeFinished)] == [set(), {"first"}]
+    whole, record = run(plan("seen"), store)
+    assert [set(event.inputs) for event in record.of(NodeFinished)] == [set(), {"first", "second"}]
+    assert [node.status for node in whole.nodes.values()] == ["ran", "ran"]
+    assert {node.status for node in run(plan(None), store)[0].nodes.values()} == {"cached"}
+    refused, _ = run(plan(None, optional=False), store)
+    assert [node.error.code for node in refused.nodes.values() if node.error] == ["DXB-B312"]
 
 
 def test_an_equal_output_stops_the_wave(store: Store) -> None:

@@ -98,6 +98,9 @@ def _output(options: Mapping[str, Any], inputs: Mapping[str, str], store: Store)
         count = 2 + int(seen, 16) % 2
         parts = {f"i{n}": {"$ref": store.blobs.put(text_header(f"{seen[:4]}{n}"))} for n in range(count)}
         return digest.canonical({"artifact": "Many", "fields": {"items": {"$map": parts}}})
+    if do == "noted":
+        note = {"$ref": store.blobs.put(text_header(value))} if value else None
+        return digest.canonical({"artifact": "Noted", "fields": {"note": note}})
     if do == "dice":  # what no key tells of
         return text_header(seen + Path(os.environ["TINY_DICE"]).read_text())
     if do == "blob":

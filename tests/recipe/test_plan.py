@@ -10,6 +10,24 @@ from dextera_build.errors import DxbError, MachineError, RecipeError, UsageError
 from dextera_build.recipe import profiles, settings
 from dextera_build.recipe.plan import Request, plan
 
+PAIR = '''
+"""toy.pair: two files, one of them optional."""
+from dextera_build.artifacts.base import Artifact, File
+from dextera_build.rule import Context, rule
+
+class Pair(Artifact):
+    """Two files."""
+    first: File
+    """Always there."""
+    second: File | None = None
+    """Perhaps."""
+
+@rule(version=1)
+def pair(ctx: Context) -> Pair:
+    """Return the first alone."""
+    return Pair(first=File(data=b"one"))
+'''
+
 
 def planned(space, address="say/words", **request):
     project = space.project()
@@ -29,6 +47,16 @@ def test_references_become_inputs(space):
     assert calls["word", "loud"].inputs == {"text": Item(("word",))}
     assert calls["word", "louder"].inputs == {"text": Output(("word", "loud"))}
     assert calls["all",].inputs == {"texts": Gather(("word", "louder"))}
+
+
+def test_an_optional_input_may_be_a_field_that_is_not_set(space):
+    space.write("rules/toy/pair.py", PAIR)
+    nodes = "{p: {rule: toy.pair}, s: {rule: toy.shout, text: $p.first, more: $p.second}}"
+    space.write("recipes/say/a.yaml", f"summary: A pair.\nnodes: {nodes}\ntargets: {{default: [s]}}\n")
+    calls = dict(planned(space, "say/a").calls())
+    assert calls["s",].inputs["text"] == Output(("p",), ("first",))
+    assert calls["s",].inputs["more"] == Output(("p",), ("second",), optional=True)
+    assert space.dxb("build", "say/a").code == 0
 
 
 def test_options_are_complete_and_typed(space):

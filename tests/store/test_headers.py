@@ -132,6 +132,15 @@ def test_a_wrong_step_says_what_there_is(
     assert caught.value.facts
 
 
+def test_a_field_that_is_not_set_may_end_the_way(memory: Memory, outer: str) -> None:
+    read = memory.__getitem__
+    assert headers.project_set(read, outer, ("absent",)) is None
+    assert headers.project_set(read, outer, ("absent", "points")) is None
+    assert headers.project_set(read, outer, ("first",)) == headers.project(read, outer, ("first",))
+    with pytest.raises(RuleError, match="`frist` is not a field of Outer"):
+        headers.project_set(read, outer, ("frist",))
+
+
 def test_items_are_what_each_opens(memory: Memory, outer: str) -> None:
     found = headers.items(memory.__getitem__, outer)
     assert sorted(found) == ["box", "mug"]
