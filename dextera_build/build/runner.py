@@ -193,7 +193,7 @@ class _Calls:
 
             wanted = "off" if self._task.get("profile") == "stub" else os.environ.get("DXB_CALLS") or "record"
             fetch = _fetcher(self._task, self._store)
-            recorder = Recorder(self._store, wanted, fetch, lambda text: self._emit("log", {"text": text}))
+            recorder = Recorder(self._store, wanted, fetch, self._emit)
             self._recorder, self.made = recorder, recorder.made
         return self._recorder(*words, **manner)
 

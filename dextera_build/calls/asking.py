@@ -5,18 +5,19 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from email.utils import parsedate_to_datetime
 from http.client import HTTPException
-from typing import NoReturn, TypeAlias
+from typing import NoReturn, TypeAlias, TypeVar
 
-from dextera_build.calls import Response
+from dextera_build.calls import JobManner, Response
 from dextera_build.calls.question import Question, secret_in, without_secrets
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.store.backoff import backoff
 
 Send: TypeAlias = Callable[[float], bytes | Response]
 """Timeout [s] -> the answer."""
+T = TypeVar("T")
 _MOST_RETRY_AFTER_S = 300.0
 _SHOWN = 200
 _USAGE = {"prompt_tokens": "tokens", "completion_tokens": "tokens", "total_tokens": "tokens", "cost": "USD"}
@@ -25,7 +26,7 @@ _ALSO = {"input_tokens": "prompt_tokens", "output_tokens": "completion_tokens"}
 
 @dataclass(frozen=True)
 class Manner:
-    """Timeout, retries and checks of a call."""
+    """Timeouts, retries and checks of a call; `poll_s` and `limit_s` apply to jobs. See `JobManner`."""
 
     timeout_s: float = 60.0
     tries: int = 4
@@ -34,6 +35,14 @@ class Manner:
     valid: Callable[[bytes], object] | None = None
     """Raises `ValueError` or `RuleError` for an unusable body, which is not recorded."""
     secrets: tuple[str, ...] = ()
+    poll_s: float = 5.0
+    limit_s: float = 3600.0
+
+    @classmethod
+    def of(cls, given: JobManner) -> Manner:
+        """The manner with the given keywords, and one try at least."""
+        found = cls(**given)
+        return replace(found, tries=max(found.tries, 1), secrets=tuple(found.secrets))
 
 
 class _AgainError(Exception):
@@ -51,10 +60,39 @@ def ask(asked: Question, send: Send, manner: Manner, log: Callable[[str], None])
         MachineError: The service cannot be reached, is overloaded, or denies access.
         RuleError: It refuses the request, or its answer is unusable.
     """
+
+    def once() -> Response:
+        answer = _sent(asked, send, manner)
+        response = answer if isinstance(answer, Response) else Response(answer)
+        checked(asked, response, manner)
+        return response
+
+    return tried(once, asked, manner, log)
+
+
+def step(asked: Question, send: Callable[[float], T | Response], manner: Manner, log: Callable[[str], None]) -> T:
+    """Send one request of a job; return its answer.
+
+    Raises:
+        DxbError: As for `ask`.
+    """
+
+    def once() -> T:
+        answer = _sent(asked, send, manner)
+        if isinstance(answer, Response):
+            _look_at_status(asked, answer, manner)
+            raise TypeError(f"a job of `{asked.service}` returned a response in place of its value")
+        return answer
+
+    return tried(once, asked, manner, log)[0]
+
+
+def tried(once: Callable[[], T], asked: Question, manner: Manner, log: Callable[[str], None]) -> tuple[T, float]:
+    """Call `once` until it does not ask for another try; return its value and the duration of that try [s]."""
     for number in range(1, manner.tries + 1):
         began = time.monotonic()
         try:
-            response = _once(asked, send, manner)
+            found = once()
         except _AgainError as fault:
             if number == manner.tries or (fault.after_s or 0.0) > _MOST_RETRY_AFTER_S:
                 _give_up(asked, fault, number)
@@ -62,8 +100,21 @@ def ask(asked: Question, send: Send, manner: Manner, log: Callable[[str], None])
             log(f"{asked.shown}: {fault}; asked again in {rest:.1f} s, try {number + 1} of {manner.tries}")
             time.sleep(rest)
         else:
-            return response, time.monotonic() - began
+            return found, time.monotonic() - began
     raise AssertionError("the last try returns or raises")
+
+
+def checked(asked: Question, answer: bytes | Response, manner: Manner) -> bytes:
+    """The body of an answer with a good status that holds no secret and passes `Manner.valid`.
+
+    Raises:
+        DxbError: The service refuses the request, or the answer holds a secret.
+    """
+    if isinstance(answer, Response):
+        _look_at_status(asked, answer, manner)
+    body = answer.body if isinstance(answer, Response) else answer
+    _look_at_body(asked, body, manner)
+    return body
 
 
 def amounts(body: bytes) -> dict[str, tuple[float, str]]:
@@ -77,10 +128,10 @@ def amounts(body: bytes) -> dict[str, tuple[float, str]]:
     return {name: (float(value), _USAGE[name]) for name, value in right.items()}
 
 
-def _once(asked: Question, send: Send, manner: Manner) -> Response:
+def _sent(asked: Question, send: Callable[[float], T], manner: Manner) -> T:
     try:
-        answer = send(manner.timeout_s)
-    except DxbError:
+        return send(manner.timeout_s)
+    except (DxbError, _AgainError):
         raise
     except Exception as error:
         why = without_secrets(f"{type(error).__name__}: {error}".rstrip(": "), manner.secrets)
@@ -90,10 +141,6 @@ def _once(asked: Question, send: Send, manner: Manner) -> Response:
         raise RuleError(
             f"the call of `{asked.shown}` failed: {why.splitlines()[0][:_SHOWN]}", code="DXB-B344", facts=asked.facts()
         ) from None
-    response = answer if isinstance(answer, Response) else Response(answer)
-    _look_at_status(asked, response, manner)
-    _look_at_body(asked, response.body, manner)
-    return response
 
 
 def _is_transport(error: Exception) -> bool:

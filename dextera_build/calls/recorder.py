@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, TypeAlias
 
-from dextera_build.calls import Response
+from typing_extensions import Unpack
+
+from dextera_build.calls import Job, JobManner, Response
 from dextera_build.calls.asking import Manner, Send, amounts, ask
+from dextera_build.calls.jobs import Emit, Run
 from dextera_build.calls.question import Question, question
 from dextera_build.errors import RuleError, StoreError
 from dextera_build.store import headers
@@ -34,30 +37,21 @@ class Recorder:
             everything again and compare; the first answer stays. `replace`: as `refresh`, but the new answer stays.
             `off`: make no calls.
         fetch: Looks up a recorded answer in remotes; None without remotes.
-        log: Takes a line about each call, for the node's log.
+        emit: Takes `log` lines about each call, `progress` of jobs, and as `grace` the time that a worker needs to end.
     """
 
     def __init__(
-        self, store: Store, mode: str, fetch: Fetch | None = None, log: Callable[[str], None] = lambda text: None
+        self, store: Store, mode: str, fetch: Fetch | None = None, emit: Emit = lambda kind, data: None
     ) -> None:
-        self._store, self._mode, self._fetch, self._log = store, mode, fetch, log
+        self._store, self._mode, self._fetch, self._emit = store, mode, fetch, emit
         self.made: list[dict[str, Any]] = []
         """The calls, in order: `call`, `result`, `service`, `model`, `how`, `seconds` and amounts."""
 
-    def __call__(
-        self,
-        service: str,
-        request: object,
-        send: Send,
-        *,
-        valid: Callable[[bytes], object] | None = None,
-        timeout_s: float = 60.0,
-        tries: int = 4,
-        wait_s: float = 1.0,
-        secrets: Iterable[str] = (),
-    ) -> bytes:
-        """The body of the answer; see `Context.call`."""
-        manner = Manner(timeout_s, max(tries, 1), wait_s, valid, tuple(secrets))
+    def __call__(self, service: str, request: object, send: Send | Job, **manner: Unpack[JobManner]) -> bytes:
+        """The body of the answer; see `Context.call`, and `Context.job` for a `Job` in place of a function."""
+        return self._answer(service, request, send, Manner.of(manner))
+
+    def _answer(self, service: str, request: object, send: Send | Job, manner: Manner) -> bytes:
         asked = question(service, request, manner.secrets)
         if self._mode == "off":
             raise RuleError(
@@ -83,11 +77,23 @@ class Recorder:
         self._note(asked, result, how)
         return body
 
-    def _settle(self, asked: Question, send: Send, manner: Manner) -> tuple[bytes, ActionResult, How]:
+    def _settle(self, asked: Question, send: Send | Job, manner: Manner) -> tuple[bytes, ActionResult, How]:
         known = self._known(asked, elsewhere=self._mode != "record")  # `record` has searched remotes before
         if known is not None and self._mode == "record":
             return known
-        response, seconds = ask(asked, send, manner, self._log)
+        if isinstance(send, Job):
+            folder = self._store.keep.path(asked.key)
+            response, seconds = Run(asked, send, manner, folder, self._emit).answer()
+        else:
+            response, seconds = ask(asked, send, manner, self._log)
+        settled = self._compared(asked, known, response, seconds)
+        self._store.keep.drop(asked.key)
+        return settled
+
+    def _compared(
+        self, asked: Question, known: tuple[bytes, ActionResult, How] | None, response: Response, seconds: float
+    ) -> tuple[bytes, ActionResult, How]:
+        """Record a new answer, or compare it with the one that is known."""
         if known is None:
             return response.body, self._publish(asked, response, seconds), "asked"
         body, first, _ = known
@@ -128,6 +134,9 @@ class Recorder:
     def _kept(self, body: bytes) -> str:
         """Store these bytes as a `File` and return its digest."""
         return self._store.blobs.put(headers.file_header(self._store.blobs.put(body), len(body)))
+
+    def _log(self, text: str) -> None:
+        self._emit("log", {"text": text})
 
     def _note(self, asked: Question, result: ActionResult, how: How) -> None:
         said = {name: value for name, (value, _) in result.metrics.items() if name in ("total_tokens", "cost")}

@@ -4,6 +4,8 @@ A rule is a function from artifacts to one artifact, alone in a file of the same
 it returns a `Rule`, and the loader finds it by its path.
 """
 
+from dextera_build.calls import Job as Job
+from dextera_build.calls import JobState as JobState
 from dextera_build.calls import Response as Response
 from dextera_build.rule.backend import Backend as Backend
 from dextera_build.rule.context import Context as Context

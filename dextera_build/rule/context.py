@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, cast
 import typing_extensions
 
 from dextera_build.artifacts.base import File
-from dextera_build.calls import Response
+from dextera_build.calls.context import Calling
 from dextera_build.errors import RuleError
 from dextera_build.rule.options import Options
 
@@ -47,7 +47,7 @@ class Reads(Protocol):
         ...
 
 
-class Context(Generic[B]):
+class Context(Calling, Generic[B]):
     """Services for a running rule; `Context[MeshBackend]` for a rule whose backends follow that `Protocol`.
 
     Args:
@@ -56,7 +56,7 @@ class Context(Generic[B]):
         scratch: A private folder of this call, removed afterwards; or a function that creates it on first use.
         emit: Takes (kind, data) messages as they occur: `progress`, `log`.
         keep: See the property `keep`; None for a folder below `scratch`.
-        calls: Executes `call`; None if no recorder exists.
+        calls: Executes `call` and `job`; None if no recorder exists.
         reads: Reads files of the project; None for a rule that does not declare `discovers`.
     """
 
@@ -71,13 +71,13 @@ class Context(Generic[B]):
         calls: Callable[..., bytes] | None = None,
         reads: Reads | None = None,
     ) -> None:
+        super().__init__(calls)
         self.backend = cast(B, backend)
         self.backend_options = backend_options or Options()
         self._scratch = scratch
         self.outcome = Outcome()
         self._emit = emit or (lambda kind, data: None)
         self._keep = keep
-        self._calls = calls
         self._reads = reads
 
     @cached_property
@@ -134,52 +134,6 @@ class Context(Generic[B]):
                 hint="`@rule(..., discovers=True)`, or make the file an input",
             )
         return self._reads
-
-    def call(
-        self,
-        service: str,
-        request: Mapping[str, Any],
-        send: Callable[[float], bytes | Response],
-        *,
-        valid: Callable[[bytes], object] | None = None,
-        timeout_s: float = 60.0,
-        tries: int = 4,
-        wait_s: float = 1.0,
-        secrets: tuple[str, ...] = (),
-    ) -> bytes:
-        """The answer of an external service: a model in a cloud, a generator behind an API.
-
-        The answer is recorded under the digest of `service` and `request`. If a recorded answer exists, nothing is
-        sent, so a build can be repeated without network access or cost.
-
-        Args:
-            service: Name of the service, never its address.
-            request: Everything that the answer depends on, as plain data; bytes enter by digest. No key, host or time.
-            send: Called with a timeout [s] if no answer is recorded; adds host and key, and returns the body or a
-                `Response` with the status. `OSError`, httpx's transport errors, and the statuses 429 and 5xx are
-                retried.
-            valid: Raises `ValueError` or a `RuleError` for a body that is not an answer; it is not recorded.
-            timeout_s: Timeout passed to `send` [s].
-            tries: Maximum number of tries.
-            wait_s: Delay before the second try [s], doubled before each further one; `Retry-After` takes precedence.
-            secrets: Texts that must not occur in the request or the answer, in addition to the values of variables
-                such as `SERVICE_API_KEY`.
-
-        Raises:
-            DxbError: No answer is recorded and requests are not allowed, or the service gives no answer.
-        """
-        if self._calls is None:
-            raise RuleError("nothing records calls here", code="DXB-B348", facts={"service": service})
-        return self._calls(
-            service,
-            request,
-            send,
-            valid=valid,
-            timeout_s=timeout_s,
-            tries=tries,
-            wait_s=wait_s,
-            secrets=secrets,
-        )
 
     def check(self, holds: bool, message: str, *, hint: str | None = None, **facts: object) -> None:
         """Check a post-condition; the result is not published if it fails.

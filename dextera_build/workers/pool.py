@@ -90,10 +90,11 @@ class LocalExecutor:
         """End all workers and the processes they started; busy workers may clean up first."""
         for process in self._busy():
             process.ask_to_end()
-        deadline = time.monotonic() + _GRACE_S
+        began = time.monotonic()
         while self._workers:
             process = self._workers[0]
-            self._end(process, max(0.0, deadline - time.monotonic()) if process.task else 0.0)
+            patience_s = process.grace_s - (time.monotonic() - began) if process.task else 0.0
+            self._end(process, max(0.0, patience_s))
         self._waiting.clear()
 
     def pids(self) -> list[int]:
@@ -137,7 +138,10 @@ class LocalExecutor:
                 continue
             elif "said" in line:
                 kind, data = line["said"]
-                reports.append(Said(process.task.ticket, kind, data))
+                if kind == "grace":
+                    process.grace_s = float(data["seconds"])
+                else:
+                    reports.append(Said(process.task.ticket, kind, data))
             else:
                 log, error = line["log"].encode("latin-1"), from_json(line["error"]) if line["error"] else None
                 reports.append(Ended(**{**line, "ticket": process.task.ticket, "log": log, "error": error}))
@@ -193,6 +197,8 @@ class Process:
         """Whether it has loaded the runner."""
         self.began = time.monotonic()
         """Start of its task or of loading, by `time.monotonic`."""
+        self.grace_s = _GRACE_S
+        """How long it may take to clean up when a build is cut short [s]."""
         self.peak = 0
         """Peak memory of the worker and its children [bytes]; set by `end`."""
         self._buffer = b""
@@ -244,7 +250,7 @@ class Process:
 
     def give(self, task: Task) -> None:
         """Give it a task; `hear` reports a worker that is already dead."""
-        self.task, self.began = task, time.monotonic()
+        self.task, self.began, self.grace_s = task, time.monotonic(), _GRACE_S
         self._send(json.dumps(task.message()).encode())
 
     def _send(self, data: bytes) -> None:
