@@ -10,7 +10,9 @@ from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import Asset, Body, Collision, Inertial, Joint, Link, Physics, Pieces, Support
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Background, SupportBox
+from dextera_build.artifacts.splats import Splats
 from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry.gaussians import Gaussians
 
 BOX_FACES = np.array(
     [
@@ -230,3 +232,21 @@ def _revolved_faces(count: int, rings: int) -> np.ndarray:
         last = (rings - 1) * count
         faces.append([inner, last + i, last + j])
     return np.array(faces, np.int32)
+
+
+def gaussians(count: int, coefficients: int = 16, seed: int = 0) -> Gaussians:
+    """Gaussians of some centimetres within a metre, with colours that depend on the direction."""
+    random = np.random.default_rng(seed)
+    turns = random.normal(size=(count, 4))
+    return Gaussians(
+        random.normal(size=(count, 3)) * 0.3,
+        turns / np.linalg.norm(turns, axis=1, keepdims=True),
+        np.exp(random.normal(size=(count, 3)) * 0.5 - 3),
+        random.uniform(0.05, 1, count),
+        random.normal(size=(count, coefficients, 3)) * 0.3,
+    )
+
+
+def splats(count: int, coefficients: int = 16, frame: str = "object") -> Splats:
+    """The same as an artifact."""
+    return Splats.of(gaussians(count, coefficients), frame)

@@ -2,10 +2,33 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from dextera_build.errors import ArtifactError
+
+_FRAME = "frame "
+
+
+def module(name: str) -> Any:
+    """The module `artifacts.NAME`, which writes files with a heavy package.
+
+    It is loaded by name because exports are no part of results: neither its code nor its packages shall enter the keys
+    of all rules that use the type. A rule that reads files through such a module imports it.
+    """
+    return importlib.import_module(f"dextera_build.artifacts.{name}")
+
+
+def frame_comments(frame: str) -> tuple[str, ...]:
+    """Comments of a file that name the frame of its coordinates."""
+    return (f"{_FRAME}{frame}",) if frame else ()
+
+
+def frame_of(comments: Sequence[str]) -> str:
+    """The frame that comments of a file name, or ""."""
+    return next((line.removeprefix(_FRAME) for line in comments if line.startswith(_FRAME)), "")
 
 
 def suffix_among(kind: str, path: Path, known: Sequence[str]) -> str:

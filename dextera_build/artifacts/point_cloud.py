@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from dextera_build.artifacts.base import Array, Artifact
-from dextera_build.artifacts.formats import suffix_among, unreadable
+from dextera_build.artifacts.formats import frame_comments, frame_of, suffix_among, unreadable
 from dextera_build.artifacts.image import png
 from dextera_build.artifacts.pose import Pose, Similarity, check_frame
 from dextera_build.errors import ArtifactError
@@ -22,8 +22,6 @@ _XYZ, _NORMAL, _RGB = ("x", "y", "z"), ("nx", "ny", "nz"), ("red", "green", "blu
 _TAKEN = {*_XYZ, *_NORMAL, *_RGB}
 _WORD = re.compile("[!-~]+")
 _GREY = 0.45
-FRAME = "frame "
-"""Begins the comment of a PLY file that names the frame of its coordinates."""
 _ROUNDING_M = 1e-4
 """Largest error of float32 coordinates [m]; map coordinates in doubles have a larger one."""
 
@@ -104,7 +102,7 @@ class PointCloud(Artifact):
         table = np.empty(len(self.points), [(name, column.dtype) for name, column in columns.items()])
         for name, column in columns.items():
             table[name] = column
-        return ply.written(table, (f"{FRAME}{self.frame}",) if self.frame else (), text=text)
+        return ply.written(table, frame_comments(self.frame), text=text)
 
     def _write(self, path: Path) -> list[Path]:
         path.write_bytes(self.ply())
@@ -129,8 +127,7 @@ class PointCloud(Artifact):
             attributes = {name: _attribute(name, column) for name, column in columns.items()}
         except ValueError as error:
             raise unreadable(path, "PLY", error) from None
-        told = next((line.removeprefix(FRAME) for line in comments if line.startswith(FRAME)), "")
-        frame = told if frame is None else frame
+        frame = frame_of(comments) if frame is None else frame
         return cls(points=points, normals=normals, colours=colours, attributes=attributes, frame=frame)
 
 

@@ -15,8 +15,9 @@ from dextera_build.artifacts.object import Asset, Body, Collision, ObjectView, S
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.splats import Splats
 from dextera_build.errors import UsageError
-from dextera_build.geometry import cameras, convex, kinematics, quaternions, transforms
+from dextera_build.geometry import cameras, convex, gaussians, kinematics, quaternions, transforms
 
 PIECE_COLOURS = ((230, 85, 60), (60, 140, 220), (90, 180, 90), (235, 170, 50), (150, 105, 200), (90, 190, 190))
 MOST_POINTS = 100_000
@@ -155,6 +156,20 @@ def _(cloud: PointCloud, server: Any, name: str) -> Any:
     grey = np.full(cloud.points.shape, 110, np.uint8)
     colours = grey if cloud.colours is None else cloud.colours
     return add_points(server, name, cloud.points, colours, np.ones(len(cloud.points), bool))
+
+
+@show.register
+def _(splats: Splats, server: Any, name: str) -> Any:
+    """The Gaussians, in the colours that they show towards the start of the view, far above."""
+    made = splats.gaussians
+    colours = gaussians.colours(made, np.array([0.0, 0.0, 1e6])).clip(0, 1).astype(np.float32)
+    return server.scene.add_gaussian_splats(
+        name,
+        centers=splats.means,
+        covariances=gaussians.covariances(made).astype(np.float32),
+        rgbs=colours,
+        opacities=splats.opacities[:, None],
+    )
 
 
 @show.register

@@ -23,6 +23,7 @@ from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose, Similarity
+from dextera_build.artifacts.splats import Splats
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 LABELS = st.from_regex(r"[a-z][a-z0-9_]{0,7}", fullmatch=True)
@@ -118,6 +119,19 @@ def _point_cloud(draw: Draw) -> dict[str, Any]:
     return fields | {"frame": draw(LABELS), "attributes": attributes}
 
 
+def _splats(draw: Draw) -> dict[str, Any]:
+    count, degree = draw(st.integers(1, 4)), draw(st.integers(0, 3))
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    fields = {
+        "means": random.normal(size=(count, 3)),
+        "rotations": Rotation.random(count, rng=random).as_quat(scalar_first=True),
+        "scales": np.exp(random.normal(-4, 2, (count, 3))),
+        "opacities": random.uniform(0, 1, count),
+        "harmonics": random.normal(size=(count, (degree + 1) ** 2, 3)),
+    }
+    return {name: array.astype(np.float32) for name, array in fields.items()} | {"frame": draw(st.just("") | LABELS)}
+
+
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Folder: _folder,
     Mesh: _mesh,
@@ -125,6 +139,7 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Pose: _pose,
     Similarity: _similarity,
     PointCloud: _point_cloud,
+    Splats: _splats,
 }
 """Types whose fields depend on one another."""
 

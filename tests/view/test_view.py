@@ -126,6 +126,7 @@ def test_the_frustum_is_the_cameras(shown: Recorder) -> None:
         factories.capture(),
         factories.capture().rgb,
         PointCloud(points=np.eye(3, dtype=np.float32)),
+        factories.splats(5),
         Collection[Mesh](items={"a": factories.box_mesh((0, 0, 0), (1, 1, 1))}),
     ],
     ids=lambda artifact: artifact.name(),
