@@ -18,6 +18,7 @@ import dextera_build.artifacts as package
 from dextera_build.artifacts.arrays import Array
 from dextera_build.artifacts.base import Artifact, Folder
 from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.feature_map import FeatureMap
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
@@ -132,6 +133,10 @@ def _splats(draw: Draw) -> dict[str, Any]:
     return {name: array.astype(np.float32) for name, array in fields.items()} | {"frame": draw(st.just("") | LABELS)}
 
 
+def _feature_map(draw: Draw) -> dict[str, Any]:
+    return _fields(draw, FeatureMap) | {name: draw(st.integers(1, 10_000)) for name in ("width", "height")}
+
+
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Folder: _folder,
     Mesh: _mesh,
@@ -140,6 +145,7 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Similarity: _similarity,
     PointCloud: _point_cloud,
     Splats: _splats,
+    FeatureMap: _feature_map,
 }
 """Types whose fields depend on one another."""
 
