@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,20 @@ from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
 from dextera_build.build.runner import ProjectReads, parted
 from dextera_build.code.loader import Library, RuleFile
+from dextera_build.code.machine import Machine
 from dextera_build.engine import missing
 from dextera_build.errors import Place
-from dextera_build.recipe import profiles
+from dextera_build.models.catalogue import Models, folder_of
+from dextera_build.models.folders import ModelFolders
+from dextera_build.models.licences import Licences
+from dextera_build.recipe import models, profiles
 from dextera_build.recipe.backends import Wish, choose
 from dextera_build.recipe.calls import facts_of
 from dextera_build.rule import Context, Outcome
+from dextera_build.rule.pretrained import Pretrained
 from dextera_build.store.store import Store
+
+_MODELS = "models"
 
 
 class RuleRunner:
@@ -29,6 +37,7 @@ class RuleRunner:
         keep: The folder for `ctx.keep`, removed after a successful call as in a build; None for one below `scratch`.
         calls: Answers `ctx.call`: a `Recorder` with a store, or a function that returns a service's answer.
         files: The folder that `ctx.read`, `ctx.glob` and `ctx.exists` search; None for that of `project`.
+        weights: Model -> folder with its files, copied to the scratch folder as if they had been installed.
     """
 
     def __init__(
@@ -38,12 +47,13 @@ class RuleRunner:
         keep: str | Path | None = None,
         calls: Callable[..., bytes] | None = None,
         files: str | Path | None = None,
+        weights: Mapping[str, str | Path] | None = None,
     ) -> None:
         self._scratch = Path(scratch)
         self._keep = Path(keep or self._scratch / "keep")
         project = Path(project) if project is not None else None
         self._calls = calls
-        self._library = Library(project)
+        self._library = Library(project, self._machine(project, weights or {}))
         self._blobs: dict[str, bytes] = {}
         self.outcome = Outcome()
         """Line, previews and metrics of the last call."""
@@ -72,9 +82,11 @@ class RuleRunner:
         found = self.find(path)
         where = Place("RuleRunner.run")
         wish = Wish((backend,), "the caller", where) if backend is not None else None
-        chosen = choose(found, wish, profiles.read(profile, self._library.project), where, fallback=False)
-        if chosen is not None and chosen.missing:
-            missing.refuse([facts_of(self._library, found, chosen)])
+        prefers = profiles.read(profile, self._library.project)
+        chosen = choose(found, wish, prefers, where, self._library.machine, fallback=False)
+        facts = facts_of(self._library, found, chosen)
+        if facts.missing:
+            missing.refuse([facts])
         rule = found.rule
         common, own = parted(found, chosen.backend.name if chosen else None, dict(options or {}))
         reads = ProjectReads(self._files, Store(self._scratch / "store")) if rule.discovers else None
@@ -85,6 +97,7 @@ class RuleRunner:
             keep=self._keep,
             calls=self._calls,
             reads=reads,
+            pretrained=Pretrained(facts.weights, partial(folder_of, [self._scratch / _MODELS])),
         )
         keyword = {"options": common} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)
@@ -92,6 +105,18 @@ class RuleRunner:
         self.reads = reads.finish() if reads is not None else []
         shutil.rmtree(self._keep, ignore_errors=True)
         return type(result).decode(self.encode(result), self._blobs.__getitem__)
+
+    def _machine(self, project: Path | None, weights: Mapping[str, str | Path]) -> Machine:
+        """A machine that has the given weights, with their licences accepted."""
+        found = Models(
+            lambda name: models.read(name, project),
+            ModelFolders([self._scratch / _MODELS]),
+            Licences(self._scratch / "licences.json"),
+        )
+        for name, folder in weights.items():
+            found.folders.install(name, partial(_copied, folder))
+            found.licences.accept(found.describe(name))
+        return Machine(found)
 
     def encode(self, artifact: Artifact) -> str:
         """Digest of an artifact; equal artifacts have equal digests."""
@@ -101,3 +126,8 @@ class RuleRunner:
         key = digest.of_bytes(data)
         self._blobs[key] = data
         return key
+
+
+def _copied(folder: str | Path, target: Path) -> str:
+    shutil.copytree(folder, target, dirs_exist_ok=True)
+    return "a test"

@@ -107,6 +107,9 @@ def _environment(project: Project) -> dict[str, str]:
     # No rule uses pydantic plug-ins, and the search for them reads the metadata of every installed package.
     environment["PYDANTIC_DISABLE_PLUGINS"] = os.environ.get("PYDANTIC_DISABLE_PLUGINS", "__all__")
     environment["DXB_CALLS"] = project.calls
+    environment["DXB_MODELS"] = os.pathsep.join(map(str, project.model_folders))
+    # The key holds the digests of declared weights only, so nothing else may be fetched while a rule runs.
+    environment |= dict.fromkeys(("HF_HUB_OFFLINE", "HF_DATASETS_OFFLINE"), "1")
     if listed := project.remotes.listed:
         environment["DXB_REMOTES"] = listed
     return environment

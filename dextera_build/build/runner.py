@@ -18,6 +18,7 @@ from dextera_build.code.importer import IMPORTER
 from dextera_build.code.loader import Library, RuleFile, version_of
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.rule import Context, Options
+from dextera_build.rule.pretrained import Pretrained
 from dextera_build.store import disk_full, headers
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.questions import Look, Recording
@@ -77,6 +78,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
             keep=_keep(task, store, reads),
             calls=calls,
             reads=reads,
+            pretrained=pretrained(task),
         )
         keyword = {"options": options} if rule.takes_options else {}
         if reads is not None:
@@ -102,6 +104,18 @@ def parted(found: RuleFile, backend: str | None, given: Mapping[str, Any]) -> tu
         found.rule.options.model_validate_json(json.dumps(common)),
         kind.model_validate_json(json.dumps(given.get(backend or "", {}))),
     )
+
+
+def pretrained(task: Mapping[str, Any]) -> Pretrained:
+    """Weights and device of a task."""
+    folders = [Path(folder) for folder in os.environ.get("DXB_MODELS", "").split(os.pathsep) if folder]
+
+    def find(pinned: str) -> Path:
+        from dextera_build.models.catalogue import folder_of
+
+        return folder_of(folders, pinned)
+
+    return Pretrained(tuple(task.get("weights", ())), find, "cuda" if task.get("devices") else "cpu")
 
 
 def _refuse_other_versions(packages: Mapping[str, str]) -> None:

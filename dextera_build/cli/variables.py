@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 PREFIX = "DXB_"
 SETTINGS = {
     "DXB_CACHE": "the store's folder, or which stores to use",
+    "DXB_MODELS": "folders with the weights of models; new ones go into the first",
     "DXB_REMOTES": "which stores to use, where `DXB_CACHE` is the folder",
     "DXB_PROFILE": "stub, cpu, gpu or cloud",
     "DXB_JOBS": "number of cores to use",
@@ -29,6 +30,7 @@ SETTINGS = {
 }
 """Variables that override a setting of `dxb.toml`; `dxb show --config` lists those in force."""
 OTHERS = {
+    "DXB_ACCEPT_LICENCES": "models whose licences are accepted, separated by commas",
     "DXB_KEY_PASSPHRASE": "opens the private key that `--sign` names",
     "DXB_SERVE_SECRET": "the password that `dxb cache serve` asks for, of the user `dxb`",
     "DXB_NODE_STORE": "the store's folder of a Ray worker",

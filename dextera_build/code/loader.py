@@ -12,6 +12,7 @@ import glob
 import importlib
 import importlib.machinery
 import importlib.util
+import inspect
 import re
 import sys
 from collections.abc import Iterator, Sequence
@@ -24,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 from dextera_build import digest
 from dextera_build.code.code_digest import RULES, Code, CodeIndex
 from dextera_build.code.importer import IMPORTER, install, refused, watched
+from dextera_build.code.machine import Machine
 from dextera_build.code.modules import KNOWN, read
 from dextera_build.code.modules import PACKAGE as PACKAGE
 from dextera_build.code.syntax import tree
@@ -168,16 +170,22 @@ class BackendFile:
         """Required distributions that are not installed."""
         return [name for name in self.facts.packages if version_of(name) is None]
 
+    def lacks(self, machine: Machine) -> dict[str, str]:
+        """What it needs and the machine does not have -> the next step; see `Machine.lacks`."""
+        return machine.lacks(self.facts, self.missing())
+
 
 class Library:
     """All rules that a project can use.
 
     Args:
         project: The project's folder; its `rules/` comes first.
+        machine: Has the weights and devices that backends need; None for a machine without any.
     """
 
-    def __init__(self, project: Path | None = None) -> None:
+    def __init__(self, project: Path | None = None, machine: Machine | None = None) -> None:
         self.project = project or Path.cwd()
+        self.machine = machine or Machine()
         self._project = project
         folder = project / RULES if project else None
         self._first = [Root(folder.resolve())] if folder and folder.is_dir() else []
@@ -241,7 +249,7 @@ class Library:
             return
         known = KNOWN | {package.replace("-", "_").lower() for package in packages}
         unknown = code.foreign.keys() - known
-        provided = {top for package in packages for top in _modules_of(package)} if unknown else set()
+        provided = {top for package in packages for top in modules_of(package)} if unknown else set()
         for top in sorted(unknown - provided):
             self.warnings[top] = (
                 f"{found.path} imports `{top}`, which is neither code of the project nor a package that the rule "
@@ -251,7 +259,7 @@ class Library:
 
     def looked_at(self) -> set[str]:
         """Files and folders, including missing ones, that determine the code of the rules found so far."""
-        found = self.code.looked_at()
+        found = self.code.looked_at() | self.machine.models.looked_at()
         if self._project is not None:
             found.add(str(self._project / RULES))
         for path, rule in self._found.items():
@@ -310,7 +318,7 @@ def version_of(distribution: str) -> str | None:
 
 
 @cache
-def _modules_of(package: str) -> frozenset[str]:
+def modules_of(package: str) -> frozenset[str]:
     """Top-level modules of an installed distribution."""
     import importlib.metadata
 
@@ -319,7 +327,8 @@ def _modules_of(package: str) -> frozenset[str]:
     except importlib.metadata.PackageNotFoundError:
         return frozenset()
     listed = (found.read_text("top_level.txt") or "").split()
-    return frozenset(listed or [file.parts[0].removesuffix(".py") for file in found.files or ()])
+    tops = {file.parts[0] for file in found.files or ()}
+    return frozenset(listed or {name for top in tops if (name := inspect.getmodulename(top) or top).isidentifier()})
 
 
 def _import(root: Root, path: str, file: Path) -> ModuleType:

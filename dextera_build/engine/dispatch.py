@@ -161,6 +161,7 @@ class Dispatch:
             key=node.key or "",
             sources=rule.sources,
             packages=rule.packages,
+            weights=rule.weights,
         )
 
     def _take(self, report: Report) -> End | None:

@@ -95,6 +95,7 @@ class RuleFacts:
     """Distribution -> version."""
     backend: str | None
     weights: tuple[str, ...]
+    """`name@digest` of each model."""
     types: Mapping[str, str]
     """Slot, or `return` -> schema digest."""
     cpus: int = 1

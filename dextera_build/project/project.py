@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,8 @@ from dextera_build.remotes.spec import Spec
 if TYPE_CHECKING:
     # A no-op build reads settings but no recipe, and must not wait for these imports.
     from dextera_build.code.loader import Library
+    from dextera_build.code.machine import Machine
+    from dextera_build.models.model import Model
     from dextera_build.recipe.profiles import Profile
     from dextera_build.recipe.schema import Recipe
     from dextera_build.workers.capacity import Capacity
@@ -57,8 +60,9 @@ class Project:
     def config(self) -> dict[str, Setting]:
         """Every setting: flags > `DXB_*` > `dxb.local.toml` > project > user > defaults."""
         found = {name: Setting(value, "default") for name, value in settings.DEFAULTS.items()}
+        home = os.path.expanduser(os.environ.get("XDG_CACHE_HOME", "~/.cache"))
+        found["models"] = Setting(f"{home}/dxb/models", "default")
         if not self.declared:
-            home = os.path.expanduser(os.environ.get("XDG_CACHE_HOME", "~/.cache"))
             found["cache"] = Setting(f"{home}/dxb", "default outside a project")
         for origin, values in self._layers():
             for name, value in self.remotes.take(values, origin).items():
@@ -210,7 +214,43 @@ class Project:
         """The rules of this project."""
         from dextera_build.code.loader import Library
 
-        return Library(self.root)
+        return Library(self.root, self.machine)
+
+    @cached_property
+    def machine(self) -> Machine:
+        """The weights and devices of this machine, looked for when a backend needs them."""
+        from dextera_build.code.machine import Machine
+        from dextera_build.models.catalogue import Models
+        from dextera_build.models.folders import ModelFolders
+        from dextera_build.models.licences import Licences
+
+        folders = ModelFolders(self.model_folders)
+        licences = Licences(settings.user_folder() / "licences.json")
+        return Machine(Models(cache(self.model), folders, licences), self._gpu_gb)
+
+    def model(self, name: str) -> Model:
+        """The description of a model.
+
+        Raises:
+            RecipeError: There is none of this name, or it is wrong.
+        """
+        from dextera_build.recipe import models
+
+        self._looked_at.update(str(folder / f"{name}.yaml") for folder in models.folders(self.root))
+        return models.read(name, self.root, self.shown)
+
+    @property
+    def model_folders(self) -> tuple[Path, ...]:
+        """Folders with the weights of models; new ones go into the first."""
+        value = self.config["models"].value
+        named = value if isinstance(value, list) else str(value).split(os.pathsep)
+        return tuple(self._path(str(name)) for name in named if name)
+
+    def _gpu_gb(self) -> float:
+        """Memory of the largest GPU [GiB]; infinity if it is not known before the build."""
+        if self.executor.startswith("ray"):
+            return math.inf  # the cluster places the call
+        return max((gpu.memory_gb or math.inf for gpu in self.capacity(gpus=True).gpus), default=0.0)
 
     def recipe(self, address: str, extending: tuple[str, ...] = ()) -> Recipe | None:
         """The recipe of an address with the recipes that it extends, or None; the project's own come first.

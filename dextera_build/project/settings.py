@@ -18,6 +18,7 @@ _PLACE = re.compile(r" \(at line (\d+), column (\d+)\)$")
 
 DEFAULTS: Mapping[str, Any] = {
     "cache": "cache",
+    "models": "",
     "remotes": {},
     "profile": "cpu",
     "jobs": 0,
@@ -99,7 +100,7 @@ def check(name: str, value: object, origin: str) -> None:
     """
     if name in ("remotes", "resources"):
         return  # their parts are checked when they are read
-    parts = value if name == "trusted_keys" and isinstance(value, list) else [value]
+    parts = value if name in ("trusted_keys", "models") and isinstance(value, list) else [value]
     if not all(isinstance(part, bool | int | str) and str(part).isprintable() for part in parts):
         raise RecipeError(
             f"`{name}` is one value without control characters",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from dextera_build.code.loader import BackendFile, RuleFile
-from dextera_build.errors import Place, RecipeError, did_you_mean, install_extra, listing
+from dextera_build.code.machine import Machine
+from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 from dextera_build.recipe.profiles import Profile
 
 
@@ -34,7 +36,9 @@ class Choice:
     """Preferred backends that are missing."""
 
 
-def choose(found: RuleFile, wish: Wish | None, profile: Profile, where: Place, *, fallback: bool) -> Choice | None:
+def choose(
+    found: RuleFile, wish: Wish | None, profile: Profile, where: Place, machine: Machine, *, fallback: bool
+) -> Choice | None:
     """The backend of a rule; None for a rule without backends.
 
     A backend that this machine cannot run is chosen all the same, and a build refuses it: it takes the next in line
@@ -45,6 +49,7 @@ def choose(found: RuleFile, wish: Wish | None, profile: Profile, where: Place, *
         wish: Backends named for this call; None: those of the profile.
         profile: The build's profile.
         where: Place of the call.
+        machine: The machine that plans the build.
         fallback: Whether a profile's next backend may take the place of a missing one.
 
     Raises:
@@ -66,12 +71,13 @@ def choose(found: RuleFile, wish: Wish | None, profile: Profile, where: Place, *
                 hint=f"name one: `backend: {next(iter(found.backends))}`",
             )
     line = [_backend(found, name, origin, where) for name in names]
-    usable = [backend for backend in line if not backend.missing()] if fallback or wish is not None else []
-    chosen = usable[0] if usable else line[0]
+    lacks = {backend.name: backend.lacks(machine) for backend in line[: None if fallback or wish else 1]}
+    chosen = next((backend for backend in line if not lacks.get(backend.name, True)), line[0])
     passed = line[: line.index(chosen)]
-    told = [origin, *(f"{other.name} is missing: needs {listing(other.missing())}" for other in passed)]
-    missing = tuple(chosen.missing())
-    hint = _next_step(chosen, line) if missing else None
+    told = [origin, *(f"{other.name} is missing: needs {listing(lacks[other.name])}" for other in passed)]
+    told += ["on the CPU"] if chosen.facts.gpu_gb and not machine.device_gb(chosen.facts) else []
+    missing = tuple(lacks[chosen.name])
+    hint = _next_step(lacks[chosen.name], chosen, line, machine) if missing else None
     return Choice(chosen, "; ".join(told), missing, hint, tuple(other.name for other in passed))
 
 
@@ -87,7 +93,7 @@ def _backend(found: RuleFile, name: str, origin: str, where: Place) -> BackendFi
     return found.backends[name]
 
 
-def _next_step(chosen: BackendFile, line: list[BackendFile]) -> str:
-    step = install_extra(chosen.facts.extra) if chosen.facts.extra else f"`pip install {' '.join(chosen.missing())}`"
-    others = [backend.name for backend in line if backend is not chosen and not backend.missing()]
-    return step + (f"; or `fallback: true` in the recipe takes `{others[0]}`" if others else "")
+def _next_step(lacks: Mapping[str, str], chosen: BackendFile, line: list[BackendFile], machine: Machine) -> str:
+    steps = ", ".join(dict.fromkeys(lacks.values()))
+    others = [backend.name for backend in line if backend is not chosen and not backend.lacks(machine)]
+    return steps + (f"; or `fallback: true` in the recipe takes `{others[0]}`" if others else "")

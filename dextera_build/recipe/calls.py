@@ -169,7 +169,7 @@ class CallMaker:
         wish = self._backends.get(found.path)
         if wish is None and wanted is not None:
             wish = Wish(listed(wanted, "backend"), "recipe", wanted.place)
-        return choose(found, wish, self._profile, decl.place, fallback=self.fallback)
+        return choose(found, wish, self._profile, decl.place, self._library.machine, fallback=self.fallback)
 
     def _own_options(self, decl: CallDecl, choice: Choice, given: Mapping[str, Node]) -> dict[str, Any] | None:
         """The options of the backend; None if it has none, or cannot be imported because something is missing."""
@@ -251,12 +251,12 @@ def facts_of(library: Library, found: RuleFile, choice: Choice | None) -> RuleFa
         code=code.definitions,
         packages={name: str(version) for name, version in versions.items()},
         backend=backend.name if backend else None,
-        weights=backend.facts.weights if backend else (),
+        weights=library.machine.models.pinned(backend.facts.weights) if backend else (),
         types={name: _schema(annotation, name, found.place) for name, annotation in declared.items()},
         cpus=rule.cpus,
         memory_gb=rule.memory_gb,
         gpus=rule.gpus,
-        gpu_gb=backend.facts.gpu_gb if backend else 0.0,
+        gpu_gb=library.machine.device_gb(backend.facts) if backend else 0.0,
         named=tuple(sorted(rule.resources.items())),
         retries=Retries(rule.retries, tuple(_spelled(kind) for kind in rule.retry_on), rule.retry_wait_s),
         discovers=str(library.project) if rule.discovers else "",

@@ -24,7 +24,9 @@ class Backend:
     """Extra of dextera-build that installs them."""
     gpu_gb: float = 0.0
     """Required GPU memory [GiB]."""
+    cpu: bool = False
+    """Whether it also runs, slower, on a machine without such a GPU; see `Context.device`."""
     weights: tuple[str, ...] = ()
-    """`name@sha256` of model weights; these enter the key."""
+    """Models described by `recipes/model/NAME.yaml`; digests of their weights enter the key. See `Context.weights`."""
     licence: str = "Apache-2.0"
     """Licence of code and weights."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, cast
+from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, TypeVar, cast
 
 import typing_extensions
 
@@ -14,10 +14,12 @@ from dextera_build.artifacts.base import File
 from dextera_build.calls.context import Calling
 from dextera_build.errors import RuleError
 from dextera_build.rule.options import Options
+from dextera_build.rule.pretrained import Device, Pretrained
 
 if TYPE_CHECKING:
     import numpy as np
 
+M = TypeVar("M")
 B = typing_extensions.TypeVar("B", default=Any)
 """The `Protocol` of a rule's backends."""
 
@@ -58,6 +60,7 @@ class Context(Calling, Generic[B]):
         keep: See the property `keep`; None for a folder below `scratch`.
         calls: Executes `call` and `job`; None if no recorder exists.
         reads: Reads files of the project; None for a rule that does not declare `discovers`.
+        pretrained: Weights and device of the backend; None for one without.
     """
 
     def __init__(
@@ -70,6 +73,7 @@ class Context(Calling, Generic[B]):
         keep: Path | Callable[[], Path] | None = None,
         calls: Callable[..., bytes] | None = None,
         reads: Reads | None = None,
+        pretrained: Pretrained | None = None,
     ) -> None:
         super().__init__(calls)
         self.backend = cast(B, backend)
@@ -79,6 +83,7 @@ class Context(Calling, Generic[B]):
         self._emit = emit or (lambda kind, data: None)
         self._keep = keep
         self._reads = reads
+        self._pretrained = pretrained or Pretrained()
 
     @cached_property
     def scratch(self) -> Path:
@@ -97,6 +102,35 @@ class Context(Calling, Generic[B]):
         folder = kept or self.scratch / "keep"
         folder.mkdir(parents=True, exist_ok=True)
         return folder
+
+    def weights(self, name: str) -> Path:
+        """The folder with the weights of a model that the backend declares in `BACKEND.weights`.
+
+        The files are those whose digest is in the key, and read-only.
+
+        Raises:
+            RuleError: The backend does not declare the model.
+            MachineError: This machine does not have them; on a cluster, another may.
+        """
+        return self._pretrained.folder(name)
+
+    @property
+    def device(self) -> Device:
+        """Where a model runs, as torch spells it: `cuda` is the GPU granted to this call, the only visible one."""
+        return self._pretrained.device
+
+    def load(self, load: Callable[..., M], *names: str) -> M:
+        """A model, loaded at most once per worker and kept for the next nodes that ask for the same.
+
+        Args:
+            load: A function of a module, called with the folder of each of `names` and the device.
+            names: Models that the backend declares in `BACKEND.weights`.
+
+        Raises:
+            RuleError: The backend does not declare a model.
+            MachineError: This machine does not have the weights, or its memory does not hold the model.
+        """
+        return self._pretrained.load(load, names)
 
     def read(self, path: str) -> bytes:
         """The content of a project file; `path` is relative to the project folder.

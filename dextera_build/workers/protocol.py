@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Protocol, TypeAlias
 
 from dextera_build.errors import DxbError, Place, RuleError
 from dextera_build.workers.capacity import Capacity, Needs
 
 _LITTLE = Needs()
-_TOLD = ("rule", "backend", "options", "inputs", "store", "project", "profile", "key", "sources", "packages")
-"""Fields of a task that are passed to its runner."""
+_OWN = ("ticket", "needs")
+"""Fields of a task that its runner is not told."""
 _LOG_MOST = 1 << 20
 """Only this much of the end of a log is kept [bytes]."""
 
@@ -42,10 +42,12 @@ class Task:
     """`RuleFacts.sources`."""
     packages: Mapping[str, str] = field(default_factory=dict)
     """Distribution -> version, as in the key."""
+    weights: tuple[str, ...] = ()
+    """`name@digest`, as in the key."""
 
     def message(self) -> dict[str, object]:
         """The fields that are passed to the runner."""
-        return {name: getattr(self, name) for name in _TOLD}
+        return {field.name: getattr(self, field.name) for field in fields(self) if field.name not in _OWN}
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def _rules(project: Project) -> Iterator[Row]:
 def _backends(project: Project) -> Iterator[Row]:
     for found in project.library.rules():
         for backend in found.backends.values():
-            facts, missing = backend.facts, backend.missing()
+            facts, missing = backend.facts, backend.lacks(project.machine)
             yield {
                 "rule": found.path,
                 "backend": backend.name,

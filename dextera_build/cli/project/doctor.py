@@ -11,8 +11,9 @@ import sys
 from collections.abc import Iterator
 
 from dextera_build.cli import options, table
-from dextera_build.errors import install_extra
+from dextera_build.code.loader import BackendFile
 from dextera_build.project.project import Project
+from dextera_build.report import wording
 
 _LIBRARIES = {"libusb-1.0-0": "usb-1.0", "libgomp1": "gomp", "libegl1": "EGL", "libgl1": "GL"}
 _RENDER = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 8, 8).close()"
@@ -23,6 +24,9 @@ Finding = tuple[str, bool, str, str]
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
+    parser.add_argument(
+        "--self-test", action="store_true", help="also run the self-tests of the profile's backends; takes minutes"
+    )
     options.project_arguments(parser)
     options.json_argument(parser)
 
@@ -30,7 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print one line per finding; return 4 if something that the profile needs is missing."""
     project = options.project(args)
-    findings = [*_python(), *_store(project), *_libraries(), *_backends(project), *_rendering()]
+    findings = [*_python(), *_store(project), *_libraries(), *_backends(project, args.self_test), *_rendering()]
     rows = [dict(zip(("what", "ok", "found", "mend"), finding, strict=True)) for finding in findings]
     cells = [
         {"state": "ok" if fine else "lacks", "what": what, "found": found, "mend": "" if fine else mend}
@@ -61,14 +65,35 @@ def _libraries() -> Iterator[Finding]:
         yield package, package not in missing, found, f"`apt-get install {' '.join(missing)}`"
 
 
-def _backends(project: Project) -> Iterator[Finding]:
-    profile = project.profile
+def _backends(project: Project, tests: bool) -> Iterator[Finding]:
+    """The backend that the profile prefers for each rule: what it is bound to, what is missing, its self-test."""
+    profile = project.preferences
     for found in project.library.rules():
-        for backend in found.backends.values():
-            if profile in backend.facts.profiles and (missing := backend.missing()):
-                name = f"{found.path}, backend {backend.name}"
-                mend = install_extra(backend.facts.extra or "all")
-                yield name, False, f"needs {', '.join(missing)}", mend
+        names, _ = profile.preferred(found)
+        if names:
+            yield _backend(project, found.backends[names[0]], tests)
+
+
+def _backend(project: Project, backend: BackendFile, tests: bool) -> Finding:
+    facts, lacks, models = backend.facts, backend.lacks(project.machine), project.machine.models
+    told = [facts.licence]
+    for name in facts.weights:
+        model, installed = project.model(name), models.installed(name)
+        size = wording.size(installed.size) if installed else "not installed"
+        told.append(f"weights {name} ({size}; {model.licence})")
+    memory_gb = sum(project.model(name).memory_gb for name in facts.weights)
+    told += [f"{memory_gb:g} GiB for weights"] if memory_gb else []
+    told += [f"{facts.gpu_gb:g} GiB of a GPU" + (" or the CPU" if facts.cpu else "")] if facts.gpu_gb else []
+    told += [f"needs {', '.join(lacks)}"] if lacks else []
+    fine = not lacks
+    if fine and tests:
+        from dextera_build.build.self_test import self_test
+
+        folders = os.pathsep.join(map(str, project.model_folders))
+        fine, line = self_test(project.root, backend.rule, backend.name, models.pinned(facts.weights), folders)
+        told.append(line)
+    mend = ", ".join(dict.fromkeys(lacks.values())) or f"reinstall {', '.join(facts.packages) or 'dxb'}"
+    return f"{backend.rule}={backend.name}", fine, "; ".join(told), mend
 
 
 def _rendering() -> Iterator[Finding]:

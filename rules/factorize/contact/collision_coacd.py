@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 BACKEND = Backend(
     summary="exact walls where known, else one hull, cut wedges (containers) or CoACD",
     profiles=("cpu",),
-    packages=("coacd", "manifold3d", "open3d", "scipy"),
+    # manifold3d first: a process whose first C++ module is coacd cannot import open3d any more (`std::bad_cast`).
+    packages=("manifold3d", "coacd", "open3d", "scipy"),
     extra="twin",
     licence="MIT (CoACD), Apache-2.0 (manifold3d)",
 )

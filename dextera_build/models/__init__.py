@@ -1,0 +1,1 @@
+"""Weights of pretrained models: what is described, what is installed, and under which licence."""
