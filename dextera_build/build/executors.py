@@ -107,6 +107,7 @@ def _environment(project: Project) -> dict[str, str]:
     # No rule uses pydantic plug-ins, and the search for them reads the metadata of every installed package.
     environment["PYDANTIC_DISABLE_PLUGINS"] = os.environ.get("PYDANTIC_DISABLE_PLUGINS", "__all__")
     environment["DXB_CALLS"] = project.calls
+    environment["DXB_CALL_TERMS"] = project.call_terms
     environment["DXB_MODELS"] = os.pathsep.join(map(str, project.model_folders))
     # The key holds the digests of declared weights only, so nothing else may be fetched while a rule runs.
     environment |= dict.fromkeys(("HF_HUB_OFFLINE", "HF_DATASETS_OFFLINE"), "1")
@@ -131,6 +132,13 @@ def _ray(session: Session, address: str, rules: Sequence[RuleFacts]) -> Iterator
             code="DXB-U179",
             facts={"executor": project.executor},
             hint=f"`--executor local --calls {project.calls}`",
+        )
+    if project.max_cost is not None:
+        raise UsageError(
+            "the machines of a cluster share no account of costs, so `max_cost` cannot be kept",
+            code="DXB-U180",
+            facts={"executor": project.executor, "from": project.config["max_cost"].origin},
+            hint="`--executor local`, or `--max-cost none`",
         )
     shared = next((spec for spec in project.used_remotes if spec.mode == "rw"), None)
     if shared is None:

@@ -203,11 +203,13 @@ class _Calls:
     def __call__(self, *words: Any, **manner: Any) -> bytes:
         """The answer of a service, in the mode set by `DXB_CALLS`; profile `stub` never calls."""
         if self._recorder is None:
+            from dextera_build.calls.gate import Terms
             from dextera_build.calls.recorder import Recorder
 
             wanted = "off" if self._task.get("profile") == "stub" else os.environ.get("DXB_CALLS") or "record"
             fetch = _fetcher(self._task, self._store)
-            recorder = Recorder(self._store, wanted, fetch, self._emit)
+            terms = Terms.read(os.environ.get("DXB_CALL_TERMS", ""))
+            recorder = Recorder(self._store, wanted, fetch, self._emit, terms)
             self._recorder, self.made = recorder, recorder.made
         return self._recorder(*words, **manner)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -18,7 +19,9 @@ from dextera_build.store.backoff import backoff
 Send: TypeAlias = Callable[[float], bytes | Response]
 """Timeout [s] -> the answer."""
 T = TypeVar("T")
-_MOST_RETRY_AFTER_S = 300.0
+MOST_RETRY_AFTER_S = 300.0
+"""A service that asks to be left alone for longer is given up [s]."""
+_NEVER_SENT = {"httpx.ConnectError", "httpx.ConnectTimeout", "httpx.PoolTimeout", "httpx.UnsupportedProtocol"}
 _SHOWN = 200
 _USAGE = {"prompt_tokens": "tokens", "completion_tokens": "tokens", "total_tokens": "tokens", "cost": "USD"}
 _ALSO = {"input_tokens": "prompt_tokens", "output_tokens": "completion_tokens"}
@@ -94,7 +97,7 @@ def tried(once: Callable[[], T], asked: Question, manner: Manner, log: Callable[
         try:
             found = once()
         except _AgainError as fault:
-            if number == manner.tries or (fault.after_s or 0.0) > _MOST_RETRY_AFTER_S:
+            if number == manner.tries or (fault.after_s or 0.0) > MOST_RETRY_AFTER_S:
                 _give_up(asked, fault, number)
             rest = backoff(number, manner.wait_s, asked.key) if fault.after_s is None else fault.after_s
             log(f"{asked.shown}: {fault}; asked again in {rest:.1f} s, try {number + 1} of {manner.tries}")
@@ -143,10 +146,20 @@ def _sent(asked: Question, send: Callable[[float], T], manner: Manner) -> T:
         ) from None
 
 
+def was_never_sent(error: Exception) -> bool:
+    """Whether an error of `send` means that the service did not receive the request."""
+    reason = getattr(error, "reason", error)  # of `urllib.error.URLError`
+    refused = isinstance(reason, ConnectionRefusedError | socket.gaierror | DxbError)
+    return refused or not _NEVER_SENT.isdisjoint(_names(error))
+
+
 def _is_transport(error: Exception) -> bool:
+    return isinstance(error, OSError | HTTPException) or "httpx.TransportError" in _names(error)
+
+
+def _names(error: Exception) -> set[str]:
     # httpx by name: importing it takes longer than most calls of a rule.
-    kinds = {f"{kind.__module__.partition('.')[0]}.{kind.__name__}" for kind in type(error).__mro__}
-    return isinstance(error, OSError | HTTPException) or "httpx.TransportError" in kinds
+    return {f"{kind.__module__.partition('.')[0]}.{kind.__name__}" for kind in type(error).__mro__}
 
 
 def _look_at_status(asked: Question, response: Response, manner: Manner) -> None:
@@ -154,7 +167,7 @@ def _look_at_status(asked: Question, response: Response, manner: Manner) -> None
     if 200 <= status < 300:
         return
     if status in (408, 425, 429) or status >= 500:
-        raise _AgainError(f"it answered {status}", _retry_after(response.headers))
+        raise _AgainError(f"it answered {status}", retry_after(response.headers))
     if status in (401, 403):
         raise MachineError(
             f"`{asked.shown}` denies access: it answered {status}",
@@ -206,7 +219,8 @@ def _give_up(asked: Question, fault: _AgainError, tries: int) -> NoReturn:
     ) from None
 
 
-def _retry_after(headers: Mapping[str, str]) -> float | None:
+def retry_after(headers: Mapping[str, str]) -> float | None:
+    """What `Retry-After` asks for [s], in either of its forms (RFC 9110, 10.2.3); None without it."""
     text = next((value for name, value in headers.items() if name.lower() == "retry-after"), "").strip()
     if text.isdecimal():
         return float(text)

@@ -6,18 +6,18 @@ import json
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
 from dextera_build.calls import Job, JobState, Response
 from dextera_build.calls.asking import Manner, checked, step
+from dextera_build.calls.gate import Emit
 from dextera_build.calls.question import Question, without_secrets
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.store import files
 
-Emit = Callable[[str, Mapping[str, object]], None]
 GRACE_S = 10.0
 """Time that a worker with a job gets after Ctrl-C, to cancel it [s]."""
 _CANCEL_S = 8.0

@@ -9,14 +9,17 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 from typing_extensions import Unpack
 
 from dextera_build.calls import Job, JobManner, Response
 from dextera_build.calls.asking import Manner, Send, amounts, ask
-from dextera_build.calls.jobs import Emit, Run
+from dextera_build.calls.gate import Emit, Gate, Terms
+from dextera_build.calls.jobs import Run
 from dextera_build.calls.question import Question, question
+from dextera_build.calls.services import usd
 from dextera_build.errors import RuleError, StoreError
 from dextera_build.store import headers
 from dextera_build.store.blobs import MissingBlob
@@ -28,6 +31,17 @@ Fetch: TypeAlias = Callable[[str], ActionResult | None]
 """Key -> the result from a remote, or None."""
 
 
+@dataclass(frozen=True)
+class _Answered:
+    """A new answer."""
+
+    response: Response
+    seconds: float
+    """Duration of the try that succeeded, or of the job [s]."""
+    cost: float | None
+    """What all tries cost [USD]."""
+
+
 class Recorder:
     """The calls of one node.
 
@@ -37,13 +51,21 @@ class Recorder:
             everything again and compare; the first answer stays. `replace`: as `refresh`, but the new answer stays.
             `off`: make no calls.
         fetch: Looks up a recorded answer in remotes; None without remotes.
-        emit: Takes `log` lines about each call, `progress` of jobs, and as `grace` the time that a worker needs to end.
+        emit: Takes `log` lines about each call, `progress` of jobs, and as `grace` the time that a worker needs to end;
+            see `Gate` for `paid`.
+        terms: Limits and prices of services, and the limit of costs.
     """
 
     def __init__(
-        self, store: Store, mode: str, fetch: Fetch | None = None, emit: Emit = lambda kind, data: None
+        self,
+        store: Store,
+        mode: str,
+        fetch: Fetch | None = None,
+        emit: Emit = lambda kind, data: None,
+        terms: Terms | None = None,
     ) -> None:
         self._store, self._mode, self._fetch, self._emit = store, mode, fetch, emit
+        self._terms = terms or Terms()
         self.made: list[dict[str, Any]] = []
         """The calls, in order: `call`, `result`, `service`, `model`, `how`, `seconds` and amounts."""
 
@@ -81,26 +103,29 @@ class Recorder:
         known = self._known(asked, elsewhere=self._mode != "record")  # `record` has searched remotes before
         if known is not None and self._mode == "record":
             return known
+        gate = Gate(asked, self._terms, self._store.local / "services", self._emit)
         if isinstance(send, Job):
-            folder = self._store.keep.path(asked.key)
-            response, seconds = Run(asked, send, manner, folder, self._emit).answer()
+            with gate.slot():
+                folder = self._store.keep.path(asked.key)
+                response, seconds = Run(asked, gate.job(send), manner, folder, self._emit).answer()
         else:
-            response, seconds = ask(asked, send, manner, self._log)
-        settled = self._compared(asked, known, response, seconds)
+            response, seconds = ask(asked, gate.call(send), manner, self._log)
+        settled = self._compared(asked, known, _Answered(response, seconds, gate.cost))
         self._store.keep.drop(asked.key)
         return settled
 
     def _compared(
-        self, asked: Question, known: tuple[bytes, ActionResult, How] | None, response: Response, seconds: float
+        self, asked: Question, known: tuple[bytes, ActionResult, How] | None, answered: _Answered
     ) -> tuple[bytes, ActionResult, How]:
         """Record a new answer, or compare it with the one that is known."""
+        response = answered.response
         if known is None:
-            return response.body, self._publish(asked, response, seconds), "asked"
+            return response.body, self._publish(asked, answered), "asked"
         body, first, _ = known
         if body == response.body:
             return body, first, "confirmed"
         if self._mode == "replace":
-            return response.body, self._publish(asked, response, seconds), "replaced"
+            return response.body, self._publish(asked, answered), "replaced"
         other = self._kept(response.body)
         self._store.divergent.note(asked.key, f"call {asked.shown}", first.output, other, time.time())
         return body, first, "diverged"
@@ -117,7 +142,8 @@ class Recorder:
         except MissingBlob:
             return None  # damaged, and moved to quarantine
 
-    def _publish(self, asked: Question, response: Response, seconds: float) -> ActionResult:
+    def _publish(self, asked: Question, answered: _Answered) -> ActionResult:
+        response = answered.response
         blobs, found = self._store.blobs, amounts(response.body)
         metrics = {
             "asked": (round(time.time(), 3), "s since 1970"),
@@ -125,9 +151,10 @@ class Recorder:
             "request": (float(asked.octets), "bytes"),
             "answer": (float(len(response.body)), "bytes"),
             **found,
+            **({"cost": (answered.cost, "USD")} if answered.cost is not None else {}),
         }
         output, document = self._kept(response.body), blobs.put(asked.document)
-        result = ActionResult(output, f"call {asked.shown}", (), metrics, round(seconds, 6), None, document)
+        result = ActionResult(output, f"call {asked.shown}", (), metrics, round(answered.seconds, 6), None, document)
         self._store.actions.put(asked.key, result)
         return result
 
@@ -142,7 +169,8 @@ class Recorder:
         said = {name: value for name, (value, _) in result.metrics.items() if name in ("total_tokens", "cost")}
         row = {"call": asked.key, "result": result.digest, "service": asked.service, "model": asked.model, "how": how}
         self.made.append(row | {"seconds": result.seconds} | said)
-        self._log(f"call {asked.key[:12]}: {asked.shown}, {how}, {asked.octets:,} bytes asked")
+        cost = f", {usd(said['cost'])}" if "cost" in said and how not in ("replayed", "fetched") else ""
+        self._log(f"call {asked.key[:12]}: {asked.shown}, {how}{cost}, {asked.octets:,} bytes asked")
 
 
 def body_of(store: Store, result: ActionResult) -> bytes:

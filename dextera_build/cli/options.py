@@ -29,6 +29,8 @@ def build_arguments(parser: argparse.ArgumentParser) -> None:
         "-k", "--keep-going", action="store_true", help="continue with nodes that do not depend on a failed one"
     )
     parser.add_argument("-j", "--jobs", metavar="N", help="number of cores to use; most nodes take one (DXB_JOBS)")
+    text = "refuse calls of services that could make the total cost of this command exceed this amount (DXB_MAX_COST)"
+    parser.add_argument("--max-cost", metavar="USD", help=text)
 
 
 def project_arguments(parser: argparse.ArgumentParser) -> None:
@@ -74,7 +76,7 @@ def project(args: argparse.Namespace) -> Project:
 
     flags = {
         name: getattr(args, name, None)
-        for name in ("cache", "profile", "jobs", "console", "resources", "calls", "executor")
+        for name in ("cache", "profile", "jobs", "console", "resources", "calls", "executor", "max_cost")
     }
     found = module.find(flags=flags)
     variables.warn(found)

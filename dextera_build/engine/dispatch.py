@@ -213,6 +213,8 @@ class Dispatch:
             self.listen(events.NodeProgress(time.time(), node.address, done, total, what))
         elif said.kind == "log":
             self._log(node, str(data["text"]))
+        elif said.kind == "paid":
+            self.listen(events.NodePaid(time.time(), node.address, **data))
 
     def _log(self, node: Node, text: str) -> None:
         self.listen(events.NodeLog(time.time(), node.address, text))

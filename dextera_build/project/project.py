@@ -84,7 +84,11 @@ class Project:
 
     @staticmethod
     def _over(found: Mapping[str, Setting], name: str, value: Any, origin: str) -> Any:
-        """A setting's value merged over that of lower layers; resources are merged by name."""
+        """A setting's value merged over that of lower layers; resources and services are merged by name."""
+        if name == "services":
+            from dextera_build.calls.services import over
+
+            return over(found[name].value, value, origin)
         if name != "resources":
             return value
         from dextera_build.workers.capacity import parse
@@ -155,6 +159,25 @@ class Project:
     def calls(self) -> str:
         """How calls of services are treated; see `calls.recorder.Recorder`."""
         return str(self.config["calls"].value)
+
+    @property
+    def max_cost(self) -> float | None:
+        """The most that the calls of one command may cost [USD]; None: no limit."""
+        text = str(self.config["max_cost"].value)
+        return float(text) if text and text != "none" else None
+
+    @cached_property
+    def call_terms(self) -> str:
+        """The terms of calls for worker processes, as text; see `calls.gate.Terms`."""
+        services = self.config["services"].value
+        if not services and self.max_cost is None:
+            return ""
+        from dextera_build.calls import gate, spending
+
+        ledger = os.environ.get(spending.LEDGER, "")
+        if not ledger and self.max_cost is not None:
+            self._ledger, ledger = spending.open_ledger()
+        return gate.written(services, self.max_cost, ledger)
 
     @property
     def asks_again(self) -> bool:

@@ -26,6 +26,8 @@ DEFAULTS: Mapping[str, Any] = {
     "executor": "local",
     "console": "auto",
     "calls": "record",
+    "services": {},
+    "max_cost": "",
     "durable": True,
     "trusted_keys": "",
     "require_signed": False,
@@ -41,10 +43,15 @@ _CHOICES = {
     "executor": ("local", "ray", "ray:HOST:PORT"),
     "console": ("auto", "live", "plain", "jsonl", "none"),
     "calls": ("record", "replay", "refresh", "replace", "off"),
+    "max_cost": ("an amount in USD such as 2.50, or none",),
     "durable": _SWITCH,
     "require_signed": _SWITCH,
 }
-_PATTERNS = {"jobs": re.compile(r"[0-9]{1,6}"), "executor": re.compile(r"local|ray(:.+)?")}
+_PATTERNS = {
+    "jobs": re.compile(r"[0-9]{1,6}"),
+    "executor": re.compile(r"local|ray(:.+)?"),
+    "max_cost": re.compile(r"([0-9]{1,9}(\.[0-9]{1,9})?)?|none"),
+}
 """Setting -> pattern of its values, if these are not a list of words."""
 
 
@@ -98,10 +105,10 @@ def check(name: str, value: object, origin: str) -> None:
     Raises:
         RecipeError: It is a list or a table instead of a single value, or holds control characters.
     """
-    if name in ("remotes", "resources"):
+    if name in ("remotes", "resources", "services"):
         return  # their parts are checked when they are read
     parts = value if name in ("trusted_keys", "models") and isinstance(value, list) else [value]
-    if not all(isinstance(part, bool | int | str) and str(part).isprintable() for part in parts):
+    if not all(isinstance(part, bool | int | float | str) and str(part).isprintable() for part in parts):
         raise RecipeError(
             f"`{name}` is one value without control characters",
             code="DXB-R403",

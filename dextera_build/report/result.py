@@ -31,6 +31,7 @@ def title(run: Run) -> Html:
         ("dxb", run.dxb),
         ("time", duration(run.seconds)),
         ("saved", duration(run.saved) if run.saved >= 1 else ""),
+        ("cost of calls", str(run.costs)),
         (count(sum(run.counts.values()), "node"), states(run.counts)),
     ]
     listed = [tag("div", None, tag("dt", None, name), tag("dd", None, value)) for name, value in facts if value]

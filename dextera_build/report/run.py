@@ -11,6 +11,7 @@ from typing import Any
 
 from dextera_build.report import sources
 from dextera_build.report.sources import Store
+from dextera_build.runs.costs import Costs
 from dextera_build.runs.events import Event
 
 _STEP = re.compile(r"(?P<name>[^.\[]+)(?:\[(?P<label>[^\]]*)\])?(?:\.|$)")
@@ -106,6 +107,8 @@ class Run:
     """Group -> labels."""
     chosen: dict[str, str] = field(default_factory=dict)
     """`factorize.mesh: primitives` -> who chose it."""
+    costs: Costs = field(default_factory=Costs)
+    """What requests to services cost."""
 
     def by_address(self) -> dict[str, Node]:
         """Address -> node."""
@@ -146,6 +149,8 @@ class _Reader:
             self.run.groups[data["group"]] = list(data["labels"])
         elif kind == "node_started":
             self.begun[data["node"]] = data
+        elif kind == "node_paid":
+            self.run.costs.add(data["service"], float(data["usd"]), sure=bool(data.get("sure", True)))
         elif kind == "node_log":
             self.logs.setdefault(data["node"], []).append(data["text"])
         elif kind == "node_finished":

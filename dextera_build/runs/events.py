@@ -111,6 +111,20 @@ class NodeLog(Event):
 
 
 @dataclass(frozen=True)
+class NodePaid(Event):
+    """A running node sent a request that costs money to a service."""
+
+    kind: ClassVar[str] = "node_paid"
+    node: str
+    service: str
+    model: str
+    usd: float
+    """What it cost [USD], as the service says or by its stated price."""
+    sure: bool = True
+    """False: the answer was lost, and the service may not have charged it."""
+
+
+@dataclass(frozen=True)
 class BytesMissed(Event):
     """`reader` needs the bytes of a known result that the store lacks; they are fetched or rebuilt.
 

@@ -15,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dextera_build.calls.spending import LEDGER, open_ledger
 from dextera_build.cli import options
 from dextera_build.cli.build.shown import shown, tell
 from dextera_build.cli.consoles import console
@@ -53,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
     if args.once:
         return _once(args, *args.once)
     because = _FIRST
+    _, os.environ[LEDGER] = open_ledger()  # `--max-cost` limits all rounds together
     while True:
         code, watch = _round(args.words[1:], because)
         if code == 130 or (code == 2 and because == _FIRST):

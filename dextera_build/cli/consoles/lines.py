@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 
 from dextera_build.cli.errors import paint
 from dextera_build.report.wording import MARKS, STATES, count, duration, size, some, states
+from dextera_build.runs.costs import Costs
 from dextera_build.runs.events import (
     BytesMissed,
     Event,
@@ -189,6 +190,11 @@ def uploaded(event: Uploaded) -> list[Line]:
         said = f"{count(event.left, 'result')} {were} not uploaded to {event.remote}: {printable(event.reason)}"
         found.append([("warning: ", "waits"), (said, "")])
     return found
+
+
+def costs(found: Costs) -> list[Line]:
+    """`  cost: 0.0400 USD for 2 requests to forge`; nothing if no request had a price."""
+    return [[("  cost: ", "dim"), (printable(str(found)), "")]] if str(found) else []
 
 
 def pulled(recipe: str, event: RunFinished) -> Line:

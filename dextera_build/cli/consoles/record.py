@@ -9,9 +9,11 @@ from dextera_build.cli.consoles import lines
 from dextera_build.cli.consoles.lines import Line, printable
 from dextera_build.cli.errors import render_node
 from dextera_build.report.wording import count, duration
+from dextera_build.runs.costs import Costs
 from dextera_build.runs.events import (
     Event,
     NodeFinished,
+    NodePaid,
     NodeProgress,
     NodeRetried,
     NodeStarted,
@@ -66,6 +68,7 @@ class Record:
         self._done: set[str] = set()
         self.uploading: Uploading | None = None
         self._uploaded: list[Uploaded] = []
+        self._costs = Costs()
         self.running: dict[str, Running] = {}
         self.failed: list[NodeFinished] = []
         self.left_over: list[NodeFinished] = []
@@ -92,6 +95,8 @@ class Record:
             self.uploading = event
         elif isinstance(event, Uploaded):
             self._uploaded.append(event)
+        elif isinstance(event, NodePaid):
+            self._costs.add(event.service, event.usd, sure=event.sure)
         elif isinstance(event, NodeStarted):
             self.running[event.node] = Running(event)
         elif isinstance(event, NodeProgress) and event.node in self.running:
@@ -120,7 +125,8 @@ class Record:
 
     def closing(self, event: RunFinished) -> list[Line]:
         """The last lines of a run."""
-        last = [lines.summary(self.recipe, event), *(line for sent in self._uploaded for line in lines.uploaded(sent))]
+        sent = [line for uploaded in self._uploaded for line in lines.uploaded(uploaded)]
+        last = [lines.summary(self.recipe, event), *lines.costs(self._costs), *sent]
         fresh = event.ok and event.counts.get("cached", 0) != sum(event.counts.values())
         return [*last, lines.next_steps(self.recipe)] if fresh else last
 

@@ -93,14 +93,19 @@ def _is_rule(project: Project, text: str) -> bool:
 def _config(project: Project, *, as_json: bool) -> int:
     """Print every setting as written in `dxb.toml` or on the command line, with its origin."""
     rows = {name: {"value": found.value, "origin": found.origin} for name, found in project.config.items()}
-    cells = []
-    for name, found in project.config.items():
-        value = found.value
-        if isinstance(value, dict):
-            value = ",".join(f"{name}={amount:g}" for name, amount in value.items())
-        text = str(value).lower() if isinstance(value, bool) else str(value)
-        cells.append({"setting": name, "value": text, "origin": found.origin})
+    cells = [
+        {"setting": name, "value": _written(found.value), "origin": found.origin}
+        for name, found in project.config.items()
+    ]
     return table.give(rows, as_json=as_json, cells=cells)
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, dict) and all(isinstance(amount, int | float) for amount in value.values()):
+        return ",".join(f"{name}={amount:g}" for name, amount in value.items())
+    if isinstance(value, dict):
+        return json.dumps(value)
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _lineage(session: Session, target: str, *, as_json: bool) -> int:
