@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 from pydantic import model_validator
 
 from dextera_build.artifacts.base import Array, Artifact
+from dextera_build.artifacts.formats import module
 from dextera_build.artifacts.image import Image, png
 from dextera_build.errors import ArtifactError
 from dextera_build.geometry.thumbnail import thumbnail
@@ -16,6 +17,8 @@ from dextera_build.geometry.thumbnail import thumbnail
 
 class Mesh(Artifact):
     """A triangle mesh with a texture."""
+
+    saves: ClassVar[tuple[str, ...]] = (".obj", ".glb", ".ply", ".stl", ".usda", ".usdc", ".usd")
 
     vertices: Annotated[np.ndarray, Array("V 3", "float32", unit="m", frame="object")]
     """Corner positions (a background's are in the world frame)."""
@@ -65,21 +68,19 @@ class Mesh(Artifact):
         row, column = ((1 - v) * rows).astype(int).clip(0, rows - 1), (u * columns).astype(int).clip(0, columns - 1)
         return np.asarray(self.texture.pixels[row, column] / 255.0)
 
-    def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write `stem.obj` with `stem.mtl` and `stem.png`."""
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        written = [folder / f"{stem}.obj"]
-        written[0].write_text(obj_text(self, f"{stem}.mtl"))
-        material = folder / f"{stem}.mtl"
+    def _write(self, path: Path) -> list[Path]:
+        if path.suffix.lower() != ".obj":
+            written: list[Path] = module("mesh_files").write(self, path)
+            return written
+        material, picture = path.with_suffix(".mtl"), path.with_suffix(".png")
+        path.write_text(obj_text(self, material.name))
         red, green, blue = self.colour
         lines = ["newmtl surface", f"Kd {red:.4f} {green:.4f} {blue:.4f}"]
         if self.texture is not None:
-            (folder / f"{stem}.png").write_bytes(png(self.texture.pixels))
-            lines += ["Kd 1 1 1", f"map_Kd {stem}.png"]
-            written.append(folder / f"{stem}.png")
+            picture.write_bytes(png(self.texture.pixels))
+            lines += ["Kd 1 1 1", f"map_Kd {picture.name}"]
         material.write_text("\n".join(lines) + "\n")
-        return [*written, material]
+        return [path, *([picture] if self.texture is not None else []), material]
 
 
 class Hull(Artifact):

@@ -9,6 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dextera_build.geometry.colour import to_linear
+
 RGB_TO_XYZ = np.array(
     [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
 )
@@ -62,7 +64,7 @@ def rgb_mae(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | No
 def lab(pixels: np.ndarray) -> np.ndarray:
     """CIE L*a*b* (..., 3) float32 (L 0..100) of sRGB uint8, D65 white."""
     srgb = pixels.astype(np.float64) / 255.0
-    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    linear = to_linear(srgb)
     ratio = linear @ RGB_TO_XYZ.T / RGB_TO_XYZ.sum(axis=1)
     f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
     x, y, z = f[..., 0], f[..., 1], f[..., 2]

@@ -64,11 +64,11 @@ def unwrap(vertices: np.ndarray, faces: np.ndarray, texel_m: float, most_px: int
     texel = texel_m
     while True:
         sizes = np.ceil((high - low) / texel).astype(int) + 2 * GUTTER_PX + 1
-        packed = _pack(sizes, most_px)
-        if packed is not None:
+        found = packed(sizes, most_px)
+        if found is not None:
             break
         texel *= 1.1
-    place, width, height = packed
+    place, width, height = found
     pixels = (corners - low[chart][:, None]) / texel + GUTTER_PX + 0.5 + place[chart][:, None]
     return Atlas(pixels / np.array([width, height]), width, height)
 
@@ -122,7 +122,7 @@ def _charts(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
     return side, connected_components(links, directed=False)[1]
 
 
-def _pack(sizes: np.ndarray, most: int) -> tuple[np.ndarray, int, int] | None:
+def packed(sizes: np.ndarray, most: int) -> tuple[np.ndarray, int, int] | None:
     """Lower left corners (C, 2) of rectangles (C, 2) on shelves, with the width and height used; None if too large."""
     if sizes.max() > most:
         return None

@@ -1,4 +1,4 @@
-"""Single USD prims: meshes, convex pieces, materials, the camera."""
+"""Single USD prims of a scene: convex pieces, physics materials, the camera."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.mesh_usd import add_triangles
 from dextera_build.artifacts.object import Physics
 from dextera_build.artifacts.scene import SupportBox
 from dextera_build.geometry import quaternions
@@ -26,57 +26,14 @@ def place(prim: Any, pose: np.ndarray) -> None:
     prim.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Quatd(*turn.tolist()))
 
 
-def add_mesh(stage: Any, path: str, mesh: Mesh, origin: np.ndarray, material: str) -> None:
-    """Add a visual mesh, translated from `origin` [m] to 0, with face-varying `st` if textured."""
-    from pxr import Sdf, UsdGeom, UsdShade, Vt
-
-    prim = _triangles(stage, path, (mesh.vertices - origin).astype(np.float32), mesh.faces)
-    if mesh.uv is not None:
-        api = UsdGeom.PrimvarsAPI(prim)
-        st = api.CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
-        st.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(mesh.uv.reshape(-1, 2), np.float32)))
-    UsdShade.MaterialBindingAPI.Apply(prim.GetPrim()).Bind(UsdShade.Material.Get(stage, material))
-
-
 def add_piece(stage: Any, path: str, vertices: np.ndarray, faces: np.ndarray) -> Any:
     """Add a convex collision piece, hidden as a guide; the caller adds the collision API."""
     from pxr import UsdGeom, UsdPhysics
 
-    mesh = _triangles(stage, path, vertices, faces)
+    mesh = add_triangles(stage, path, vertices, faces)
     mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
     UsdPhysics.MeshCollisionAPI.Apply(mesh.GetPrim()).CreateApproximationAttr(UsdPhysics.Tokens.convexHull)
     return mesh.GetPrim()
-
-
-def add_surface_material(stage: Any, path: str, colour: tuple[float, float, float], texture: str | None = None) -> str:
-    """Add a matte UsdPreviewSurface: one sRGB `colour` 0..1, or the `texture` file, relative to the stage."""
-    from pxr import Gf, Sdf, UsdShade
-
-    material = UsdShade.Material.Define(stage, path)
-    shader = UsdShade.Shader.Define(stage, f"{path}/Surface")
-    shader.CreateIdAttr("UsdPreviewSurface")
-    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.9)
-    diffuse = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
-    if texture is None:
-        # Shader colours are linear, artifacts' colours are sRGB.
-        diffuse.Set(Gf.Vec3f(*(_linear(c) for c in colour)))
-    else:
-        reader = UsdShade.Shader.Define(stage, f"{path}/St")
-        reader.CreateIdAttr("UsdPrimvarReader_float2")
-        reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
-        reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
-        image = UsdShade.Shader.Define(stage, f"{path}/Texture")
-        image.CreateIdAttr("UsdUVTexture")
-        image.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(f"./{texture}"))
-        image.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
-        image.CreateInput("wrapS", Sdf.ValueTypeNames.Token).Set("clamp")
-        image.CreateInput("wrapT", Sdf.ValueTypeNames.Token).Set("clamp")
-        image.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
-        image.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
-        diffuse.ConnectToSource(image.ConnectableAPI(), "rgb")
-    shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
-    material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
-    return path
 
 
 def bind_physics(stage: Any, path: str, physics: Physics) -> Callable[[Any], None]:
@@ -119,20 +76,3 @@ def box_points(box: SupportBox) -> np.ndarray:
     c, s = np.cos(box.yaw), np.sin(box.yaw)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     return np.asarray(signs * box.half_size @ turn.T + box.centre)
-
-
-def _triangles(stage: Any, path: str, vertices: np.ndarray, faces: np.ndarray) -> Any:
-    from pxr import UsdGeom, Vt
-
-    mesh = UsdGeom.Mesh.Define(stage, path)
-    mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
-    points = Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(vertices, np.float32))
-    mesh.CreatePointsAttr(points)
-    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(faces), 3, np.int32)))
-    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.ascontiguousarray(faces.reshape(-1), np.int32)))
-    mesh.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
-    return mesh
-
-
-def _linear(value: float) -> float:
-    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4

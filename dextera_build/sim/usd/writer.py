@@ -23,6 +23,7 @@ import numpy as np
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import png
+from dextera_build.artifacts.mesh_usd import add_mesh, add_surface_material
 from dextera_build.artifacts.object import Asset, Inertial, Joint
 from dextera_build.artifacts.scene import Background
 from dextera_build.geometry import convex, kinematics, quaternions, transforms
@@ -30,9 +31,7 @@ from dextera_build.geometry.cameras import GL_FROM_CV
 from dextera_build.sim.model import mjcf_contact, names
 from dextera_build.sim.usd.prims import (
     add_camera,
-    add_mesh,
     add_piece,
-    add_surface_material,
     bind_physics,
     box_points,
     place,

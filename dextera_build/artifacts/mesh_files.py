@@ -1,0 +1,208 @@
+"""`Mesh` in the formats of other programs: GLB, OBJ, PLY, STL and USD."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from dextera_build.artifacts import mesh_usd
+from dextera_build.artifacts.formats import suffix_among, unreadable
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.image import Image
+from dextera_build.geometry.baking import Part, joined
+from dextera_build.geometry.colour import to_linear, to_srgb
+
+LOADS = (".glb", ".obj", ".ply", ".stl", ".usda", ".usdc", ".usd", ".usdz")
+"""Suffixes of files that `load` reads."""
+_USD = (".usda", ".usdc", ".usd", ".usdz")
+_SPLIT = (".glb", ".obj", ".stl")
+"""Formats with one vertex per place and texture coordinate, or per face."""
+_UP = {
+    "x": np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]),
+    "y": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "z": np.eye(3),
+}
+"""Axis that is up in a file -> rotation to z up."""
+
+
+def load(path: str | Path, *, metres_per_unit: float = 1.0, up: Literal["x", "y", "z"] | None = None) -> Mesh:
+    """Read all triangles of a file as one mesh with one texture.
+
+    Several materials become one texture, colours of vertices or faces too. Normals, opacity and maps other than the
+    colour are left out. Vertices at one place become one where the format splits them (GLB, OBJ, STL).
+
+    Args:
+        path: One of `LOADS`; files that it names are found beside it.
+        metres_per_unit: Length of a unit of the file [m]; for USD of a metre, because a stage says its unit.
+        up: Axis of the file that points up; None: y for GLB, for USD as the stage says, z for the others.
+
+    Raises:
+        ArtifactError: The file, or one that it names, is missing or damaged, or it holds no triangles.
+    """
+    path = Path(path)
+    suffix = suffix_among(Mesh.name(), path, LOADS)
+    form = "USD" if suffix in _USD else suffix[1:].upper()
+    if not path.is_file():
+        raise unreadable(path, form, "there is no such file")
+    axis: str
+    try:
+        if suffix in _USD:
+            parts, unit, axis = mesh_usd.parts(path)
+            metres_per_unit *= unit
+        else:
+            parts, axis = list(_parts(path, suffix)), "y" if suffix == ".glb" else "z"
+        whole = joined(parts)
+    except ValueError as error:
+        raise unreadable(path, form, error) from None
+    if not len(whole.faces):
+        raise unreadable(path, form, "it holds no triangles")
+    places = metres_per_unit * whole.vertices @ _UP[up or axis].T
+    vertices, faces = places.astype(np.float32), whole.faces
+    if suffix in _SPLIT:
+        vertices, index = _merged(vertices)
+        faces = index[faces]
+    return Mesh(
+        vertices=vertices,
+        faces=faces.astype(np.int32),
+        uv=None if whole.uv is None else whole.uv.astype(np.float32),
+        texture=None if whole.picture is None else Image(pixels=np.ascontiguousarray(whole.picture)),
+        colour=whole.colour,
+    )
+
+
+def write(mesh: Mesh, path: Path) -> list[Path]:
+    """Write GLB (texture inside), PLY (colours of vertices), STL (geometry alone) or USD, binary; metres.
+
+    GLB is turned to y up by its root node, as the format demands; the others have z up.
+    """
+    suffix = path.suffix.lower()
+    if suffix in _USD:
+        return mesh_usd.write(mesh, path)
+    import trimesh
+
+    if suffix == ".glb":
+        path.write_bytes(_glb(mesh))
+    else:
+        colours = None if suffix == ".stl" else np.round(255 * _vertex_colours(mesh)).astype(np.uint8)
+        made = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colours, process=False)
+        path.write_bytes(made.export(file_type=suffix[1:]))
+    return [path]
+
+
+def _glb(mesh: Mesh) -> bytes:
+    import trimesh
+    from PIL import Image as Pillow
+
+    looks: dict[str, Any] = {"metallicFactor": 0.0, "roughnessFactor": 0.9}
+    if mesh.texture is None or mesh.uv is None:
+        vertices, faces = mesh.vertices, mesh.faces
+        visual = trimesh.visual.TextureVisuals(material=trimesh.visual.material.PBRMaterial(**looks))
+    else:
+        rows = np.concatenate([mesh.vertices[mesh.faces].reshape(-1, 3), mesh.uv.reshape(-1, 2)], axis=1)
+        rows, index = _merged(rows)
+        vertices, faces = rows[:, :3], index.reshape(-1, 3)
+        material = trimesh.visual.material.PBRMaterial(**looks, baseColorTexture=Pillow.fromarray(mesh.texture.pixels))
+        visual = trimesh.visual.TextureVisuals(uv=rows[:, 3:], material=material)
+    scene = trimesh.Scene()
+    upright = np.eye(4)
+    upright[:3, :3] = _UP["y"].T
+    scene.add_geometry(
+        trimesh.Trimesh(vertices, faces, visual=visual, process=False), geom_name="mesh", transform=upright
+    )
+
+    def finish(tree: dict[str, Any]) -> None:
+        # Colours of glTF are linear; trimesh would round this one to a byte.
+        if mesh.texture is None:
+            colour = [*to_linear(np.array(mesh.colour)).tolist(), 1.0]
+            tree["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = colour
+
+    data: bytes = trimesh.exchange.gltf.export_glb(scene, include_normals=False, tree_postprocessor=finish)
+    return data
+
+
+def _vertex_colours(mesh: Mesh) -> np.ndarray:
+    """SRGB (V, 3), 0..1: the mean over the corners at each vertex."""
+    if mesh.texture is None:
+        return np.tile(np.array(mesh.colour), (len(mesh.vertices), 1))
+    face = np.repeat(np.arange(len(mesh.faces)), 3)
+    shades = mesh.paint(face, np.tile(np.eye(3), (len(mesh.faces), 1)))
+    owner = mesh.faces.reshape(-1)
+    count = np.maximum(np.bincount(owner, minlength=len(mesh.vertices)), 1)
+    sums = [np.bincount(owner, shades[:, channel], len(mesh.vertices)) for channel in range(3)]
+    return np.asarray(np.stack(sums, axis=1) / count[:, None])
+
+
+def _merged(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Different rows in the order in which they first come, and the number of each old row among them."""
+    _, first, index = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return rows[first[order]], rank[index.reshape(-1)]
+
+
+def _parts(path: Path, suffix: str) -> Iterator[Part]:
+    """Every mesh of a file that trimesh reads, placed in the scene."""
+    import trimesh
+
+    if suffix == ".obj":
+        _check_materials(path)
+    try:
+        scene = trimesh.load_scene(path, process=False)
+    except Exception as error:  # its parsers raise whatever a damaged file leads them to
+        raise ValueError(str(error) or type(error).__name__) from None
+    for node in sorted(scene.graph.nodes_geometry):
+        placed, name = scene.graph[node]
+        made = scene.geometry[name]
+        if isinstance(made, trimesh.Trimesh) and len(made.faces):
+            vertices = made.vertices @ placed[:3, :3].T + placed[:3, 3]
+            mirrors = np.linalg.det(placed[:3, :3]) < 0
+            yield _part(made, vertices, slice(None, None, -1 if mirrors else 1), linear=suffix == ".glb")
+
+
+def _part(made: Any, vertices: np.ndarray, order: slice, *, linear: bool) -> Part:
+    """One mesh of trimesh; `order` of a face's corners."""
+    faces = np.asarray(made.faces, np.int64)[:, order]
+    visual = made.visual
+    if visual.kind == "texture":
+        picture, colour = _material(visual.material)
+        uv = None if visual.uv is None else np.asarray(visual.uv, np.float64)[faces]
+        return Part(vertices, faces, colour, uv, picture)
+    if visual.kind not in ("vertex", "face"):
+        return Part(vertices, faces)
+    shades = np.asarray(visual.vertex_colors if visual.kind == "vertex" else visual.face_colors)[:, :3] / 255.0
+    corners = shades[faces] if visual.kind == "vertex" else np.repeat(shades[:, None], 3, axis=1)
+    return Part(vertices, faces, corners=to_srgb(corners) if linear else corners)
+
+
+def _material(material: Any) -> tuple[np.ndarray | None, tuple[float, float, float]]:
+    """Picture and sRGB colour of a material of trimesh; glTF multiplies the two in linear light."""
+    if type(material).__name__ == "PBRMaterial":
+        image = material.baseColorTexture or material.emissiveTexture
+        factor = np.ones(3) if material.baseColorFactor is None else np.asarray(material.baseColorFactor)[:3] / 255.0
+    else:
+        image, factor = material.image, to_linear(np.asarray(material.diffuse)[:3] / 255.0)
+    red, green, blue = to_srgb(factor).tolist()
+    if image is None:
+        return None, (red, green, blue)
+    pixels = np.asarray(image.convert("RGB"))
+    if type(material).__name__ == "PBRMaterial" and material.baseColorTexture is not None and (factor != 1).any():
+        pixels = np.round(255 * to_srgb(to_linear(pixels / 255.0) * factor)).astype(np.uint8)
+    return pixels, (red, green, blue)
+
+
+def _check_materials(path: Path) -> None:
+    """Refuse an OBJ whose materials or pictures are missing: its parser would leave out the colours without a word."""
+    text = path.read_text("utf-8", errors="replace")
+    for name in re.findall(r"^mtllib[ \t]+(.+?)\s*$", text, re.MULTILINE):
+        library = path.parent / name
+        if not library.is_file():
+            raise ValueError(f"`{name}`, which it names, is missing")
+        pictures = re.findall(r"^\s*map_Kd[ \t]+(?:-\S+[ \t]+\S+[ \t]+)*(.+?)\s*$", library.read_text(), re.MULTILINE)
+        for picture in pictures:
+            if not (library.parent / picture.replace("\\", "/")).is_file():
+                raise ValueError(f"`{picture}`, which `{name}` names, is missing")
