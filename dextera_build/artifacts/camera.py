@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import model_validator
 
+from dextera_build.artifacts import camera_files
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.intrinsics import Intrinsics
 from dextera_build.errors import ArtifactError
 
 
 class Camera(Artifact):
     """A pinhole camera: OpenCV convention, integer pixel centres, x right, y down, z forward."""
+
+    saves: ClassVar[tuple[str, ...]] = camera_files.SUFFIXES
 
     width: int
     """Image width [px]."""
@@ -37,6 +41,24 @@ class Camera(Artifact):
     def crop(self, left: int, top: int, width: int, height: int) -> Camera:
         """The camera of the sub-image whose upper left pixel is (`left`, `top`)."""
         return Camera(width=width, height=height, fx=self.fx, fy=self.fy, cx=self.cx - left, cy=self.cy - top)
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Pixels (N, 2) of points (N, 3) in the camera frame; NaN behind the camera."""
+        ahead = np.where(points[:, 2:] > 0, points[:, 2:], np.nan)
+        return np.asarray(points[:, :2] / ahead * [self.fx, self.fy] + [self.cx, self.cy])
+
+    def unproject(self, pixels: np.ndarray) -> np.ndarray:
+        """Unit directions (N, 3) in the camera frame of pixels (N, 2)."""
+        plane = (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
+        rays = np.column_stack([plane, np.ones(len(plane))])
+        return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+    def intrinsics(self) -> Intrinsics:
+        """Its numbers, for file formats."""
+        return Intrinsics("pinhole", self.width, self.height, (self.fx, self.fy), (self.cx, self.cy))
+
+    def _write(self, path: Path) -> list[Path]:
+        return camera_files.save(self.intrinsics(), path)
 
 
 class Capture(Artifact):

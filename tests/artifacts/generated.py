@@ -25,6 +25,7 @@ from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose, Similarity
 from dextera_build.artifacts.splats import Splats
+from tests.artifacts import generated_cameras
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 LABELS = st.from_regex(r"[a-z][a-z0-9_]{0,7}", fullmatch=True)
@@ -143,6 +144,7 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Capture: _capture,
     Pose: _pose,
     Similarity: _similarity,
+    **generated_cameras.SPECIAL,
     PointCloud: _point_cloud,
     Splats: _splats,
     FeatureMap: _feature_map,
