@@ -18,7 +18,7 @@ from dextera_build.code.importer import IMPORTER
 from dextera_build.code.loader import Library, RuleFile, version_of
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.rule import Context, Options
-from dextera_build.rule.pretrained import Pretrained
+from dextera_build.rule.pretrained import Pretrained, out_of_memory, unload
 from dextera_build.store import disk_full, headers
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.questions import Look, Recording
@@ -83,7 +83,8 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         keyword = {"options": options} if rule.takes_options else {}
         if reads is not None:
             folders.enter_context(_failure_told(reads, emit))
-        result = rule(ctx, **inputs, **keyword)
+        with _memory_told(ctx):
+            result = rule(ctx, **inputs, **keyword)
         # Before the scratch folder is removed, because the result may refer to files in it.
         reply = _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
         return reply | ({"reads": reads.finish()} if reads is not None else {})
@@ -107,7 +108,10 @@ def parted(found: RuleFile, backend: str | None, given: Mapping[str, Any]) -> tu
 
 
 def pretrained(task: Mapping[str, Any]) -> Pretrained:
-    """Weights and device of a task."""
+    """Weights and device of a task; models of other weights, which the process keeps, are freed."""
+    weights = tuple(task.get("weights", ()))
+    if weights:
+        unload(but=weights)
     folders = [Path(folder) for folder in os.environ.get("DXB_MODELS", "").split(os.pathsep) if folder]
 
     def find(pinned: str) -> Path:
@@ -115,7 +119,21 @@ def pretrained(task: Mapping[str, Any]) -> Pretrained:
 
         return folder_of(folders, pinned)
 
-    return Pretrained(tuple(task.get("weights", ())), find, "cuda" if task.get("devices") else "cpu")
+    return Pretrained(weights, find, "cuda" if task.get("devices") else "cpu")
+
+
+@contextmanager
+def _memory_told(ctx: Context) -> Iterator[None]:
+    """Turn the errors of libraries that ran out of memory into one that says what would help."""
+    try:
+        yield
+    except (MemoryError, RuntimeError) as error:
+        told = out_of_memory(error, ctx.device)
+        if told is None:
+            raise
+        traceback.print_exc()
+        unload()
+        raise told from error
 
 
 def _refuse_other_versions(packages: Mapping[str, str]) -> None:

@@ -48,6 +48,12 @@ class Machine:
             found[f"a GPU with {facts.gpu_gb:g} GiB"] = "build on a machine that has one"
         return found
 
+    def memory_gb(self, facts: Backend) -> float:
+        """Main memory for the models of a backend [GiB]; 0 if they run on a GPU."""
+        if self.device_gb(facts):
+            return 0.0
+        return sum(self.models.describe(name).memory_gb for name in facts.weights)
+
     def device_gb(self, facts: Backend) -> float:
         """GPU memory to reserve for a call [GiB]; 0 if it runs on the CPU."""
         return 0.0 if facts.cpu and self.gpu_gb() < facts.gpu_gb else facts.gpu_gb

@@ -254,7 +254,7 @@ def facts_of(library: Library, found: RuleFile, choice: Choice | None) -> RuleFa
         weights=library.machine.models.pinned(backend.facts.weights) if backend else (),
         types={name: _schema(annotation, name, found.place) for name, annotation in declared.items()},
         cpus=rule.cpus,
-        memory_gb=rule.memory_gb,
+        memory_gb=rule.memory_gb + (library.machine.memory_gb(backend.facts) if backend else 0.0),
         gpus=rule.gpus,
         gpu_gb=library.machine.device_gb(backend.facts) if backend else 0.0,
         named=tuple(sorted(rule.resources.items())),

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import gc
+import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
-from dextera_build.errors import RuleError, did_you_mean, listing
+from dextera_build.errors import MachineError, RuleError, did_you_mean, listing
 
 M = TypeVar("M")
 Device = Literal["cpu", "cuda"]
+_MORE_GPU = "raise `gpu_gb` of the backend so that fewer calls share the GPU, or take a smaller model or input"
+_MORE_MEMORY = "build with `--jobs 1`, raise `memory_gb` of the rule, or take a smaller model or input"
 
-_LOADED: dict[tuple[str, ...], Any] = {}
-"""Models that this process holds, by function, weights and device."""
+
+class _Key(NamedTuple):
+    function: str
+    device: str
+    weights: tuple[str, ...]
+
+
+_LOADED: dict[_Key, Any] = {}
+"""Models that this process holds."""
 
 
 class Pretrained:
@@ -48,27 +59,41 @@ class Pretrained:
             raise TypeError("`ctx.load` takes a function of a module: a loaded model is found again by its name")
         folders = [self.folder(name) for name in names]
         pinned = [self._declared[name] for name in names]
-        key = (load.__module__, load.__qualname__, self.device, *pinned)
+        key = _Key(f"{load.__module__}:{load.__qualname__}", self.device, tuple(pinned))
         if key not in _LOADED:
-            unload()
             _LOADED[key] = load(*folders, self.device)
         model: M = _LOADED[key]
         return model
 
 
-def unload() -> None:
-    """Free every loaded model of this process, and the memory of its GPU."""
-    import gc
-    import sys
+def unload(but: tuple[str, ...] = ()) -> None:
+    """Free the models of this process, and the memory of its GPU.
 
-    if not _LOADED:
+    Args:
+        but: Weights, as `name@digest`, whose models stay.
+    """
+    gone = [key for key in _LOADED if not set(key.weights) <= set(but)]
+    if not gone:
         return
-    _LOADED.clear()
+    for key in gone:
+        del _LOADED[key]
     gc.collect()
     if (torch := sys.modules.get("torch")) is not None and torch.cuda.is_available():
         torch.cuda.empty_cache()
 
 
-def loaded() -> bool:
-    """Whether this process holds a model."""
-    return bool(_LOADED)
+def out_of_memory(error: BaseException, device: Device) -> MachineError | None:
+    """The error to show for one that says that memory ran out; None for any other.
+
+    numpy and Python raise `MemoryError`, torch an `OutOfMemoryError` for a GPU and a `RuntimeError` for the CPU.
+    """
+    text = (str(error) or type(error).__name__).splitlines()[0]
+    gpu = type(error).__name__ == "OutOfMemoryError"
+    if not gpu and not isinstance(error, MemoryError) and "DefaultCPUAllocator" not in text:
+        return None
+    return MachineError(
+        "the memory of the GPU does not hold what the backend needs" if gpu else "the machine's memory is used up",
+        code="DXB-E389",
+        facts={"device": device, "it says": text},
+        hint=_MORE_GPU if gpu else _MORE_MEMORY,
+    )

@@ -7,6 +7,7 @@ import fcntl
 import json
 import math
 import os
+import resource
 import selectors
 import signal
 import socket
@@ -19,7 +20,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from dextera_build.errors import MachineError, RuleError, from_json
-from dextera_build.workers import worker
+from dextera_build.workers import warm, worker
 from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.protocol import Ended, Report, Said, Task, printed
 
@@ -65,7 +66,9 @@ class LocalExecutor:
 
     def submit(self, task: Task) -> None:
         """Give the task to an idle worker, or to the next one that becomes free, as loading another may take longer."""
-        process = self._idle(task.devices)
+        process = self._idle(task)
+        for other in warm.surplus(self._workers, task, process, self.capacity):
+            self._end(other, 0.0)
         if process is not None:
             process.give(task)
             return
@@ -84,6 +87,8 @@ class LocalExecutor:
             reports += self._hear(key.data)
         for process in [process for process in self._busy() if process.has_ended]:
             reports += self._hear(process)
+        for process in [process for process in self._workers if process.is_stale]:
+            self._end(process, 0.0)
         return reports
 
     def stop(self) -> None:
@@ -104,16 +109,17 @@ class LocalExecutor:
     def _busy(self) -> list[Process]:
         return [process for process in self._workers if process.task is not None]
 
-    def _idle(self, devices: tuple[str, ...]) -> Process | None:
-        """An idle worker with these devices."""
+    def _idle(self, task: Task) -> Process | None:
+        """An idle worker for a task, with the devices granted to it."""
+        able = []
         for process in [process for process in self._workers if process.is_ready and process.task is None]:
-            if process.devices != devices and set(process.devices).isdisjoint(devices):
+            if process.devices != task.devices and set(process.devices).isdisjoint(task.devices):
                 continue
-            if process.devices == devices and not process.has_ended:
-                return process
-            # It is dead, or holds memory of a device that another worker needs now.
-            self._end(process, 0.0)
-        return None
+            if process.devices == task.devices and not process.has_ended:
+                able.append(process)
+            else:  # it is dead, or holds memory of a device that another worker needs now
+                self._end(process, 0.0)
+        return warm.choose(able, task)
 
     def _start(self, devices: tuple[str, ...]) -> None:
         try:
@@ -145,16 +151,17 @@ class LocalExecutor:
             else:
                 log, error = line["log"].encode("latin-1"), from_json(line["error"]) if line["error"] else None
                 reports.append(Ended(**{**line, "ticket": process.task.ticket, "log": log, "error": error}))
-                process.task = None
+                process.rest()
         if ended:
             reports += self._bury(process)
-        elif process.is_ready and process.task is None and (task := self._next(process.devices)) is not None:
+        elif process.is_ready and process.task is None and (task := self._next(process)) is not None:
             process.give(task)
         return reports
 
-    def _next(self, devices: tuple[str, ...]) -> Task | None:
-        """Take the first task that waits for a worker with these devices."""
-        task = next((task for task in self._waiting if task.devices == devices), None)
+    def _next(self, process: Process) -> Task | None:
+        """Take the first task that waits for such a worker."""
+        able = (task for task in self._waiting if task.devices == process.devices and warm.takes(process, task))
+        task = next(able, None)
         if task is not None:
             self._waiting.remove(task)
         return task
@@ -162,7 +169,7 @@ class LocalExecutor:
     def _bury(self, process: Process) -> list[Report]:
         """Remove a dead worker; fails its task, or the task that it was loading for."""
         self._end(process, _GRACE_S)
-        task = process.task if process.is_ready else self._next(process.devices)
+        task = process.task if process.is_ready else self._next(process)
         if task is None:
             return []
         seconds, log = time.monotonic() - process.began, process.log()
@@ -201,6 +208,10 @@ class Process:
         """How long it may take to clean up when a build is cut short [s]."""
         self.peak = 0
         """Peak memory of the worker and its children [bytes]; set by `end`."""
+        self.holds: tuple[str, ...] = ()
+        """Weights of the model that it keeps; see `warm`, also for the next three."""
+        self.held_gb = self.held_gpu_gb = 0.0
+        self.idle_since = self.began
         self._buffer = b""
         # Unnamed, so that no file is left behind however the process ends.
         self._log = tempfile.TemporaryFile(mode="w+b", buffering=0)  # noqa: SIM115
@@ -252,6 +263,24 @@ class Process:
         """Give it a task; `hear` reports a worker that is already dead."""
         self.task, self.began, self.grace_s = task, time.monotonic(), _GRACE_S
         self._send(json.dumps(task.message()).encode())
+
+    def rest(self) -> None:
+        """Note the end of its task, and what it keeps in memory."""
+        assert self.task is not None
+        self.idle_since = time.monotonic()
+        if self.task.weights:
+            self.holds, self.held_gb, self.held_gpu_gb = self.task.weights, self._memory_gb(), self.task.needs.gpu_gb
+        self.task = None
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether it holds a model that nothing has used for a while."""
+        return bool(self.holds) and self.task is None and time.monotonic() - self.idle_since > warm.IDLE_S
+
+    def _memory_gb(self) -> float:
+        with contextlib.suppress(OSError), open(f"/proc/{self.pid}/statm") as table:
+            return int(table.read().split()[1]) * resource.getpagesize() / 2**30
+        return 0.0
 
     def _send(self, data: bytes) -> None:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):

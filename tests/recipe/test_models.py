@@ -191,3 +191,13 @@ def test_the_doctor_tells_of_weights_licence_and_memory_and_runs_the_self_test(v
     assert "self-test: AssertionError" in row("--self-test")["found"]
     voiced.edit("rules/toy/spoken_voice.py", "b'?'", "b'!'")
     assert row("--self-test")["ok"]
+
+
+def test_memory_that_runs_out_ends_in_one_error(space):
+    text = RULE.lstrip()[: RULE.lstrip().index("    if not")] + "    return File(data=bytes(1 << 60))\n"
+    space.write("rules/toy/spoken.py", text)
+    space.write("recipes/say/b.yaml", "nodes: {s: {rule: toy.start}, t: {rule: toy.spoken, text: $s}}")
+    answer = space.dxb("build", "say/b")
+    assert answer.code == 1
+    assert "the machine's memory is used up" in answer.err
+    assert "Traceback" not in answer.err
