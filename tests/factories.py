@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera, Capture
+from dextera_build.artifacts.base import Artifact
+from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import Asset, Body, Collision, Inertial, Joint, Link, Physics, Pieces, Support
@@ -211,7 +212,20 @@ def capture(lens: Camera | None = None, table: Support | None = None) -> Capture
     depth = np.where(down < -1e-6, table.camera_pose.matrix[2, 3] / np.maximum(-down, 1e-6), 0.0)
     depth = np.where(depth < 5.0, depth, 0.0).astype(np.float32)
     pixels = np.full((lens.height, lens.width, 3), (168, 140, 110), np.uint8)
-    return Capture(rgb=Image(pixels=pixels), depth=DepthImage(depth=depth), camera=lens)
+    return rgbd(pixels, depth, lens)
+
+
+def rgbd(pixels: np.ndarray, depth: np.ndarray, lens: Camera) -> Capture:
+    """A capture of (H, W, 3) uint8 and (H, W) float32 [m]."""
+    return Capture(
+        photograph=Photograph(rgb=Image(pixels=pixels), camera=lens), measured=Measured(depth=DepthImage(depth=depth))
+    )
+
+
+def shot(capture: Capture) -> dict[str, Artifact]:
+    """The inputs `photograph` and `measured` of a rule."""
+    found: dict[str, Artifact | None] = {"photograph": capture.photograph, "measured": capture.measured}
+    return {name: part for name, part in found.items() if part is not None}
 
 
 def _with_poles(rings: list[np.ndarray], thick: float) -> np.ndarray:

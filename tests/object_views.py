@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.object import Body, Link, ObjectView, Shape
+from dextera_build.artifacts.object import Body, Link, Shape
+from dextera_build.artifacts.view import Instance, MeasuredView, ObjectView, Seen, Traits
 from dextera_build.geometry import raycast, solids
 from dextera_build.geometry.solids import Solid
 from tests import factories
@@ -89,7 +91,7 @@ def view(
     body_type: str = "rigid",
     material: str = "plastic",
     seed: int = 0,
-) -> ObjectView:
+) -> Instance:
     """What a camera in front of and above the table sees of `surface` at `pose` (T_world_object).
 
     Args:
@@ -108,17 +110,45 @@ def view(
     seen = raycast.render(things, lens.matrix(), eye, 240, 320)
     depth = seen.depth + np.random.default_rng(seed).normal(0.0, noise_m, seen.depth.shape) * (seen.depth > 0.0)
     occluder = np.zeros(seen.depth.shape, bool) if hidden is None else hidden
-    return ObjectView(
-        rgb=Image(pixels=raycast.shade(things, seen)),
-        depth=DepthImage(depth=depth.astype(np.float32)),
-        mask=(seen.index == 0) & ~occluder,
-        occluder=occluder,
-        camera=lens,
-        camera_pose=factories.placed(eye, "camera"),
-        category=category,
-        body_type=body_type,
-        material=material,
+    return Instance(
+        view=ObjectView(
+            rgb=Image(pixels=raycast.shade(things, seen)),
+            mask=(seen.index == 0) & ~occluder,
+            occluder=occluder,
+            camera=lens,
+            phrase="thing",
+        ),
+        traits=Traits(category=category, body_type=body_type, material=material),
+        measured=MeasuredView(
+            depth=DepthImage(depth=depth.astype(np.float32)), camera_pose=factories.placed(eye, "camera")
+        ),
     )
+
+
+def sights(instance: Instance) -> dict[str, Artifact]:
+    """The inputs `view` and `measured` of a rule."""
+    found: dict[str, Artifact | None] = {"view": instance.view, "measured": instance.measured}
+    return {name: part for name, part in found.items() if part is not None}
+
+
+def whole(instance: Instance) -> dict[str, Artifact]:
+    """The inputs `view`, `measured` and `traits` of a rule."""
+    return {**sights(instance), "traits": instance.traits}
+
+
+def changed(instance: Instance, *, depth: np.ndarray | None = None, **pixels: np.ndarray) -> Instance:
+    """The same object with another mask or occluder, or another depth (H, W) [m]."""
+    assert instance.measured is not None
+    measured = instance.measured
+    if depth is not None:
+        measured = measured.model_copy(update={"depth": DepthImage(depth=depth)})
+    return instance.model_copy(update={"view": instance.view.model_copy(update=pixels), "measured": measured})
+
+
+def seen(instance: Instance) -> Seen:
+    """View and measurements together."""
+    assert instance.measured is not None
+    return Seen(instance.view, instance.measured)
 
 
 def body(surface: Mesh, pose: np.ndarray | None = None, *, hollow: bool = False) -> Body:

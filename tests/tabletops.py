@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.camera import Camera, Capture
 from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import DepthImage, Image, LabelImage
+from dextera_build.artifacts.image import LabelImage
 from dextera_build.geometry import planes, raycast, transforms
 from tests import factories
 
@@ -54,11 +54,7 @@ def tabletop(
     # Faces differ a little in brightness, as under a lamp.
     light = 0.75 + 0.25 * np.clip(seen.normal @ np.array([0.3, -0.4, 0.87]), 0, 1)
     pixels = raycast.shade(surfaces, seen) * light[..., None] + rng.normal(0, 2, (*depth.shape, 3))
-    capture = Capture(
-        rgb=Image(pixels=np.clip(pixels, 0, 255).astype(np.uint8)),
-        depth=DepthImage(depth=np.maximum(depth, 0).astype(np.float32)),
-        camera=LENS,
-    )
+    capture = factories.rgbd(np.clip(pixels, 0, 255).astype(np.uint8), np.maximum(depth, 0).astype(np.float32), LENS)
     labels = np.maximum(seen.index - len(still) + 1, 0).astype(np.int32)
     return Tabletop(capture, LabelImage(labels=labels), eye)
 

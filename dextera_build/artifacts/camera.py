@@ -1,4 +1,4 @@
-"""Cameras and captures."""
+"""Cameras, photographs and what was measured beside them."""
 
 from __future__ import annotations
 
@@ -61,31 +61,57 @@ class Camera(Artifact):
         return camera_files.save(self.intrinsics(), path)
 
 
-class Capture(Artifact):
-    """One RGB-D picture of a workspace."""
+class Photograph(Artifact):
+    """One RGB picture and the camera that took it: all that assets are made from."""
 
     rgb: Image
-    """The photograph."""
-    depth: DepthImage
-    """Depth registered to the photograph, same size."""
+    """The picture."""
     camera: Camera
-    """Intrinsics of both."""
+    """Intrinsics."""
+
+    @model_validator(mode="after")
+    def _check_sizes(self) -> Self:
+        _check_size("Photograph.rgb", self.rgb.pixels.shape[:2], self.camera)
+        return self
+
+
+class Measured(Artifact):
+    """What a depth camera measured from the place of the photograph; for alignment, and for backends that say so."""
+
+    depth: DepthImage
+    """Depth registered to the photograph, same size and intrinsics."""
+
+
+class Capture(Artifact):
+    """A photograph of a workspace, with what was measured at the same time."""
+
+    photograph: Photograph
+    """The picture with its camera."""
+    measured: Measured | None = None
+    """Depth; None if there is nothing but the photograph."""
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write the files that `capture.folder` reads: `rgb.png`, `depth.png` in millimetres, `capture.json`."""
         folder = Path(folder)
-        facts = self.camera.model_dump() | {"depth_scale_m": 0.001}
-        written = [*self.rgb.export(folder, "rgb"), *self.depth.export(folder, "depth"), folder / "capture.json"]
+        facts = self.photograph.camera.model_dump()
+        written = self.photograph.rgb.export(folder, "rgb")
+        if self.measured is not None:
+            facts["depth_scale_m"] = 0.001
+            written += self.measured.depth.export(folder, "depth")
+        written.append(folder / "capture.json")
         written[-1].write_text(json.dumps(facts, indent=1) + "\n")
         return written
 
     @model_validator(mode="after")
     def _check_sizes(self) -> Self:
-        size = (self.camera.height, self.camera.width)
-        for name, shape in (("rgb", self.rgb.pixels.shape[:2]), ("depth", self.depth.depth.shape)):
-            if shape != size:
-                raise ArtifactError(
-                    f"Capture.{name} is {shape[1]} x {shape[0]} px, but the intrinsics say {size[1]} x {size[0]} px",
-                    code="DXB-A203",
-                )
+        if self.measured is not None:
+            _check_size("Capture.measured.depth", self.measured.depth.depth.shape, self.photograph.camera)
         return self
+
+
+def _check_size(name: str, shape: tuple[int, ...], camera: Camera) -> None:
+    if shape != (camera.height, camera.width):
+        raise ArtifactError(
+            f"{name} is {shape[1]} x {shape[0]} px, but the intrinsics say {camera.width} x {camera.height} px",
+            code="DXB-A203",
+        )

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
 from dextera_build.artifacts.base import Array, Artifact, Value
-from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.image import DepthImage, Image, LabelImage, png
+from dextera_build.artifacts.image import png
 from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import kinematics, transforms
 from dextera_build.geometry.thumbnail import thumbnail
+
+AssetSource: TypeAlias = Literal["rgb", "rgbd"]
+"""What an asset was made from: the photograph alone, as in the paper, or with the help of measured depth."""
 
 
 class Element(Value):
@@ -42,6 +44,8 @@ class Elements(Artifact):
     """Every element, interactive and static."""
     source: str
     """`proposed` or `scene.yaml`."""
+    asset_source: AssetSource = "rgb"
+    """What the elements were found in."""
 
 
 class Support(Artifact):
@@ -61,42 +65,6 @@ class Support(Artifact):
     """Fraction of the valid depth pixels that are on the plane."""
 
 
-class ObjectView(Artifact):
-    """One object as the camera saw it: a crop. The name is not part of it, so renaming rebuilds nothing."""
-
-    rgb: Image
-    """Crop of the photograph around the mask, with a margin."""
-    depth: DepthImage
-    """The same crop of the depth [m]."""
-    mask: Annotated[np.ndarray, Array("H W", "bool")]
-    """Visible pixels of the object, in the crop."""
-    occluder: Annotated[np.ndarray, Array("H W", "bool")]
-    """Pixels of the crop where something nearer may hide the object; nothing is known there."""
-    camera: Camera
-    """Intrinsics of the crop."""
-    camera_pose: Annotated[Pose, Frames("world", "camera")]
-    """T_world_camera; the support is z = 0."""
-    category: str
-    """See `Element.category`."""
-    body_type: Literal["rigid", "articulated"]
-    """See `Element.body_type`."""
-    material: str
-    """See `Element.material`."""
-
-
-class Segmentation(Artifact):
-    """Every object's view and the label map that they were cut from."""
-
-    items: dict[str, ObjectView]
-    """Element name -> view; opened by `each`."""
-    names: tuple[str, ...]
-    """Name of label 1, 2, ... of `labels`."""
-    labels: LabelImage
-    """Instance labels in the full photograph; 0 is everything else."""
-    fixed: Annotated[np.ndarray, Array("H W", "bool")]
-    """Pixels above the support that belong to no object: the robot, things cut by the image border."""
-
-
 class Shape(Artifact):
     """A closed, textured mesh of one object, and how well it explains the photograph."""
 
@@ -104,14 +72,14 @@ class Shape(Artifact):
     """Closed, in the object frame: origin at the middle of the base, z up in its resting pose."""
     walls: tuple[Hull, ...] = ()
     """Exact convex pieces if the hypothesis knows them (walls of a hollow body), object frame; else empty."""
-    pose: Annotated[Pose, Frames("world", "object")]
-    """First guess of T_world_object; `align.object` refines it."""
+    pose: Annotated[Pose, Frames("world", "object")] | None = None
+    """First guess of T_world_object, which `align.object` refines; None if nothing was measured."""
     hypothesis: str
     """The best hypothesis: `box`, `cylinder`, `revolved`, `extruded`, `mirrored`, ..."""
     hollow: bool
     """Whether the mesh has a cavity that is open upwards."""
-    residual_m: float
-    """Median absolute depth difference between the render and the view on their common pixels [m]."""
+    residual_m: float | None = None
+    """Median absolute depth difference between render and view on their common pixels [m]; None without depth."""
     mask_iou: float
     """Intersection over union of the rendered and the seen mask (occluded pixels left out)."""
     unseen_fraction: float
@@ -120,8 +88,8 @@ class Shape(Artifact):
     """Hypothesis -> render score, higher is better."""
     unobserved: tuple[str, ...] = ()
     """Sizes that the view does not determine and that were guessed: `x`, `y` or `z` of the mesh."""
-    source: Literal["rgb", "rgbd"] = "rgbd"
-    """Source of the geometry: only the photograph, as in the paper, or also its depth."""
+    asset_source: AssetSource = "rgb"
+    """What the mesh was made from."""
 
 
 class Joint(Value):
@@ -163,12 +131,12 @@ class Body(Artifact):
     """Name -> link; `base` is the root."""
     joints: tuple[Joint, ...] = ()
     """A tree over the links."""
-    pose: Annotated[Pose, Frames("world", "object")]
-    """First guess of T_world_object."""
+    pose: Annotated[Pose, Frames("world", "object")] | None = None
+    """See `Shape.pose`."""
     hollow: bool = False
     """See `Shape.hollow`."""
-    source: Literal["rgb", "rgbd"] = "rgbd"
-    """See `Shape.source`."""
+    asset_source: AssetSource = "rgb"
+    """What links and joints were made from."""
 
     def picture(self) -> bytes:
         """All links, posed as in the photograph."""
@@ -245,6 +213,8 @@ class Placement(Artifact):
     """Method that found it."""
     ambiguous: bool = False
     """True if the shape's symmetry leaves the rotation about an axis undetermined."""
+    asset_source: AssetSource = "rgb"
+    """What the placed body was made from; the placement itself may use every measurement."""
 
 
 class Asset(Artifact):
@@ -260,3 +230,5 @@ class Asset(Artifact):
     """T_world_object."""
     category: str
     """See `Element.category`."""
+    asset_source: AssetSource = "rgb"
+    """What the asset was made from."""

@@ -12,6 +12,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import DepthImage, Image, LabelImage
+from dextera_build.artifacts.object import AssetSource
 from dextera_build.artifacts.pose import Pose
 
 
@@ -39,6 +40,8 @@ class Background(Artifact):
     """Textured surface in the world frame; open at its border, because one camera saw it."""
     boxes: tuple[SupportBox, ...]
     """Collision geometry; the first one is the support with its top at z = 0."""
+    asset_source: AssetSource = "rgb"
+    """What the surface was made from."""
 
 
 class Scene(Artifact):

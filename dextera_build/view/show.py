@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 
 from dextera_build.artifacts.base import Artifact, Collection
-from dextera_build.artifacts.camera import Camera, Capture
+from dextera_build.artifacts.camera import Camera, Capture, Photograph
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Asset, Body, Collision, ObjectView, Segmentation, Shape, Support
+from dextera_build.artifacts.object import Asset, Body, Collision, Shape, Support
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.view import Instance, ObjectView, Segmentation
 from dextera_build.errors import UsageError
 from dextera_build.geometry import cameras, convex, gaussians, kinematics, quaternions, transforms
 
@@ -67,7 +68,7 @@ def _(hull: Hull, server: Any, name: str) -> Any:
 @show.register
 def _(shape: Shape, server: Any, name: str) -> Any:
     """A completed object at its first guess of a pose."""
-    frame = add_frame(server, name, shape.pose.matrix)
+    frame = add_frame(server, name, _place(shape.pose))
     show(shape.mesh, server, f"{name}/mesh")
     return frame
 
@@ -75,7 +76,7 @@ def _(shape: Shape, server: Any, name: str) -> Any:
 @show.register
 def _(body: Body, server: Any, name: str) -> Any:
     """An articulated object as it was seen."""
-    frame = add_frame(server, name, body.pose.matrix)
+    frame = add_frame(server, name, _place(body.pose))
     for link, pose in kinematics.link_poses(body).items():
         add_frame(server, f"{name}/{link}", pose)
         show(body.links[link].mesh, server, f"{name}/{link}/visual")
@@ -127,26 +128,45 @@ def _(support: Support, server: Any, name: str) -> Any:
 
 @show.register
 def _(capture: Capture, server: Any, name: str) -> Any:
-    """The coloured points of a capture, in the camera frame turned upright (z up)."""
-    points = cameras.backproject(capture.depth.depth, capture.camera.matrix())
+    """The coloured points of a capture, in the camera frame turned upright (z up); the photograph without depth."""
+    if capture.measured is None:
+        return show(capture.photograph, server, name)
+    depth = capture.measured.depth.depth
+    points = cameras.backproject(depth, capture.photograph.camera.matrix())
     upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
-    return add_points(server, name, points @ upright.T, capture.rgb.pixels, capture.depth.depth > 0)
+    return add_points(server, name, points @ upright.T, capture.photograph.rgb.pixels, depth > 0)
+
+
+@show.register
+def _(photograph: Photograph, server: Any, name: str) -> Any:
+    """The picture."""
+    return show(photograph.rgb, server, name)
 
 
 @show.register
 def _(view: ObjectView, server: Any, name: str) -> Any:
-    """The seen points of one object in the world frame."""
-    points = cameras.backproject(view.depth.depth, view.camera.matrix())
-    world = transforms.apply(view.camera_pose.matrix, points)
-    return add_points(server, name, world, view.rgb.pixels, view.mask & (view.depth.depth > 0))
+    """The crop."""
+    return show(view.rgb, server, name)
+
+
+@show.register
+def _(instance: Instance, server: Any, name: str) -> Any:
+    """The seen points of one object in the world frame; its crop without depth."""
+    view, measured = instance.view, instance.measured
+    if measured is None:
+        return show(view, server, name)
+    depth = measured.depth.depth
+    points = cameras.backproject(depth, view.camera.matrix())
+    world = transforms.apply(measured.camera_pose.matrix, points)
+    return add_points(server, name, world, view.rgb.pixels, view.mask & (depth > 0))
 
 
 @show.register
 def _(segmentation: Segmentation, server: Any, name: str) -> Any:
     """The seen points of every object."""
     frame = add_frame(server, name, np.eye(4))
-    for label, view in segmentation.items.items():
-        show(view, server, f"{name}/{label}")
+    for label, instance in segmentation.items.items():
+        show(instance, server, f"{name}/{label}")
     return frame
 
 
@@ -193,6 +213,10 @@ def _(image: Image, server: Any, name: str) -> Any:
 def _(pose: Pose, server: Any, name: str) -> Any:
     """A pair of axes."""
     return add_frame(server, name, pose.matrix, axes=0.1)
+
+
+def _place(pose: Pose | None) -> np.ndarray:
+    return np.eye(4) if pose is None else pose.matrix
 
 
 def add_frame(server: Any, name: str, pose: np.ndarray, axes: float = 0.0) -> Any:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.object import ObjectView
+from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, transforms
 from dextera_build.geometry.registration import Similarity
 
@@ -42,7 +42,7 @@ class ModelView:
         pixels: Approximate number of rays per render.
     """
 
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray, seen: ObjectView, pixels: int = 20000) -> None:
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, seen: Seen, pixels: int = 20000) -> None:
         import open3d as o3d
 
         self._tensor = o3d.core.Tensor
@@ -55,9 +55,9 @@ class ModelView:
         stride = max(1, round(float(np.sqrt(height * width / pixels))))
         rows, columns = slice(stride // 2, None, stride), slice(stride // 2, None, stride)
         directions = cameras.rays(height, width, seen.camera.matrix())[rows, columns]
-        self._directions = directions @ seen.camera_pose.matrix[:3, :3].T
-        self._origin = seen.camera_pose.matrix[:3, 3]
-        self._depth = seen.depth.depth[rows, columns].astype(np.float64)
+        self._directions = directions @ seen.world_from_camera[:3, :3].T
+        self._origin = seen.world_from_camera[:3, 3]
+        self._depth = seen.depth[rows, columns].astype(np.float64)
         self._known = ~seen.occluder[rows, columns]
         self._mask = seen.mask[rows, columns]
 
@@ -105,8 +105,8 @@ class ModelView:
         return answer["t_hit"].numpy().astype(np.float64), np.where(away[..., None], -normals, normals)
 
 
-def seen_points(seen: ObjectView, most: int = MOST) -> np.ndarray:
+def seen_points(seen: Seen, most: int = MOST) -> np.ndarray:
     """World points (N, 3) of the object's valid pixels, thinned evenly to about `most`."""
-    valid = seen.mask & (seen.depth.depth > 0.0)
-    points = cameras.backproject(seen.depth.depth, seen.camera.matrix())[valid]
-    return transforms.apply(seen.camera_pose.matrix, points)[:: max(1, len(points) // most)]
+    valid = seen.mask & (seen.depth > 0.0)
+    points = cameras.backproject(seen.depth, seen.camera.matrix())[valid]
+    return transforms.apply(seen.world_from_camera, points)[:: max(1, len(points) // most)]

@@ -6,7 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.object import Body, ObjectView, Placement
+from dextera_build.artifacts.object import Body, Placement
+from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from .placed import Placed
@@ -24,25 +25,33 @@ class ObjectOptions(Options):
 class PlacementBackend(Protocol):
     """What a backend of align.object defines."""
 
-    def place(self, ctx: Context, body: Body, seen: ObjectView, common: ObjectOptions, options: Any) -> Placed:
+    def place(self, ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: Any) -> Placed:
         """Find pose and scale of the body in the view."""
         ...
 
-    def picture(
-        self, ctx: Context, body: Body, seen: ObjectView, placement: Placement, options: Any
-    ) -> np.ndarray | None:
+    def picture(self, ctx: Context, body: Body, seen: Seen, placement: Placement, options: Any) -> np.ndarray | None:
         """Draw the placed body on the crop, (H, W, 3) uint8; None for no picture."""
         ...
 
 
-@rule(version=1)
-def object(ctx: Context[PlacementBackend], body: Body, seen: ObjectView, *, options: ObjectOptions) -> Placement:
+@rule(version=2)
+def object(
+    ctx: Context[PlacementBackend],
+    body: Body,
+    view: ObjectView,
+    measured: MeasuredView | None = None,
+    *,
+    options: ObjectOptions | None = None,
+) -> Placement:
     """Return the pose of the object frame in the world and the scale from mesh units to metres [m].
 
-    The backend offers `place(body, seen, options) -> placed.Placed` and `picture(body, seen, placement)`. The
-    render decides, not the registration's fitness, which is perfect for a collapsed fit.
+    The render decides, not the registration's fitness, which is perfect for a collapsed fit.
     """
-    valid = int((seen.mask & (seen.depth.depth > 0.0)).sum())
+    options = options or ObjectOptions()
+    if measured is None:
+        ctx.fail("the object has no measured depth", hint="add the depth to the capture")
+    seen = Seen(view, measured)
+    valid = int((seen.mask & (seen.depth > 0.0)).sum())
     if valid < 50:
         ctx.fail(f"only {valid} pixels of the object have depth", hint="drop the element, or capture it nearer")
     placed = ctx.backend.place(ctx, body, seen, options, ctx.backend_options)
@@ -59,7 +68,7 @@ def object(ctx: Context[PlacementBackend], body: Body, seen: ObjectView, *, opti
         hint=hint,
         method=placed.placement.method,
     )
-    placement: Placement = placed.placement
+    placement = placed.placement.model_copy(update={"asset_source": body.asset_source})
     pixels = ctx.backend.picture(ctx, body, seen, placement, ctx.backend_options)
     if pixels is not None:
         ctx.preview(pixels, "outline and hidden half of the placed mesh on the photograph")

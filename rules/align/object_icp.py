@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.object import Body, ObjectView, Placement
+from dextera_build.artifacts.object import Body, Placement
 from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import kinematics, registration, transforms
 from dextera_build.geometry.registration import Search, Similarity
 from dextera_build.rule import Backend, Context
@@ -29,8 +30,8 @@ BACKEND = Backend(
 )
 
 
-def place(ctx: Context, body: Body, seen: ObjectView, common: ObjectOptions, options: IcpOptions) -> Placed:
-    """Refine the body's own pose if it is good, otherwise try every orientation.
+def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: IcpOptions) -> Placed:
+    """Refine the body's own pose if it has a good one, otherwise try every orientation.
 
     Args:
         ctx: The rule's context.
@@ -42,19 +43,19 @@ def place(ctx: Context, body: Body, seen: ObjectView, common: ObjectOptions, opt
     vertices, faces = kinematics.posed_surface(body)
     model = ModelView(vertices, faces, seen)
     points = seen_points(seen)
-    guess = Similarity(1.0, np.array(body.pose.matrix))
-    score = model.score(guess)
-    if score.iou >= options.guess_iou and score.violation <= common.most_violation:
+    guess = None if body.pose is None else Similarity(1.0, np.array(body.pose.matrix))
+    score = None if guess is None else model.score(guess)
+    if guess and score and score.iou >= options.guess_iou and score.violation <= common.most_violation:
         best, method = _refined(model, vertices, points, guess, score, options)
     else:
         best, method = starts.search(model, vertices, faces, seen, options)
-        if model.score(best).cost > score.cost - options.search_gain:
+        if guess and score and model.score(best).cost > score.cost - options.search_gain:
             best, method = guess, f"guess kept (IoU {score.iou:.2f}, {method} gained too little)"
     best, rested = _rested(model, vertices, best, options)
     return _result(model, vertices, points, best, method + rested)
 
 
-def picture(ctx: Context, body: Body, seen: ObjectView, placement: Placement, options: IcpOptions) -> np.ndarray:
+def picture(ctx: Context, body: Body, seen: Seen, placement: Placement, options: IcpOptions) -> np.ndarray:
     """Draw the placed model on the crop, (H, W, 3) uint8."""
     return overlay_picture.draw(*kinematics.posed_surface(body), seen, placement)
 

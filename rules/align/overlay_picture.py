@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.object import ObjectView, Placement
+from dextera_build.artifacts.object import Placement
+from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import raycast, transforms
 
 _LIGHT = np.array([0.3, -0.5, 0.81])
 
 
-def draw(vertices: np.ndarray, faces: np.ndarray, seen: ObjectView, placement: Placement) -> np.ndarray:
+def draw(vertices: np.ndarray, faces: np.ndarray, seen: Seen, placement: Placement) -> np.ndarray:
     """Draw the photograph with the mesh outline on the left, the shaded render on the right; (H, 2 W, 3) uint8."""
     world = transforms.apply(placement.pose.matrix, placement.scale * vertices)
     height, width = seen.mask.shape
     surface = raycast.Surface(world, faces)
-    render = raycast.render([surface], seen.camera.matrix(), seen.camera_pose.matrix, height, width)
+    render = raycast.render([surface], seen.camera.matrix(), seen.world_from_camera, height, width)
     drawn = render.index >= 0
-    left, right = seen.rgb.pixels.copy(), seen.rgb.pixels // 3
+    left, right = seen.rgb.copy(), seen.rgb // 3
     left[_edge(seen.mask)] = (60, 130, 246)
     left[_edge(drawn)] = (240, 60, 50)
     shade = 80.0 + 170.0 * np.abs(render.normal @ _LIGHT)

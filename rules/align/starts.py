@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.object import ObjectView
+from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import registration, transforms
 from dextera_build.geometry.registration import Search, Similarity
 
@@ -22,7 +22,7 @@ _SQUARE = np.radians(6.0)
 
 
 def search(
-    model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: ObjectView, options: IcpOptions
+    model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen, options: IcpOptions
 ) -> tuple[Similarity, str]:
     """The best placement over 6 up directions x 24 turns, and 600 rotations spread over SO(3).
 
@@ -63,7 +63,7 @@ def _upright() -> list[np.ndarray]:
 
 
 def _finalists(
-    model: ModelView, vertices: np.ndarray, seen: ObjectView, points: np.ndarray, rotations: list[np.ndarray], most: int
+    model: ModelView, vertices: np.ndarray, seen: Seen, points: np.ndarray, rotations: list[np.ndarray], most: int
 ) -> list[Similarity]:
     whole = np.array([_whole(seen.mask, seen.occluder), _whole(seen.mask.T, seen.occluder.T), False])
     starts = [_placed(vertices, seen, points, rotation, whole) for rotation in rotations]
@@ -137,10 +137,10 @@ def _whole(mask: np.ndarray, occluder: np.ndarray) -> bool:
 
 
 def _placed(
-    vertices: np.ndarray, seen: ObjectView, points: np.ndarray, rotation: np.ndarray, whole: np.ndarray
+    vertices: np.ndarray, seen: Seen, points: np.ndarray, rotation: np.ndarray, whole: np.ndarray
 ) -> Similarity:
     """The model in one orientation, with scale and position from the seen extents."""
-    camera_from_world = transforms.invert(seen.camera_pose.matrix)
+    camera_from_world = transforms.invert(seen.world_from_camera)
     local = transforms.apply(camera_from_world, points)
     turned = vertices @ (camera_from_world[:3, :3] @ rotation).T
     # If both axes are cut, there is nothing better.
@@ -151,5 +151,5 @@ def _placed(
     low, high = np.quantile(local, 0.01, axis=0), np.quantile(local, 0.99, axis=0)
     # Only the front half is visible; its nearest point is the model's nearest point.
     centre = np.array([*((low + high) / 2.0)[:2], low[2] + depth / 2.0])
-    place = transforms.apply(seen.camera_pose.matrix, (centre - scale * middle)[None])[0]
+    place = transforms.apply(seen.world_from_camera, (centre - scale * middle)[None])[0]
     return Similarity(scale, transforms.rigid(rotation, place))

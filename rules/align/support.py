@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.camera import Measured, Photograph
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import cameras, planes, regions, transforms
@@ -29,15 +29,20 @@ class SupportOptions(Options):
     """Seed of the random sampling."""
 
 
-@rule(version=1)
-def support(ctx: Context, capture: Capture, *, options: SupportOptions) -> Support:
+@rule(version=2)
+def support(
+    ctx: Context, photograph: Photograph, measured: Measured | None = None, *, options: SupportOptions | None = None
+) -> Support:
     """Return the support plane and the world frame on it: z up along the normal, origin at its centre [m].
 
     Assumes a roughly upright camera that looks at the support from above.
     """
-    k = capture.camera.matrix()
-    points = cameras.backproject(capture.depth.depth, k)
-    valid = (capture.depth.depth > 0) & (capture.depth.depth <= options.farthest_m)
+    options = options or SupportOptions()
+    if measured is None:
+        ctx.fail("the capture has no depth to find a support in", hint="add `depth.png` to the capture")
+    depth = measured.depth.depth
+    points = cameras.backproject(depth, photograph.camera.matrix())
+    valid = (depth > 0) & (depth <= options.farthest_m)
     if valid.sum() < 1000:
         ctx.fail(
             "too little depth to find a support",
@@ -60,7 +65,7 @@ def support(ctx: Context, capture: Capture, *, options: SupportOptions) -> Suppo
     ctx.say(f"{area:.2f} m² at {below:.2f} m below the camera, {rms:.1f} mm rms")
     ctx.metric("support residual", result.residual_m * 1000, "mm")
     ctx.metric("support inliers", result.inlier_fraction)
-    ctx.preview(_painted(capture.rgb.pixels, best.region), "support")
+    ctx.preview(_painted(photograph.rgb.pixels, best.region), "support")
     return result
 
 

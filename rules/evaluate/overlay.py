@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
-from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.scene import Scene
 from dextera_build.rule import Context, Fraction, Options, rule
@@ -31,13 +31,13 @@ class OverlayBackend(Protocol):
 
 
 @rule(version=1)
-def overlay(ctx: Context[OverlayBackend], capture: Capture, scene: Scene, *, options: OverlayOptions) -> Image:
+def overlay(ctx: Context[OverlayBackend], photograph: Photograph, scene: Scene, *, options: OverlayOptions) -> Image:
     """Return four pictures from the photograph's camera: photograph, twin, blend, and the twin's outlines on the photo.
 
     The twin is rendered in keyframe `home` over the cleaned photograph.
     """
     camera = scene.camera
-    size = capture.rgb.pixels.shape[:2]
+    size = photograph.rgb.pixels.shape[:2]
     if size != (camera.height, camera.width):
         ctx.fail(
             "the scene's camera is not the photograph's",
@@ -47,10 +47,10 @@ def overlay(ctx: Context[OverlayBackend], capture: Capture, scene: Scene, *, opt
     twin: np.ndarray
     owner: np.ndarray
     twin, owner = ctx.backend.render(ctx, scene, ctx.backend_options)
-    ctx.check(twin.shape == capture.rgb.pixels.shape, "the render has another size than the photograph")
+    ctx.check(twin.shape == photograph.rgb.pixels.shape, "the render has another size than the photograph")
     shown = sum(bool((owner == number).any()) for number in range(len(scene.bodies)))
     ctx.metric("objects in view", shown, f"of {len(scene.bodies)}")
     ctx.say(f"{shown} of {len(scene.bodies)} objects in view")
-    picture = board(capture.rgb.pixels, twin, owner, scene.bodies, options.blend)
+    picture = board(photograph.rgb.pixels, twin, owner, scene.bodies, options.blend)
     ctx.preview(picture, "photograph, twin, blend, outlines")
     return Image(pixels=picture)

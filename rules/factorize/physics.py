@@ -6,7 +6,8 @@ import math
 
 from pydantic import NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.object import Body, Inertial, Link, ObjectView, Physics
+from dextera_build.artifacts.object import Body, Inertial, Link, Physics
+from dextera_build.artifacts.view import Traits
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import massprops
 from dextera_build.geometry.materials import TABLE, Material
@@ -31,14 +32,14 @@ class PhysicsOptions(Options):
     """Relative standard deviation of the volume of walls; their thickness is mostly assumed."""
 
 
-@rule(version=1)
-def physics(ctx: Context, body: Body, seen: ObjectView, *, options: PhysicsOptions) -> Physics:
+@rule(version=2)
+def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions) -> Physics:
     """Return mass properties of every link, in the object frame with all joints at 0, in SI units of the unscaled body.
 
     The mass of a body with a cavity is the material's density times the volume of its walls. Any other body has unseen
     contents and voids, so the bulk density of such products is used.
     """
-    name = options.material or seen.material
+    name = options.material or traits.material
     if name not in TABLE:
         hint = did_you_mean(name, TABLE) or "set `material` of the element in `scene.yaml` to one that exists"
         ctx.fail(f"no material is called `{name}`", hint=hint, exist=listing(TABLE))

@@ -12,16 +12,16 @@ from dextera_build.artifacts.object import (
     Inertial,
     Joint,
     Link,
-    ObjectView,
     Physics,
     Placement,
 )
+from dextera_build.artifacts.view import Traits
 from dextera_build.rule import Context, rule
 
 
-@rule(version=1)
+@rule(version=2)
 def asset(
-    ctx: Context, body: Body, physics: Physics, collision: Collision, placement: Placement, seen: ObjectView
+    ctx: Context, body: Body, physics: Physics, collision: Collision, placement: Placement, traits: Traits
 ) -> Asset:
     """Return the body with the placement's scale applied to every part, and its pose in the world [m].
 
@@ -36,7 +36,8 @@ def asset(
     mass = sum(link.mass_kg for link in physics.links.values()) * s**3
     pieces = sum(len(link.hulls) for link in collision.links.values())
     ctx.metric("mass", mass, "kg")
-    ctx.say(f"{mass:.3f} kg, scale {s:.4f}, {_count(pieces, 'collision piece')}, {_count(len(body.joints), 'joint')}")
+    counts = f"{_count(pieces, 'collision piece')}, {_count(len(body.joints), 'joint')}"
+    ctx.say(f"{mass:.3f} kg, scale {s:.4f}, {counts}, {body.asset_source}")
     return Asset(
         body=scale_body(body, s),
         physics=scale_physics(physics, s),
@@ -47,7 +48,8 @@ def asset(
             }
         ),
         pose=placement.pose,
-        category=seen.category,
+        category=traits.category,
+        asset_source=body.asset_source,
     )
 
 

@@ -17,11 +17,11 @@ from scipy.spatial.transform import Rotation
 import dextera_build.artifacts as package
 from dextera_build.artifacts.arrays import Array
 from dextera_build.artifacts.base import Artifact, Folder
-from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.feature_map import FeatureMap
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose, Similarity
 from dextera_build.artifacts.splats import Splats
@@ -86,12 +86,17 @@ def _mesh(draw: Draw) -> dict[str, Any]:
     return fields
 
 
+def _photograph(draw: Draw) -> dict[str, Any]:
+    rgb, camera = draw(values(Image)), draw(values(Camera))
+    height, width = rgb.pixels.shape[:2]
+    return {"rgb": rgb, "camera": camera.model_copy(update={"width": width, "height": height})}
+
+
 def _capture(draw: Draw) -> dict[str, Any]:
-    fields = _fields(draw, Capture)
-    height, width = fields["depth"].depth.shape
-    pixels = draw(arrays.arrays(np.uint8, (height, width, 3)))
-    size = {"width": width, "height": height}
-    return fields | {"rgb": Image(pixels=pixels), "camera": fields["camera"].model_copy(update=size)}
+    photograph = draw(values(Photograph))
+    depth = draw(arrays.arrays(np.float32, photograph.rgb.pixels.shape[:2], elements=st.floats(0, 9, width=32)))
+    measured = draw(st.sampled_from([None, Measured(depth=DepthImage(depth=depth))]))
+    return {"photograph": photograph, "measured": measured}
 
 
 def _pose(draw: Draw) -> dict[str, Any]:
@@ -142,6 +147,7 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Folder: _folder,
     Mesh: _mesh,
     Capture: _capture,
+    Photograph: _photograph,
     Pose: _pose,
     Similarity: _similarity,
     **generated_cameras.SPECIAL,
@@ -160,7 +166,10 @@ def _drawn(draw: Draw, hint: Any, axes: dict[str, int]) -> Any:
         return _drawn(draw, draw(st.sampled_from(inner)), axes)
     if origin is Annotated:
         spec = next((each for each in inner[1:] if isinstance(each, Array)), None)
-        return _drawn(draw, inner[0], axes) if spec is None else _array(draw, spec, axes)
+        drawn = _drawn(draw, inner[0], axes) if spec is None else _array(draw, spec, axes)
+        for frames in (each for each in inner[1:] if isinstance(each, Frames)):
+            drawn = drawn.model_copy(update={"parent": frames.parent, "child": frames.child})
+        return drawn
     if origin is Literal:
         return draw(st.sampled_from(inner))
     if origin is dict:

@@ -66,7 +66,7 @@ def shown() -> Recorder:
     recorder = Recorder()
     assets = {"box": factories.box_asset(factories.pose(-0.2)), "lap": factories.laptop_asset(factories.pose(0.1))}
     table, lens = factories.support(), factories.camera()
-    photo = factories.capture(lens, table).rgb
+    photo = factories.capture(lens, table).photograph.rgb
     scene.show_scene(
         recorder,
         assets,
@@ -124,7 +124,8 @@ def test_the_frustum_is_the_cameras(shown: Recorder) -> None:
         factories.background(),
         factories.support(),
         factories.capture(),
-        factories.capture().rgb,
+        factories.capture().photograph,
+        factories.capture().photograph.rgb,
         PointCloud(points=np.eye(3, dtype=np.float32)),
         factories.splats(5),
         Collection[Mesh](items={"a": factories.box_mesh((0, 0, 0), (1, 1, 1))}),

@@ -79,9 +79,9 @@ def _scene(session: Session) -> Any:
     loaded: dict[str, Any] = {kind: session.artifact(nodes[kind][-1]) for kind in ("Background", "Support", "Capture")}
     addresses = {(parse_address(node).labels or (node,))[-1]: node for node in nodes.get("Asset", [])}
     assets: dict[str, Any] = {label: session.artifact(node) for label, node in addresses.items()}
-    capture = loaded["Capture"]
-    ground = loaded["Background"], loaded["Support"], capture.camera
-    return lambda viewer: show_scene(viewer, assets, *ground, photo=capture.rgb, addresses=addresses)
+    photograph = loaded["Capture"].photograph
+    ground = loaded["Background"], loaded["Support"], photograph.camera
+    return lambda viewer: show_scene(viewer, assets, *ground, photo=photograph.rgb, addresses=addresses)
 
 
 def _by_type(session: Session) -> dict[str, list[str]]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.object import Element, Support
+from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.object import Element
 from dextera_build.rule import Backend, Context, Options
 
+from ..measured import Measurements, Workspace
 from ..regions.proposals import colour_lab, scenery
 from . import naming
 
@@ -17,7 +18,9 @@ BACKEND = Backend(
 )
 
 
-def propose(ctx: Context, capture: Capture, support: Support, options: Options) -> tuple[Element, ...]:
+def propose(
+    ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Options
+) -> tuple[Element, ...]:
     """Every object above the support with its box [px], largest first."""
-    seen = scenery(capture, support)
-    return naming.elements(seen.objects, seen.relief, colour_lab(capture.rgb.pixels))
+    seen = scenery(measured.needed())
+    return naming.elements(seen.objects, seen.relief, colour_lab(photograph.rgb.pixels))

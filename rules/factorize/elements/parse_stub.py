@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.object import Element, Support
+from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.object import Element
 from dextera_build.rule import Backend, Context, Options
 
+from ..measured import Measurements, Workspace
 from ..regions.blobs import blobs
 
 BACKEND = Backend(
@@ -13,10 +14,12 @@ BACKEND = Backend(
 )
 
 
-def propose(ctx: Context, capture: Capture, support: Support, options: Options) -> tuple[Element, ...]:
+def propose(
+    ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Options
+) -> tuple[Element, ...]:
     """One element per connected region above the support, in scan order."""
     found = []
-    for number, blob in enumerate(blobs(capture, support), start=1):
+    for number, blob in enumerate(blobs(measured.needed()), start=1):
         name = "object" if number == 1 else f"object_{number}"
         found.append(Element(name=name, category="object", phrase="object", interactive=not blob.cut, box=blob.box))
     return tuple(found)

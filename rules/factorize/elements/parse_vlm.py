@@ -11,10 +11,12 @@ from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.object import Element, Support
+from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.object import Element
 from dextera_build.errors import MachineError, RuleError
 from dextera_build.rule import Backend, Context, Options, Response
+
+from ..measured import Measurements, Workspace
 
 BACKEND = Backend(
     summary="a vision-language model names things and boxes; DXB_VLM_URL and DXB_VLM_API_KEY say which service",
@@ -83,12 +85,14 @@ class Answer(BaseModel):
     elements: list[Thing] = Field(min_length=1, max_length=64)
 
 
-def propose(ctx: Context, capture: Capture, support: Support, options: VlmOptions) -> tuple[Element, ...]:
+def propose(
+    ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: VlmOptions
+) -> tuple[Element, ...]:
     """The elements named by the model, each with its box [px]."""
     if not options.model:
         hint = "`--set NODE.vlm.model=NAME`, or `vlm: {model: NAME}` at the node"
         ctx.fail("no model is named for the backend `vlm`", hint=hint)
-    picture, (width, height) = _picture(capture)
+    picture, (width, height) = _picture(photograph)
     request = {
         "model": options.model,
         "prompt": PROMPT.format(width=width, height=height),
@@ -100,7 +104,8 @@ def propose(ctx: Context, capture: Capture, support: Support, options: VlmOption
     body = ctx.call(
         "openai-chat", request, lambda seconds: _send(request, seconds), valid=lambda body: read(body, width, height)
     )
-    scale = capture.rgb.pixels.shape[1] / width, capture.rgb.pixels.shape[0] / height
+    rows, columns = photograph.rgb.pixels.shape[:2]
+    scale = columns / width, rows / height
     return tuple(_element(thing, scale) for thing in read(body, width, height).elements)
 
 
@@ -132,11 +137,11 @@ def _element(thing: Thing, scale: tuple[float, float]) -> Element:
     return Element(**{**thing.model_dump(), "box": box})
 
 
-def _picture(capture: Capture) -> tuple[bytes, tuple[int, int]]:
+def _picture(photograph: Photograph) -> tuple[bytes, tuple[int, int]]:
     """The photograph as JPEG with sides of at most `LONGEST`, and its size [px]."""
     from PIL import Image
 
-    picture = Image.fromarray(capture.rgb.pixels)
+    picture = Image.fromarray(photograph.rgb.pixels)
     picture.thumbnail((LONGEST, LONGEST), Image.Resampling.LANCZOS)
     data = io.BytesIO()
     picture.save(data, "JPEG", quality=90)

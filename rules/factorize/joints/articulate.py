@@ -7,9 +7,11 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.object import Body, Link, ObjectView, Shape
+from dextera_build.artifacts.object import Body, Link, Shape
+from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen, Traits
 from dextera_build.rule import Context, Options, rule
 
+from ..measured import Measurements, of_view
 from .parts import Parts
 
 
@@ -41,26 +43,33 @@ class ArticulateBackend(Protocol):
     """What a backend of factorize.articulate defines."""
 
     def parts(
-        self, ctx: Context, shape: Shape, seen: ObjectView, common: ArticulateOptions, options: Any
+        self, ctx: Context, shape: Shape, measured: Measurements[Seen], common: ArticulateOptions, options: Any
     ) -> Parts | None:
         """Split the shape at its joint and close the parts; None if no joint is seen."""
         ...
 
-    def picture(self, ctx: Context, body: Body, seen: ObjectView, options: Any) -> np.ndarray | None:
+    def picture(self, ctx: Context, body: Body, seen: Seen, options: Any) -> np.ndarray | None:
         """Draw the joint on the crop, (H, W, 3) uint8; None for no picture."""
         ...
 
 
-@rule(version=1)
-def articulate(ctx: Context[ArticulateBackend], shape: Shape, seen: ObjectView, *, options: ArticulateOptions) -> Body:
-    """Return links and joints in the object frame of `shape`, with all geometry at joint position 0 [m, rad].
-
-    The backend offers `parts(shape, seen, options) -> hinge_parts.Parts or None` and `picture(body, seen)`.
-    """
-    if seen.body_type == "rigid":
+@rule(version=2)
+def articulate(
+    ctx: Context[ArticulateBackend],
+    shape: Shape,
+    traits: Traits,
+    view: ObjectView,
+    measured: MeasuredView | None = None,
+    *,
+    options: ArticulateOptions | None = None,
+) -> Body:
+    """Return links and joints in the object frame of `shape`, with all geometry at joint position 0 [m, rad]."""
+    options = options or ArticulateOptions()
+    if traits.body_type == "rigid":
         ctx.say("rigid, 1 link")
         return _rigid(shape)
-    found = ctx.backend.parts(ctx, shape, seen, options, ctx.backend_options)
+    depth = of_view(ctx, view, measured)
+    found = ctx.backend.parts(ctx, shape, depth, options, ctx.backend_options)
     if found is None:
         if options.without_crease == "fail":
             hint = (
@@ -84,9 +93,10 @@ def articulate(ctx: Context[ArticulateBackend], shape: Shape, seen: ObjectView, 
         joints=(joint,),
         pose=shape.pose,
         hollow=shape.hollow,
-        source=shape.source,
+        asset_source=depth.source(shape.asset_source),
     )
-    pixels = ctx.backend.picture(ctx, body, seen, ctx.backend_options)
+    seen = depth.for_check()
+    pixels = None if seen is None or body.pose is None else ctx.backend.picture(ctx, body, seen, ctx.backend_options)
     if pixels is not None:
         ctx.preview(pixels, "hinge axis, and the lid swept from closed to its limit")
     ctx.metric("position", joint.position, "rad")
@@ -100,4 +110,4 @@ def articulate(ctx: Context[ArticulateBackend], shape: Shape, seen: ObjectView, 
 
 def _rigid(shape: Shape) -> Body:
     base = Link(mesh=shape.mesh, walls=shape.walls)
-    return Body(links={"base": base}, pose=shape.pose, hollow=shape.hollow, source=shape.source)
+    return Body(links={"base": base}, pose=shape.pose, hollow=shape.hollow, asset_source=shape.asset_source)

@@ -9,10 +9,12 @@ import numpy as np
 from pydantic import NonNegativeFloat
 
 from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.object import Body, Joint, Link, ObjectView, Shape
+from dextera_build.artifacts.object import Body, Joint, Link, Shape
+from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Backend, Context, Options
 
+from ..measured import Measurements
 from . import manifolds
 from .hinge import Hinge, find
 from .parts import Parts
@@ -42,7 +44,7 @@ class CreaseOptions(Options):
 
 
 def parts(
-    ctx: Context, shape: Shape, seen: ObjectView, common: ArticulateOptions, options: CreaseOptions
+    ctx: Context, shape: Shape, measured: Measurements[Seen], common: ArticulateOptions, options: CreaseOptions
 ) -> Parts | None:
     """Split the shape at its hinge and close the parts.
 
@@ -69,7 +71,8 @@ def parts(
     closed = hinge.turn(-hinge.angle)
     mine, theirs = _walls(shape, hinge)
     metrics = [("lifted", lift * 1000.0, "mm")]
-    if (angle := _seen_angle(shape, seen, hinge)) is not None:
+    seen = measured.for_check()
+    if seen is not None and (angle := _seen_angle(shape, seen, hinge)) is not None:
         metrics.append(("seen_minus_mesh", float(np.degrees(angle - hinge.angle)), "deg"))
     return Parts(
         Link(mesh=base, walls=mine),
@@ -80,7 +83,7 @@ def parts(
     )
 
 
-def picture(ctx: Context, body: Body, seen: ObjectView, options: CreaseOptions) -> np.ndarray:
+def picture(ctx: Context, body: Body, seen: Seen, options: CreaseOptions) -> np.ndarray:
     """Draw the hinge on the crop, (H, W, 3) uint8."""
     return draw(body, seen)
 
@@ -151,11 +154,13 @@ def _walls(shape: Shape, hinge: Hinge) -> tuple[tuple[Hull, ...], tuple[Hull, ..
     return (tuple(sides[0]), tuple(sides[1])) if all(sides) else ((), ())
 
 
-def _seen_angle(shape: Shape, seen: ObjectView, hinge: Hinge) -> float | None:
+def _seen_angle(shape: Shape, seen: Seen, hinge: Hinge) -> float | None:
     """Opening angle of a plane fitted to the seen points near the lid [rad], a check on the mesh."""
-    valid = seen.mask & (seen.depth.depth > 0.0)
-    points = cameras.backproject(seen.depth.depth, seen.camera.matrix())[valid]
-    to_object = (shape.pose.inverse() @ seen.camera_pose).matrix
+    if shape.pose is None:
+        return None
+    valid = seen.mask & (seen.depth > 0.0)
+    points = cameras.backproject(seen.depth, seen.camera.matrix())[valid]
+    to_object = (shape.pose.inverse() @ seen.measured.camera_pose).matrix
     local = transforms.apply(to_object, points) - hinge.origin
     inside = hinge.turn(hinge.angle)[:3, :3] @ hinge.along
     front = np.cross(hinge.axis, inside)

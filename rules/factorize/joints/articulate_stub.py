@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.object import Body, Joint, Link, ObjectView, Shape
+from dextera_build.artifacts.object import Body, Joint, Link, Shape
+from dextera_build.artifacts.view import Seen
 from dextera_build.rule import Backend, Context, Options
 
+from ..measured import Measurements
 from .parts import Parts
 
 if TYPE_CHECKING:
@@ -24,7 +26,9 @@ _FACES = np.array(
 ).reshape(-1, 3)
 
 
-def parts(ctx: Context, shape: Shape, seen: ObjectView, common: ArticulateOptions, options: Options) -> Parts:
+def parts(
+    ctx: Context, shape: Shape, measured: Measurements[Seen], common: ArticulateOptions, options: Options
+) -> Parts:
     """The lowest tenth of the bounding box as base and an equal box as lid, open by a right angle."""
     low, high = shape.mesh.vertices.min(axis=0).astype(np.float64), shape.mesh.vertices.max(axis=0).astype(np.float64)
     height = 0.1 * float(high[2] - low[2])
@@ -45,7 +49,7 @@ def parts(ctx: Context, shape: Shape, seen: ObjectView, common: ArticulateOption
     return Parts(base, lid, joint)
 
 
-def picture(ctx: Context, body: Body, seen: ObjectView, options: Options) -> None:
+def picture(ctx: Context, body: Body, seen: Seen, options: Options) -> None:
     """Draw nothing."""
 
 

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.object import Body, Joint, ObjectView
+from dextera_build.artifacts.object import Body, Joint
+from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, kinematics, transforms
 
 _ENLARGED = 2
 
 
-def draw(body: Body, seen: ObjectView) -> np.ndarray:
+def draw(body: Body, seen: Seen) -> np.ndarray:
     """Draw the axis in red, the lid's far edge in white, and its edge at the limits in blue; (H, W, 3) uint8."""
     from PIL import Image, ImageDraw
 
-    rows, columns = seen.rgb.pixels.shape[:2]
-    picture = Image.fromarray(seen.rgb.pixels).resize((columns * _ENLARGED, rows * _ENLARGED))
+    assert body.pose is not None
+    rows, columns = seen.rgb.shape[:2]
+    picture = Image.fromarray(seen.rgb).resize((columns * _ENLARGED, rows * _ENLARGED))
     pen = ImageDraw.Draw(picture)
-    camera_from_object = (seen.camera_pose.inverse() @ body.pose).matrix
+    camera_from_object = (seen.measured.camera_pose.inverse() @ body.pose).matrix
     for joint in body.joints:
         axis, tip = _lines(body, joint)
         pen.line(_pixels(axis, camera_from_object, seen), fill=(230, 40, 40), width=3)
@@ -46,7 +48,7 @@ def _moved(points: np.ndarray, joint: Joint, angle: float) -> np.ndarray:
     return transforms.apply(kinematics.joint_motion(joint, angle), points)
 
 
-def _pixels(points: np.ndarray, camera_from_object: np.ndarray, seen: ObjectView) -> list[tuple[float, float]]:
+def _pixels(points: np.ndarray, camera_from_object: np.ndarray, seen: Seen) -> list[tuple[float, float]]:
     local = transforms.apply(camera_from_object, points)
     local = local[local[:, 2] > 0.01]
     return [(float(x) * _ENLARGED, float(y) * _ENLARGED) for x, y in cameras.project(local, seen.camera.matrix())]

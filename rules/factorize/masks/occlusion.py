@@ -19,12 +19,40 @@ def occluders(mask: np.ndarray, raised: np.ndarray, depth: np.ndarray, step_m: f
     """
     reach = nearest_depth(mask & (depth > 0), depth)
     nearer = raised & ~mask & (depth > 0) & (reach > 0) & (depth < reach - step_m)
-    grown = nearer.copy()
-    grown[1:] |= nearer[:-1]
-    grown[:-1] |= nearer[1:]
-    grown[:, 1:] |= nearer[:, :-1]
-    grown[:, :-1] |= nearer[:, 1:]
-    return np.asarray(grown & ~mask)
+    return np.asarray(_grown(nearer) & ~mask)
+
+
+def lower_in_the_picture(labels: np.ndarray, fixed: np.ndarray, number: int) -> np.ndarray:
+    """Pixels (H, W) bool of things that reach lower in the picture than object `number`, dilated by 1 px.
+
+    A camera that looks down on one support sees the contact of a nearer thing lower. Nothing is measured.
+
+    Args:
+        labels: (H, W) int32 instance labels.
+        fixed: (H, W) bool, things that are no object.
+        number: Label of the object.
+    """
+    mask = labels == number
+    lowest = _lowest(mask)
+    nearer = np.zeros(labels.shape, bool)
+    for other in [*(labels == n for n in np.unique(labels) if n not in (0, number)), fixed]:
+        if _lowest(other) > lowest:
+            nearer |= other
+    return np.asarray(_grown(nearer) & ~mask)
+
+
+def _lowest(mask: np.ndarray) -> int:
+    rows = np.flatnonzero(mask.any(axis=1))
+    return int(rows[-1]) if len(rows) else -1
+
+
+def _grown(mask: np.ndarray) -> np.ndarray:
+    grown = mask.copy()
+    grown[1:] |= mask[:-1]
+    grown[:-1] |= mask[1:]
+    grown[:, 1:] |= mask[:, :-1]
+    grown[:, :-1] |= mask[:, 1:]
+    return grown
 
 
 def nearest_depth(mask: np.ndarray, depth: np.ndarray) -> np.ndarray:

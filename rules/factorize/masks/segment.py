@@ -1,21 +1,24 @@
-"""factorize.segment: a mask per object, and a view of each cropped from the capture."""
+"""factorize.segment: a mask per object, and a view of each cropped from the photograph."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.image import DepthImage, Image, LabelImage
-from dextera_build.artifacts.object import Element, Elements, ObjectView, Segmentation, Support
+from dextera_build.artifacts.camera import Measured, Photograph
+from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.object import Elements, Support
+from dextera_build.artifacts.view import Instance, InstanceMap, MeasuredView, ObjectView, Segmentation, Traits
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Fraction, Options, rule
 
+from ..measured import Measurements, Workspace, of_workspace
 from ..regions.heights import relief
 from .marking import outlines
-from .occlusion import occluders
+from .occlusion import lower_in_the_picture, occluders
 from .overlap import suppress
 
 
@@ -36,26 +39,33 @@ class SegmentBackend(Protocol):
     """What a backend of factorize.segment defines."""
 
     def masks(
-        self, ctx: Context, capture: Capture, support: Support, elements: Elements, options: Any
+        self, ctx: Context, photograph: Photograph, measured: Measurements[Workspace], elements: Elements, options: Any
     ) -> dict[str, np.ndarray]:
-        """Interactive element -> mask (H, W) bool."""
+        """Element -> mask (H, W) bool, most trusted first; of static elements only without depth."""
         ...
 
 
-@rule(version=1)
+@rule(version=2)
 def segment(
-    ctx: Context[SegmentBackend], capture: Capture, support: Support, elements: Elements, *, options: SegmentOptions
+    ctx: Context[SegmentBackend],
+    photograph: Photograph,
+    elements: Elements,
+    measured: Measured | None = None,
+    support: Support | None = None,
+    *,
+    options: SegmentOptions | None = None,
 ) -> Segmentation:
-    """Return the mask and the view of every interactive element; views are in the world frame of `support`.
+    """Return the mask and the view of every interactive element, and the depth in its crop if there is some.
 
-    The backend offers `masks(capture, support, elements) -> dict[str, (H, W) bool]` for the interactive elements,
-    most trusted first.
+    Depth is in the world frame of `support`. What hides an object comes from the depth if the backend reads it, else
+    from the picture: of two things on one support, the one whose lowest pixel is lower is nearer.
     """
+    options = options or SegmentOptions()
     wanted = {element.name: element for element in elements.elements if element.interactive}
+    depth = of_workspace(ctx, photograph, measured, support)
+    masks = ctx.backend.masks(ctx, photograph, depth, elements, ctx.backend_options)
     found = suppress(
-        ctx.backend.masks(ctx, capture, support, elements, ctx.backend_options),
-        options.duplicate_iou,
-        options.duplicate_inside,
+        {name: mask for name, mask in masks.items() if name in wanted}, options.duplicate_iou, options.duplicate_inside
     )
     found = {name: mask for name, mask in found.items() if mask.sum() >= options.smallest_px}
     ctx.check(
@@ -65,36 +75,73 @@ def segment(
         hint="check the boxes of the elements against the photograph",
     )
     names = tuple(name for name in wanted if name in found)
-    labels = np.zeros(capture.depth.depth.shape, np.int32)
+    labels = np.zeros(photograph.rgb.pixels.shape[:2], np.int32)
     for number in range(len(names), 0, -1):
         labels[found[names[number - 1]]] = number
-    raised = relief(capture, support).raised
-    views = {
-        name: _view(capture, support, labels == number, raised, wanted[name], options)
-        for number, name in enumerate(names, start=1)
-    }
+    around = _surroundings(depth, labels, [mask for name, mask in masks.items() if name not in wanted])
+    source = depth.source(elements.asset_source)
+    items = {}
+    for number, name in enumerate(names, start=1):
+        box = _box(labels == number, options.margin_px)
+        mask, element = np.ascontiguousarray(labels[box] == number), wanted[name]
+        view = ObjectView(
+            rgb=Image(pixels=np.ascontiguousarray(photograph.rgb.pixels[box])),
+            mask=mask,
+            occluder=around.hiding(number, box),
+            camera=photograph.camera.crop(box[1].start, box[0].start, mask.shape[1], mask.shape[0]),
+            phrase=element.phrase,
+            asset_source=source,
+        )
+        traits = Traits(category=element.category, body_type=element.body_type, material=element.material)
+        items[name] = Instance(view=view, traits=traits, measured=_measured(measured, support, box))
     lost = sorted(set(wanted) - set(names))
     ctx.say(f"{', '.join(names)}" + (f"; nothing of {', '.join(lost)}" if lost else ""))
-    ctx.preview(outlines(capture.rgb.pixels, labels), "instances")
-    return Segmentation(items=views, names=names, labels=LabelImage(labels=labels), fixed=raised & (labels == 0))
+    ctx.preview(outlines(photograph.rgb.pixels, labels), "instances")
+    return Segmentation(items=items, names=names, map=InstanceMap(labels=labels, fixed=around.fixed))
 
 
-def _view(
-    capture: Capture, support: Support, mask: np.ndarray, raised: np.ndarray, element: Element, options: SegmentOptions
-) -> ObjectView:
+Box = tuple[slice, slice]
+
+
+@dataclass(frozen=True)
+class _Surroundings:
+    """What else is in the picture, from depth or from the masks alone."""
+
+    labels: np.ndarray
+    """(H, W) int32 instance labels."""
+    fixed: np.ndarray
+    """(H, W) bool, things that are no object."""
+    raised: np.ndarray | None = None
+    """(H, W) bool, measured pixels above the support; None without depth."""
+    depth: np.ndarray | None = None
+    """(H, W) float32 [m]; None without depth."""
+
+    def hiding(self, number: int, box: Box) -> np.ndarray:
+        """Pixels of a crop where something nearer may hide object `number`, (h, w) bool."""
+        if self.raised is None or self.depth is None:
+            return np.ascontiguousarray(lower_in_the_picture(self.labels, self.fixed, number)[box])
+        mask = np.ascontiguousarray(self.labels[box] == number)
+        return occluders(mask, self.raised[box], self.depth[box].astype(np.float64))
+
+
+def _surroundings(depth: Measurements[Workspace], labels: np.ndarray, static: list[np.ndarray]) -> _Surroundings:
+    if depth.taken:
+        seen = depth.needed()
+        raised = relief(seen).raised
+        return _Surroundings(labels, raised & (labels == 0), raised, seen.depth)
+    fixed = np.logical_or.reduce([np.zeros(labels.shape, bool), *static]) & (labels == 0)
+    return _Surroundings(labels, fixed)
+
+
+def _box(mask: np.ndarray, margin: int) -> Box:
     rows, columns = np.nonzero(mask)
-    top, bottom = max(0, int(rows.min()) - options.margin_px), int(rows.max()) + options.margin_px + 1
-    left, right = max(0, int(columns.min()) - options.margin_px), int(columns.max()) + options.margin_px + 1
-    box = (slice(top, min(bottom, mask.shape[0])), slice(left, min(right, mask.shape[1])))
-    crop = np.ascontiguousarray(mask[box])
-    return ObjectView(
-        rgb=Image(pixels=np.ascontiguousarray(capture.rgb.pixels[box])),
-        depth=DepthImage(depth=np.ascontiguousarray(capture.depth.depth[box])),
-        mask=crop,
-        occluder=occluders(crop, raised[box], capture.depth.depth[box].astype(np.float64)),
-        camera=capture.camera.crop(left, top, crop.shape[1], crop.shape[0]),
-        camera_pose=support.camera_pose,
-        category=element.category,
-        body_type=element.body_type,
-        material=element.material,
-    )
+    top, bottom = max(0, int(rows.min()) - margin), int(rows.max()) + margin + 1
+    left, right = max(0, int(columns.min()) - margin), int(columns.max()) + margin + 1
+    return slice(top, min(bottom, mask.shape[0])), slice(left, min(right, mask.shape[1]))
+
+
+def _measured(measured: Measured | None, support: Support | None, box: Box) -> MeasuredView | None:
+    if measured is None or support is None:
+        return None
+    depth = DepthImage(depth=np.ascontiguousarray(measured.depth.depth[box]))
+    return MeasuredView(depth=depth, camera_pose=support.camera_pose)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.object import Element, Elements, Support
+from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.object import Element, Elements
 from dextera_build.rule import Backend, Context, Options
 
+from ..measured import Measurements, Workspace
 from ..regions.proposals import Proposal, scenery
 from . import matte
 from .overlap import box_inside, box_iou
@@ -23,23 +24,23 @@ PART = 0.85
 
 
 def masks(
-    ctx: Context, capture: Capture, support: Support, elements: Elements, options: Options
+    ctx: Context, photograph: Photograph, measured: Measurements[Workspace], elements: Elements, options: Options
 ) -> dict[str, np.ndarray]:
     """Interactive element -> mask (H, W) bool, in the elements' order."""
-    seen = scenery(capture, support)
+    seen = scenery(measured.needed())
     owners = [_owner(proposal, elements.elements) for proposal in seen.objects]
-    measured: dict[str, np.ndarray] = {}
+    raised: dict[str, np.ndarray] = {}
     for element in elements.elements:
         parts = [p.mask for p, owner in zip(seen.objects, owners, strict=True) if owner == element.name]
         if parts:
-            measured[element.name] = np.logical_or.reduce(parts)
+            raised[element.name] = np.logical_or.reduce(parts)
     everything = np.logical_or.reduce([proposal.mask for proposal in seen.objects] or [np.zeros_like(seen.other)])
     finished: dict[str, np.ndarray] = {}
     taken = np.zeros_like(everything)
     for element in elements.elements:
-        if element.interactive and element.name in measured:
-            own = measured[element.name]
-            mask = matte.complete(own, (everything & ~own) | taken, seen.relief, capture.rgb.pixels)
+        if element.interactive and element.name in raised:
+            own = raised[element.name]
+            mask = matte.complete(own, (everything & ~own) | taken, seen.relief, photograph.rgb.pixels)
             finished[element.name] = mask
             taken |= mask
     return finished

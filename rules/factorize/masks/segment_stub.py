@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.object import Elements, Support
+from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.object import Elements
 from dextera_build.rule import Backend, Context, Options
 
+from ..measured import Measurements, Workspace
 from ..regions.blobs import blobs
 from .overlap import box_iou
 
@@ -15,11 +16,11 @@ BACKEND = Backend(summary="connected pixels above the support", profiles=("stub"
 
 
 def masks(
-    ctx: Context, capture: Capture, support: Support, elements: Elements, options: Options
+    ctx: Context, photograph: Photograph, measured: Measurements[Workspace], elements: Elements, options: Options
 ) -> dict[str, np.ndarray]:
     """Interactive element -> mask (H, W) bool of the region with the largest box overlap."""
     found = {}
-    seen = blobs(capture, support)
+    seen = blobs(measured.needed())
     for element in elements.elements:
         if element.interactive and element.box is not None and seen:
             best = max(seen, key=lambda blob: box_iou(blob.box, element.box or blob.box))

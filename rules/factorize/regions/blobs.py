@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.object import Support
 from dextera_build.geometry import regions
 
+from ..measured import Workspace
 from .heights import relief
 
 FEWEST = 150
@@ -28,9 +27,9 @@ class Blob:
     """Whether the region touches the image border."""
 
 
-def blobs(capture: Capture, support: Support) -> list[Blob]:
+def blobs(seen: Workspace) -> list[Blob]:
     """Regions of at least 150 pixels more than 15 mm above the support's outline, in scan order."""
-    heights = relief(capture, support)
+    heights = relief(seen)
     labels, count = regions.label(heights.raised & heights.over & (heights.height > RISE_M))
     found = []
     for number in range(1, count + 1):

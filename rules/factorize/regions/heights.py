@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.object import Support
 from dextera_build.geometry import cameras, planes, regions, transforms
+
+from ..measured import Workspace
 
 MARGIN_M = 0.03
 
@@ -25,13 +25,13 @@ class Relief:
     over: np.ndarray  # (H, W) bool, above the support's outline
 
 
-def relief(capture: Capture, support: Support) -> Relief:
+def relief(seen: Workspace) -> Relief:
     """Compute heights above the support and classify pixels by them."""
-    depth = capture.depth.depth.astype(np.float64)
+    depth = seen.depth.astype(np.float64)
     valid = depth > 0
-    camera_points = cameras.backproject(depth, capture.camera.matrix())
-    points = transforms.apply(support.camera_pose.matrix, camera_points)
-    over = valid & regions.inside_convex(points[..., :2], support.polygon, MARGIN_M)
+    camera_points = cameras.backproject(depth, seen.camera.matrix())
+    points = transforms.apply(seen.world_from_camera, camera_points)
+    over = valid & regions.inside_convex(points[..., :2], seen.support.polygon, MARGIN_M)
     sigma = planes.depth_sigma(depth)
     height = np.where(valid, points[..., 2], 0.0)
     height -= np.where(valid, warp(height, valid & over & (np.abs(height) < 4.0 * sigma)), 0.0)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Capture
 from dextera_build.geometry import cameras, normals, planes, transforms
 
+from ..measured import Workspace
 from .heights import Relief
 
 FOCAL_PX = 600.0
@@ -48,16 +48,14 @@ class Surfaces:
         return np.where(mask, spread(found, mask, self.stride + 1), 0)
 
 
-def surfaces(
-    relief: Relief, raised: np.ndarray, capture: Capture, world_from_camera: np.ndarray, lab: np.ndarray
-) -> Surfaces:
+def surfaces(relief: Relief, raised: np.ndarray, seen: Workspace, lab: np.ndarray) -> Surfaces:
     """Local planes and normals of the raised pixels, in their bounding crop with a margin of 8 blocks."""
-    camera = capture.camera
+    camera = seen.camera
     stride = max(1, round(camera.fx / FOCAL_PX))
     rows, columns = np.nonzero(raised)
     top, left = max(0, int(rows.min()) - 8 * stride), max(0, int(columns.min()) - 8 * stride)
     box = (slice(top, int(rows.max()) + 8 * stride), slice(left, int(columns.max()) + 8 * stride))
-    depth = blocks(np.where(raised, capture.depth.depth, 0.0)[box].astype(np.float64), stride)
+    depth = blocks(np.where(raised, seen.depth, 0.0)[box].astype(np.float64), stride)
     near = nearest(depth)
     mask = np.asarray(near.any(axis=-1))
     mean = (depth * near).sum(axis=-1) / np.maximum(near.sum(axis=-1), 1)
@@ -67,7 +65,7 @@ def surfaces(
     k = camera.crop(left, top, camera.width, camera.height).matrix()
     k[:2] /= stride
     k[:2, 2] -= (stride - 1) / (2 * stride)
-    points = transforms.apply(world_from_camera, cameras.backproject(mean, k))
+    points = transforms.apply(seen.world_from_camera, cameras.backproject(mean, k))
     heights = (blocks(relief.height[box], stride) * near).sum(axis=-1) / np.maximum(near.sum(axis=-1), 1)
     floor = blocks(relief.valid[box] & ~relief.raised[box], stride).mean(axis=-1) > 0.5
     colour = np.stack([blocks(lab[box][..., i], stride).mean(axis=-1) for i in range(3)], axis=-1)
@@ -80,7 +78,7 @@ def surfaces(
         inverse=inverse,
         tolerance=tolerance,
         sharp=sharp,
-        normal=sharp.normals(k) @ world_from_camera[:3, :3].T,
+        normal=sharp.normals(k) @ seen.world_from_camera[:3, :3].T,
         raised=mask,
         floor=floor & ~mask,
         pixel_m2=np.where(mask, np.square(mean), 0.0) / (k[0, 0] * k[1, 1]),

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.object import Support
-
+from ..measured import Workspace
 from . import grouping, heights, patches, relations
 from .relations import Group
 from .standing import standing
@@ -56,16 +54,16 @@ class Scenery:
     """(H, W) bool, raised pixels outside all objects."""
 
 
-def scenery(capture: Capture, support: Support) -> Scenery:
+def scenery(seen: Workspace) -> Scenery:
     """Split the pixels above the support into objects."""
     from scipy import ndimage
 
-    relief = heights.relief(capture, support)
+    relief = heights.relief(seen)
     raised = ndimage.binary_opening(relief.raised & relief.over, np.ones((3, 3), bool))
     if not raised.any():
         return Scenery(relief, (), relief.raised)
-    lab = colour_lab(capture.rgb.pixels)
-    crop = patches.surfaces(relief, raised, capture, support.camera_pose.matrix, lab)
+    lab = colour_lab(seen.pixels)
+    crop = patches.surfaces(relief, raised, seen, lab)
     parts = grouping.group(crop, patches.patches(crop))
     labels = crop.full(parts.labels, raised)
     things = {

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.object import ObjectView
+from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, transforms
 
 REACH_PX = 12.0
@@ -65,7 +65,7 @@ class Evidence:
         return max(float(np.quantile(self.points[:, 2], 0.995)), 0.004)
 
 
-def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) -> Evidence:
+def gather(seen: Seen, samples: int = 1500, outline_samples: int = 220) -> Evidence:
     """Prepare a view for fitting.
 
     Args:
@@ -73,9 +73,9 @@ def gather(seen: ObjectView, samples: int = 1500, outline_samples: int = 220) ->
         samples: Number of depth rays per fit.
         outline_samples: Number of silhouette samples per fit.
     """
-    k, pose = seen.camera.matrix(), seen.camera_pose.matrix
+    k, pose = seen.camera.matrix(), seen.world_from_camera
     mask = without_pinholes(seen.mask)
-    depth = seen.depth.depth.astype(np.float64)
+    depth = seen.depth.astype(np.float64)
     sigma = noise(depth)
     known = ~_grown(seen.occluder, 2)
     core = trusted(mask, depth, sigma) & known

@@ -6,9 +6,11 @@ from typing import Any, Protocol
 
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.object import ObjectView, Shape
+from dextera_build.artifacts.object import Shape
+from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
 from dextera_build.rule import Context, Options, rule
 
+from ..measured import Measurements, of_view
 from .picture import picture
 
 
@@ -24,33 +26,50 @@ class MeshOptions(Options):
 class MeshBackend(Protocol):
     """What a backend of factorize.mesh defines."""
 
-    def complete(self, ctx: Context, seen: ObjectView, common: MeshOptions, options: Any) -> Shape:
+    def complete(
+        self, ctx: Context, view: ObjectView, measured: Measurements[Seen], common: MeshOptions, options: Any
+    ) -> Shape:
         """The closed, textured body that explains the view."""
         ...
 
 
-@rule(version=1, packages=("numpy",))
-def mesh(ctx: Context[MeshBackend], seen: ObjectView, *, options: MeshOptions) -> Shape:
-    """Return a closed, textured mesh of the object [m], origin at the centre of the base, z up as it stands."""
-    shape: Shape = ctx.backend.complete(ctx, seen, options, ctx.backend_options)
+@rule(version=2, packages=("numpy",))
+def mesh(
+    ctx: Context[MeshBackend],
+    view: ObjectView,
+    measured: MeasuredView | None = None,
+    *,
+    options: MeshOptions | None = None,
+) -> Shape:
+    """Return a closed, textured mesh of the object, origin at the centre of the base, z up as it stands.
+
+    A backend that reads `measured` returns metres, and its result is labelled `rgbd`; the scale of any other is found
+    by `align.object`.
+    """
+    options = options or MeshOptions()
+    depth = of_view(ctx, view, measured)
+    made: Shape = ctx.backend.complete(ctx, view, depth, options, ctx.backend_options)
+    shape = made.model_copy(update={"asset_source": depth.source(view.asset_source)})
     lowest = float(shape.mesh.vertices[:, 2].min())
     ctx.check(shape.mesh.is_closed, "the mesh is open", hint="use backend `stub`", faces=len(shape.mesh.faces))
     ctx.check(abs(lowest) < 1e-4, "the base is not at z = 0", lowest=f"{lowest * 1000:.2f} mm")
     ctx.say(describe(shape))
     ctx.metric("mask IoU", shape.mask_iou)
-    ctx.metric("depth residual", shape.residual_m * 1000.0, "mm")
+    if shape.residual_m is not None:
+        ctx.metric("depth residual", shape.residual_m * 1000.0, "mm")
     ctx.metric("unseen surface", shape.unseen_fraction * 100.0, "%")
-    pixels = picture(shape, seen)
+    pixels = picture(shape, view, measured)
     if pixels is not None:
         ctx.preview(pixels, f"{describe(shape)}; crop, overlay, and the body from two other sides")
     return shape
 
 
 def describe(shape: Shape) -> str:
-    """`revolved, hollow, 84 x 84 x 105 mm, 1.8 mm residual, 41 % unseen`."""
+    """`revolved, hollow, 84 x 84 x 105 mm, 1.8 mm residual, 41 % unseen, rgbd`."""
     family = shape.hypothesis.replace("_hollow", "").replace("_", " ")
     size = " x ".join(f"{length * 1000:.0f}" for length in shape.mesh.extent)
     hollow = ", hollow" if shape.hollow else ""
     guessed = f" ({' and '.join(shape.unobserved)} guessed)" if shape.unobserved else ""
-    residual = f"{shape.residual_m * 1000:.1f} mm residual"
-    return f"{family}{hollow}, {size} mm{guessed}, {residual}, {shape.unseen_fraction * 100:.0f} % unseen"
+    residual = "" if shape.residual_m is None else f", {shape.residual_m * 1000:.1f} mm residual"
+    unseen = f"{shape.unseen_fraction * 100:.0f} % unseen"
+    return f"{family}{hollow}, {size} mm{guessed}{residual}, {unseen}, {shape.asset_source}"

@@ -10,11 +10,13 @@ from pydantic import NonNegativeInt, PositiveFloat
 
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import ObjectView, Shape
+from dextera_build.artifacts.object import Shape
 from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.view import ObjectView, Seen
 from dextera_build.errors import listing
 from dextera_build.rule import Backend, Context, Options
 
+from ..measured import Measurements
 from . import evidence as evidence_of
 from .families.names import HYPOTHESES
 from .handle import with_handle
@@ -58,21 +60,25 @@ class _Fitted:
     score: float
 
 
-def complete(ctx: Context, seen: ObjectView, common: MeshOptions, options: PrimitivesOptions) -> Shape:
+def complete(
+    ctx: Context, view: ObjectView, measured: Measurements[Seen], common: MeshOptions, options: PrimitivesOptions
+) -> Shape:
     """Return the closed, textured body that best explains the view.
 
     Args:
         ctx: The rule's context.
-        seen: The view.
+        view: The view.
+        measured: Its depth, which the fit needs.
         common: The rule's options.
         options: The backend's.
     """
+    seen = measured.needed()
     evidence = evidence_of.gather(seen)
     if len(evidence.points) < common.least_points:
         ctx.fail(
             f"the view has {len(evidence.points)} pixels with trusted depth, {common.least_points} are needed",
             hint="lower `least_points`, or use backend `stub`",
-            mask=f"{int(seen.mask.sum()):,} pixels, {int((seen.mask & (seen.depth.depth > 0)).sum()):,} with depth",
+            mask=f"{int(seen.mask.sum()):,} pixels, {int((seen.mask & (seen.depth > 0)).sum()):,} with depth",
         )
     candidates = propose(evidence, options.hypotheses, options.wall_m)
     fitted = []
@@ -130,7 +136,7 @@ def _lifted(body: Finished, base: float) -> Finished:
 
 
 def _shape(
-    name: str, body: Finished, judged: Judgement, scores: dict[str, float], seen: ObjectView, options: MeshOptions
+    name: str, body: Finished, judged: Judgement, scores: dict[str, float], seen: Seen, options: MeshOptions
 ) -> Shape:
     symmetry = HALF_TURN if name in HALF_TURN_SYMMETRIC else MIRROR if name == "mirrored" else None
     painted = paint(body.solid, body.pose, seen, options.texture_px, symmetry, revolved=name in HANDLED)

@@ -8,10 +8,13 @@ import numpy as np
 
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import ObjectView, Shape
+from dextera_build.artifacts.object import Shape
 from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.view import ObjectView, Seen
 from dextera_build.geometry import cameras, solids, transforms
 from dextera_build.rule import Backend, Context, Options
+
+from ..measured import Measurements
 
 if TYPE_CHECKING:
     from .mesh import MeshOptions
@@ -22,22 +25,25 @@ SMALLEST_M = 0.005
 """Minimum edge length [m]."""
 
 
-def complete(ctx: Context, seen: ObjectView, common: MeshOptions, options: Options) -> Shape:
+def complete(
+    ctx: Context, view: ObjectView, measured: Measurements[Seen], common: MeshOptions, options: Options
+) -> Shape:
     """Return the world-axis-aligned box of the middle 96 % of the seen points, from the support up."""
-    depth = seen.depth.depth.astype(np.float64)
+    seen = measured.needed()
+    depth = seen.depth.astype(np.float64)
     valid = seen.mask & (depth > 0)
     if int(valid.sum()) < common.least_points:
         ctx.fail(
             f"the view has {int(valid.sum())} pixels with depth, {common.least_points} are needed",
             hint="lower `least_points`",
         )
-    points = transforms.apply(seen.camera_pose.matrix, cameras.backproject(depth, seen.camera.matrix())[valid])
+    points = transforms.apply(seen.world_from_camera, cameras.backproject(depth, seen.camera.matrix())[valid])
     low, high = np.quantile(points, [0.02, 0.98], axis=0)
     size = np.maximum(high - low, SMALLEST_M)
     size[2] = max(high[2], SMALLEST_M)
     body = solids.box(size, (0.0, 0.0, size[2] / 2))
     vertices = body.vertices.astype(np.float32)
-    colour = np.median(seen.rgb.pixels[valid], axis=0).astype(np.uint8)
+    colour = np.median(seen.rgb[valid], axis=0).astype(np.uint8)
     mesh = Mesh(
         vertices=vertices,
         faces=body.faces.astype(np.int32),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.object import ObjectView
+from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, raycast, texture, transforms
 from dextera_build.geometry.solids import Solid
 
@@ -38,7 +38,7 @@ class Painted:
 def paint(
     body: Solid,
     pose: np.ndarray,
-    seen: ObjectView,
+    seen: Seen,
     most_px: int,
     symmetry: np.ndarray | None = None,
     *,
@@ -54,7 +54,7 @@ def paint(
         symmetry: (3, 3) rotation or mirror of the body's frame that maps the body to itself, or None.
         revolved: Whether the body is rotationally symmetric about z; `symmetry` is then ignored.
     """
-    distance = float(np.linalg.norm(pose[:3, 3] - seen.camera_pose.matrix[:3, 3]))
+    distance = float(np.linalg.norm(pose[:3, 3] - seen.world_from_camera[:3, 3]))
     atlas = texture.unwrap(body.vertices, body.faces, 0.75 * distance / seen.camera.fx, most_px)
     texels = texture.texels(body.vertices, body.faces, atlas)
     photograph = _Photograph(body, pose, seen)
@@ -71,9 +71,9 @@ def paint(
     return Painted(atlas.uv.astype(np.float32), pixels, photograph.seen_fraction())
 
 
-def _facing_mirror(pose: np.ndarray, seen: ObjectView) -> np.ndarray:
+def _facing_mirror(pose: np.ndarray, seen: Seen) -> np.ndarray:
     """The mirror (3, 3) at the body's vertical axis that swaps the front, as the camera sees it, and the back."""
-    towards = pose[:3, :3].T @ (seen.camera_pose.matrix[:3, 3] - pose[:3, 3])
+    towards = pose[:3, :3].T @ (seen.world_from_camera[:3, 3] - pose[:3, 3])
     towards[2] = 0.0
     towards /= max(float(np.linalg.norm(towards)), 1e-9)
     return np.asarray(np.eye(3) - 2.0 * np.outer(towards, towards))
@@ -101,15 +101,15 @@ def _mixed(
 class _Photograph:
     """Reads colours of visible surface points from the photograph."""
 
-    def __init__(self, body: Solid, pose: np.ndarray, seen: ObjectView) -> None:
+    def __init__(self, body: Solid, pose: np.ndarray, seen: Seen) -> None:
         from scipy import ndimage
 
         self.body, self.pose, self.seen = body, pose, seen
-        self.camera_from_object = transforms.invert(seen.camera_pose.matrix) @ pose
+        self.camera_from_object = transforms.invert(seen.world_from_camera) @ pose
         self.eye = transforms.invert(self.camera_from_object)[:3, 3]
         self.k = seen.camera.matrix()
         self.inset = ndimage.distance_transform_edt(without_pinholes(seen.mask) & ~seen.occluder)
-        self.pixels = seen.rgb.pixels.astype(np.float64)
+        self.pixels = seen.rgb.astype(np.float64)
 
     def read(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Colours (N, 3) and their trust (N,), 0 to 1."""
@@ -161,16 +161,14 @@ class _Photograph:
         return total / float(area.sum())
 
 
-def _guessed(
-    texels: texture.Texels, read: np.ndarray, trust: np.ndarray, seen: ObjectView, *, revolved: bool
-) -> np.ndarray:
+def _guessed(texels: texture.Texels, read: np.ndarray, trust: np.ndarray, seen: Seen, *, revolved: bool) -> np.ndarray:
     """Colours (N, 3): mean of the nearest trusted ones with a similar normal; around the axis if `revolved`."""
     from scipy.spatial import cKDTree
 
     source = np.flatnonzero(trust > min(0.6, 0.9 * float(trust.max(initial=0.0))))
     if not len(source):
         mask = seen.mask if seen.mask.any() else np.ones_like(seen.mask)
-        return np.broadcast_to(np.median(seen.rgb.pixels[mask], axis=0), read.shape).astype(np.float64)
+        return np.broadcast_to(np.median(seen.rgb[mask], axis=0), read.shape).astype(np.float64)
     source = source[:: max(1, len(source) // GUESS_SOURCES)]
     size = float(np.ptp(texels.points, axis=0).max())
     keys = (

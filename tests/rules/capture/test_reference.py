@@ -47,8 +47,10 @@ def pair(runner: RuleRunner, world: World, request: pytest.FixtureRequest) -> tu
 
 
 def test_a_capture_holds_nothing_but_pictures_and_intrinsics(pair: tuple[Capture, Truth], world: World) -> None:
-    assert set(type(pair[0]).model_fields) == {"rgb", "depth", "camera"}
-    assert pair[0].camera == world.camera
+    assert set(type(pair[0]).model_fields) == {"photograph", "measured"}
+    assert set(type(pair[0].photograph).model_fields) == {"rgb", "camera"}
+    assert set(type(pair[0].measured).model_fields) == {"depth"}
+    assert pair[0].photograph.camera == world.camera
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -59,13 +61,13 @@ def test_the_same_seed_gives_the_same_bytes(runner: RuleRunner, world: World, ba
 
 
 def test_depth_is_counted_in_millimetres(pair: tuple[Capture, Truth]) -> None:
-    counts = pair[0].depth.depth.astype(np.float64) * 1000
+    counts = pair[0].measured.depth.depth.astype(np.float64) * 1000
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-3)
 
 
 def test_depth_noise_grows_with_the_square_of_the_distance(pair: tuple[Capture, Truth]) -> None:
     capture, truth = pair
-    seen, true = capture.depth.depth, truth.depth.depth
+    seen, true = capture.measured.depth.depth, truth.depth.depth
     for low, high in ((0.75, 0.95), (2.2, 2.8)):
         here = (seen > 0) & (true > low) & (true < high)
         assert here.sum() > 500
@@ -77,7 +79,7 @@ def test_depth_noise_grows_with_the_square_of_the_distance(pair: tuple[Capture, 
 
 def test_depth_is_lost_along_edges_and_hardly_elsewhere(pair: tuple[Capture, Truth]) -> None:
     capture, truth = pair
-    lost = capture.depth.depth == 0
+    lost = capture.measured.depth.depth == 0
     step = np.abs(np.diff(truth.depth.depth, axis=1)) > 0.1
     assert lost[:, 1:][step].mean() > 0.8
     assert lost.mean() < 0.12
@@ -91,8 +93,8 @@ def test_corners_are_darker_than_the_middle_by_the_vignetting(runner: RuleRunner
         runner.run("capture.reference", backend="stub", world=world, options={"colour_noise": {"vignetting": v}})
         for v in (0.0, 0.4)
     ]
-    corner = [float(shot.rgb.pixels[-8:, :8].mean()) for shot in shots]
-    middle = [float(shot.rgb.pixels[86:94, 156:164].mean()) for shot in shots]
+    corner = [float(shot.photograph.rgb.pixels[-8:, :8].mean()) for shot in shots]
+    middle = [float(shot.photograph.rgb.pixels[86:94, 156:164].mean()) for shot in shots]
     assert corner[1] / corner[0] == pytest.approx(0.62, abs=0.04)
     assert middle[1] / middle[0] == pytest.approx(1.0, abs=0.02)
 

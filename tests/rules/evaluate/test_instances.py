@@ -9,8 +9,8 @@ import pytest
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.image import LabelImage
-from dextera_build.artifacts.object import Segmentation
 from dextera_build.artifacts.table import Column, Table
+from dextera_build.artifacts.view import InstanceMap, Segmentation
 from dextera_build.code.loader import Library
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
@@ -34,7 +34,7 @@ def painted(*boxes: tuple[int, int, int, int]) -> np.ndarray:
 
 def found(labels: np.ndarray) -> Segmentation:
     names = tuple(f"thing_{n}" for n in range(1, int(labels.max()) + 1))
-    return Segmentation(items={}, names=names, labels=LabelImage(labels=labels), fixed=np.zeros(labels.shape, bool))
+    return Segmentation(items={}, names=names, map=InstanceMap(labels=labels, fixed=np.zeros(labels.shape, bool)))
 
 
 def scored(runner, seen: np.ndarray, truth: np.ndarray) -> Table:

@@ -194,11 +194,11 @@ def test_another_camera_is_refused(tmp_path: Path, truth: Truth) -> None:
         evaluate(tmp_path, truth, {}, other)
 
 
-def test_the_notes_say_how_many_assets_were_made_with_depth(tmp_path: Path, truth: Truth) -> None:
+def test_the_table_says_what_the_assets_were_made_from(tmp_path: Path, truth: Truth) -> None:
     twins = {name: asset(box(low)) for name, low in PLACES.items()}
-    blind = twins["left"].body.model_copy(update={"source": "rgb"})
-    twins["left"] = twins["left"].model_copy(update={"body": blind})
+    twins["left"] = twins["left"].model_copy(update={"asset_source": "rgbd"})
     table, _ = evaluate(tmp_path, truth, twins)
-    assert any(
-        note.startswith("1 of 2 assets were made with the help of the photograph's depth") for note in table.notes
-    )
+    made = {row[0]: row[1] for row in table.rows}
+    assert made["mean"] == "1 asset, rgb; 1 asset, rgbd"
+    assert made["paper, Ours: mean"] == "86 instances, rgb"
+    assert any("rgbd: made with the help of the photograph's depth" in note for note in table.notes)

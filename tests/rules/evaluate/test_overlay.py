@@ -57,7 +57,7 @@ def test_the_background_picture_shows_around_the_objects(twin: Scene) -> None:
 @pytest.mark.parametrize("backend", [overlay_mujoco, overlay_stub])
 def test_the_board_holds_four_pictures(backend: ModuleType, twin: Scene, tmp_path: Path) -> None:
     context = Context(backend=backend, scratch=tmp_path)
-    board = overlay(context, factories.capture(LENS, TABLE), twin, options=OverlayOptions())
+    board = overlay(context, factories.capture(LENS, TABLE).photograph, twin, options=OverlayOptions())
     height, width = board.pixels.shape[:2]
     assert height > 2 * LENS.height
     assert width > 2 * LENS.width
@@ -76,7 +76,7 @@ def test_outlines_follow_the_mask_and_leave_the_rest() -> None:
 
 
 def test_a_photograph_of_another_camera_is_refused(twin: Scene, tmp_path: Path) -> None:
-    other = factories.capture(factories.camera(160, 120), TABLE)
+    other = factories.capture(factories.camera(160, 120), TABLE).photograph
     with pytest.raises(RuleError, match="not the photograph's") as caught:
         overlay(Context(backend=overlay_stub, scratch=tmp_path), other, twin, options=OverlayOptions())
     assert caught.value.facts == {"photograph": "160 x 120 px", "scene": "320 x 240 px"}

@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.object import ObjectView
+from dextera_build.artifacts.view import Instance, MeasuredView, ObjectView, Traits
 from dextera_build.geometry import raycast, solids, transforms
 from dextera_build.geometry.solids import Solid
 from tests import factories
@@ -37,7 +37,7 @@ class Eye:
         return np.array([[self.focal, 0, width / 2 - 3.0], [0, self.focal, height / 2 + 2.0], [0, 0, 1.0]])
 
 
-def view(body: Solid, eye: Eye, seed: int = 0, noise_m: float = 0.0015, hidden: tuple[Solid, ...] = ()) -> ObjectView:
+def view(body: Solid, eye: Eye, seed: int = 0, noise_m: float = 0.0015, hidden: tuple[Solid, ...] = ()) -> Instance:
     """What a depth camera sees of a body (world frame) on a table.
 
     Args:
@@ -67,16 +67,18 @@ def view(body: Solid, eye: Eye, seed: int = 0, noise_m: float = 0.0015, hidden: 
     camera = Camera(
         width=right - left, height=bottom - top, fx=k[0, 0], fy=k[1, 1], cx=k[0, 2] - left, cy=k[1, 2] - top
     )
-    return ObjectView(
-        rgb=Image(pixels=rgb[box].copy()),
-        depth=DepthImage(depth=depth[box].astype(np.float32)),
-        mask=mask[box].copy(),
-        occluder=(shown.index >= 2)[box].copy(),
-        camera=camera,
-        camera_pose=factories.placed(eye.pose(), "camera"),
-        category="object",
-        body_type="rigid",
-        material="plastic",
+    return Instance(
+        view=ObjectView(
+            rgb=Image(pixels=rgb[box].copy()),
+            mask=mask[box].copy(),
+            occluder=(shown.index >= 2)[box].copy(),
+            camera=camera,
+            phrase="thing",
+        ),
+        traits=Traits(category="object", body_type="rigid", material="plastic"),
+        measured=MeasuredView(
+            depth=DepthImage(depth=depth[box].astype(np.float32)), camera_pose=factories.placed(eye.pose(), "camera")
+        ),
     )
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.testing import RuleRunner
+from tests import factories, object_views
 
 CAPTURES = Path(__file__).parents[4] / "shared" / "captures"
 
@@ -22,19 +23,23 @@ def test_a_photographed_vessel_holds_a_ball(name, tmp_path):
     runner = RuleRunner(tmp_path)
     files = {path.name: path.read_bytes() for path in folder.iterdir()}
     capture = runner.run("capture.folder", folder=Folder(files=files))
-    support = runner.run("align.support", capture=capture)
-    elements = runner.run("factorize.parse", capture=capture, support=support)
-    found = runner.run("factorize.segment", capture=capture, support=support, elements=elements).items
-    seen = max(found.values(), key=lambda view: int(view.mask.sum()))
-    body = runner.run("factorize.articulate", shape=runner.run("factorize.mesh", seen=seen), seen=seen)
+    support = runner.run("align.support", **factories.shot(capture))
+    elements = runner.run("factorize.parse", **factories.shot(capture), support=support)
+    found = runner.run("factorize.segment", **factories.shot(capture), support=support, elements=elements).items
+    seen = max(found.values(), key=lambda one: int(one.view.mask.sum()))
+    body = runner.run(
+        "factorize.articulate",
+        shape=runner.run("factorize.mesh", **object_views.sights(seen)),
+        **object_views.whole(seen),
+    )
     assert body.hollow
     collision = runner.run("factorize.collision", body=body)
     assert collision.links["base"].cavity_fill < 0.05
-    placement = runner.run("align.object", body=body, seen=seen)
+    placement = runner.run("align.object", body=body, **object_views.sights(seen))
     assert placement.scale == pytest.approx(1.0, abs=0.005)
-    physics = runner.run("factorize.physics", body=body, seen=seen)
+    physics = runner.run("factorize.physics", body=body, traits=seen.traits)
     parts = {"physics": physics, "collision": collision, "placement": placement}
-    asset = runner.run("simulate.asset", body=body, seen=seen, **parts)
+    asset = runner.run("simulate.asset", body=body, traits=seen.traits, **parts)
     path = runner.run("simulate.urdf", asset=asset).export(tmp_path, "urdf")[0]
     height = float(asset.body.links["base"].mesh.extent[2])
     assert 0.0 < ball_rest(path, height) < 0.6 * height

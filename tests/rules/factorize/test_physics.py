@@ -20,7 +20,7 @@ def runner(tmp_path):
 
 def weigh(runner, body, proposed="plastic", **options) -> Physics:
     seen = object_views.view(body.links["base"].mesh, np.eye(4), material=proposed)
-    return runner.run("factorize.physics", body=body, seen=seen, options=options)
+    return runner.run("factorize.physics", body=body, traits=seen.traits, options=options)
 
 
 BOX = object_views.mesh(solids.box((0.1, 0.2, 0.3), (0.0, 0.0, 0.15)))

@@ -27,7 +27,7 @@ def place(scale: float = S, pose: np.ndarray | None = None) -> Placement:
 def build(runner, made, placement, **parts):
     seen = object_views.view(made.body.links["base"].mesh, np.eye(4), category="laptop")
     inputs = {"body": made.body, "physics": made.physics, "collision": made.collision, **parts}
-    return runner.run("simulate.asset", placement=placement, seen=seen, **inputs)
+    return runner.run("simulate.asset", placement=placement, traits=seen.traits, **inputs)
 
 
 def test_masses_go_with_the_cube_and_inertias_with_the_fifth_power(runner):
@@ -94,7 +94,7 @@ def test_the_pose_is_the_placement_and_scale_one_changes_nothing(runner):
     assert found.pose.matrix == pytest.approx(factories.pose(0.1, 0.2, 0.3, 0.4))
     assert runner.encode(found.physics) == runner.encode(made.physics)
     assert found.category == "laptop"
-    assert runner.outcome.line == "1.300 kg, scale 1.0000, 2 collision pieces, 1 joint"
+    assert runner.outcome.line == "1.300 kg, scale 1.0000, 2 collision pieces, 1 joint, rgb"
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0])

@@ -81,13 +81,13 @@ def test_a_photographed_laptop_comes_back_as_it_stood(runner, tmp_path):
     mesh, pose = object_views.mesh(whole), factories.pose(0.02, 0.01, 0.0, 0.3)
     seen = object_views.view(mesh, pose, category="laptop", body_type="articulated", material="electronics")
     shape = object_views.shape(mesh).model_copy(update={"pose": factories.placed(pose)})
-    body = runner.run("factorize.articulate", shape=shape, seen=seen)
+    body = runner.run("factorize.articulate", shape=shape, **object_views.whole(seen))
     parts = {
-        "physics": runner.run("factorize.physics", body=body, seen=seen),
+        "physics": runner.run("factorize.physics", body=body, traits=seen.traits),
         "collision": runner.run("factorize.collision", body=body),
-        "placement": runner.run("align.object", body=body, seen=seen),
+        "placement": runner.run("align.object", body=body, **object_views.sights(seen)),
     }
-    asset = runner.run("simulate.asset", body=body, seen=seen, **parts)
+    asset = runner.run("simulate.asset", body=body, traits=seen.traits, **parts)
     _, model = compiled(runner, asset, tmp_path)
     data = mujoco.MjData(model)
     data.joint("hinge").qpos = asset.body.joints[0].position

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import File
-from dextera_build.artifacts.image import DepthImage
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import factories, tabletops
@@ -30,9 +29,9 @@ def three():
 
 
 def parsed(runner, scene, text: str | None = None, profile: str = "cpu"):
-    support = runner.run("align.support", capture=scene.capture)
+    support = runner.run("align.support", **factories.shot(scene.capture))
     described = {} if text is None else {"scene": File(data=text.encode())}
-    return runner.run("factorize.parse", profile=profile, capture=scene.capture, support=support, **described)
+    return runner.run("factorize.parse", profile=profile, **factories.shot(scene.capture), support=support, **described)
 
 
 def interactive(elements) -> dict[str, object]:
@@ -121,11 +120,11 @@ def test_one_thing_on_an_empty_table_touches_nothing(runner):
     """Half of the depth is missing, and no two labels meet along a border."""
     scene = tabletops.tabletop((tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(0, 0, yaw=0.5)))
     missing = np.random.default_rng(0).random(scene.labels.labels.shape) < 0.5
-    depth = np.where(missing, 0, scene.capture.depth.depth)
-    capture = scene.capture.model_copy(update={"depth": DepthImage(depth=depth)})
-    support = runner.run("align.support", capture=capture)
+    depth = np.where(missing, 0, scene.capture.measured.depth.depth)
+    capture = factories.rgbd(scene.capture.photograph.rgb.pixels, depth, scene.capture.photograph.camera)
+    support = runner.run("align.support", **factories.shot(capture))
     with pytest.raises(RuleError, match="no object stands on the support") as caught:
-        runner.run("factorize.parse", capture=capture, support=support)
+        runner.run("factorize.parse", **factories.shot(capture), support=support)
     assert "of the pixels, median 0." in caught.value.facts["depth"]
 
 

@@ -46,12 +46,12 @@ def service(monkeypatch):
 def parse(tmp_path, scene):
     def run(mode="record", **options):
         runner = RuleRunner(tmp_path, calls=Recorder(Store(tmp_path / "store"), mode))
-        support = runner.run("align.support", capture=scene.capture)
+        support = runner.run("align.support", **factories.shot(scene.capture))
         return runner.run(
             "factorize.parse",
             backend="vlm",
             options={"vlm": {"model": "seer-1", **options}},
-            capture=scene.capture,
+            **factories.shot(scene.capture),
             support=support,
         )
 
@@ -71,8 +71,8 @@ def test_things_come_from_the_service_and_then_from_the_record(parse, service, s
     assert asked["model"] == "seer-1"
     picture = asked["messages"][0]["content"][1]["image_url"]["url"].partition(",")[2]
     sent = np.asarray(Image.open(io.BytesIO(base64.b64decode(picture))))
-    assert sent.shape == scene.capture.rgb.pixels.shape
-    assert np.abs(sent.astype(int) - scene.capture.rgb.pixels).mean() < 3
+    assert sent.shape == scene.capture.photograph.rgb.pixels.shape
+    assert np.abs(sent.astype(int) - scene.capture.photograph.rgb.pixels).mean() < 3
 
 
 @pytest.mark.parametrize(

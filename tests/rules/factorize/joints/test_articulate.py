@@ -26,14 +26,15 @@ def hinged(runner, opening: float, overlap: float = 0.0, *, walls: bool = False,
     mesh = object_views.mesh(whole)
     seen = object_views.view(mesh, np.eye(4), category="laptop", body_type="articulated", material="electronics")
     shape = object_views.shape(mesh, tuple(object_views.hull(slab) for slab in slabs) if walls else ())
-    body = runner.run("factorize.articulate", shape=shape, seen=seen, backend=backend, options=options)
+    body = runner.run("factorize.articulate", shape=shape, **object_views.whole(seen), backend=backend, options=options)
     assert isinstance(body, Body)
     return mesh, body
 
 
 def test_a_rigid_object_is_one_link(runner):
     mesh = object_views.mesh(object_views.mug())
-    body = runner.run("factorize.articulate", shape=object_views.shape(mesh), seen=object_views.view(mesh, np.eye(4)))
+    seen = object_views.view(mesh, np.eye(4))
+    body = runner.run("factorize.articulate", shape=object_views.shape(mesh), **object_views.whole(seen))
     assert list(body.links) == ["base"]
     assert body.joints == ()
     assert runner.outcome.line == "rigid, 1 link"
@@ -107,7 +108,7 @@ def test_texture_coordinates_survive_the_cut(runner):
         vertices=plain.vertices, faces=plain.faces, uv=uv, texture=Image(pixels=np.zeros((4, 4, 3), np.uint8))
     )
     seen = object_views.view(textured, np.eye(4), body_type="articulated")
-    body = runner.run("factorize.articulate", shape=object_views.shape(textured), seen=seen)
+    body = runner.run("factorize.articulate", shape=object_views.shape(textured), **object_views.whole(seen))
     base = body.links["base"].mesh
     corners = base.vertices[base.faces]
     kept = np.abs(base.uv - corners[..., :2] - 0.5).max(axis=(1, 2)) < 1e-4
@@ -131,10 +132,13 @@ def test_a_box_has_no_crease(runner):
         object_views.turned([(0.05 * np.sin(a), 0.05 - 0.05 * np.cos(a)) for a in np.linspace(0.1, 3.0, 30)])
     )
     with pytest.raises(RuleError, match="no two planes meet in a crease") as caught:
-        runner.run("factorize.articulate", shape=object_views.shape(ball), seen=seen)
+        runner.run("factorize.articulate", shape=object_views.shape(ball), **object_views.whole(seen))
     assert "`body_type: rigid`" in caught.value.hint
     body = runner.run(
-        "factorize.articulate", shape=object_views.shape(ball), seen=seen, options={"without_crease": "rigid"}
+        "factorize.articulate",
+        shape=object_views.shape(ball),
+        **object_views.whole(seen),
+        options={"without_crease": "rigid"},
     )
     assert list(body.links) == ["base"]
     assert runner.outcome.line == "kept rigid: no crease found"

@@ -22,15 +22,15 @@ def runner(tmp_path):
 
 
 def segmented(runner, capture, profile: str = "cpu"):
-    support = runner.run("align.support", capture=capture)
-    elements = runner.run("factorize.parse", profile=profile, capture=capture, support=support)
-    chosen = {"capture": capture, "support": support, "elements": elements}
+    support = runner.run("align.support", **factories.shot(capture))
+    elements = runner.run("factorize.parse", profile=profile, **factories.shot(capture), support=support)
+    chosen = {**factories.shot(capture), "support": support, "elements": elements}
     return runner.run("factorize.segment", profile=profile, **chosen)
 
 
 def scores(segmentation, truth: np.ndarray) -> list[float]:
     """Best IoU of each true thing."""
-    found = segmentation.labels.labels
+    found = segmentation.map.labels
     return [
         max(tabletops.iou(truth == number, found == j + 1) for j in range(len(segmentation.names)))
         for number in range(1, truth.max() + 1)
@@ -53,9 +53,9 @@ def test_things_apart_are_cut_out_tightly(runner, noise):
 def test_a_bowl_keeps_its_floor(runner):
     scene = tabletops.tabletop((tabletops.bowl(WHITE), factories.pose(0.0, -0.05)))
     found = segmented(runner, scene.capture)
-    rows, columns = np.nonzero(found.labels.labels == 1)
+    rows, columns = np.nonzero(found.map.labels == 1)
     middle = int(np.median(rows)), int(np.median(columns))
-    assert found.labels.labels[middle] == 1
+    assert found.map.labels[middle] == 1
     assert scores(found, scene.labels.labels)[0] > 0.9
 
 
@@ -101,17 +101,17 @@ def test_the_view_is_a_crop_that_knows_its_camera(runner):
     )
     found = segmented(runner, scene.capture)
     for number, name in enumerate(found.names, start=1):
-        view = found.items[name]
-        left = round(scene.capture.camera.cx - view.camera.cx)
-        top = round(scene.capture.camera.cy - view.camera.cy)
+        view, measured = found.items[name].view, found.items[name].measured
+        left = round(scene.capture.photograph.camera.cx - view.camera.cx)
+        top = round(scene.capture.photograph.camera.cy - view.camera.cy)
         height, width = view.mask.shape
         box = (slice(top, top + height), slice(left, left + width))
-        assert np.array_equal(view.mask, found.labels.labels[box] == number)
-        assert np.array_equal(view.rgb.pixels, scene.capture.rgb.pixels[box])
-        assert np.array_equal(view.depth.depth, scene.capture.depth.depth[box])
+        assert np.array_equal(view.mask, found.map.labels[box] == number)
+        assert np.array_equal(view.rgb.pixels, scene.capture.photograph.rgb.pixels[box])
+        assert np.array_equal(measured.depth.depth, scene.capture.measured.depth.depth[box])
         assert (view.camera.width, view.camera.height) == (width, height)
         assert not (view.occluder & view.mask).any()
-    behind, before = found.items["red_box"], found.items["blue_cylinder"]
+    behind, before = (found.items[name].view for name in ("red_box", "blue_cylinder"))
     assert behind.occluder.sum() > 300, "the cylinder hides the box"
     assert before.occluder.sum() < 30, "nothing hides the cylinder"
 
@@ -124,20 +124,20 @@ def test_what_belongs_to_no_object_is_fixed(runner):
     )
     found = segmented(runner, scene.capture)
     assert found.names == ("red_box",)
-    assert found.fixed[scene.labels.labels == 2].mean() > 0.95
-    assert not (found.fixed & (found.labels.labels > 0)).any()
+    assert found.map.fixed[scene.labels.labels == 2].mean() > 0.95
+    assert not (found.map.fixed & (found.map.labels > 0)).any()
 
 
 def test_colour_finds_a_border_that_depth_lost(runner):
     scene = tabletops.tabletop((tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(0.0, 0.0, yaw=0.4)), noise=0.3)
     truth = scene.labels.labels == 1
     rows, columns = np.nonzero(truth)
-    depth = scene.capture.depth.depth.copy()
+    depth = scene.capture.measured.depth.depth.copy()
     # As a camera with its projector on the right does: no depth on a strip inside and outside of the left edge.
     for row in np.unique(rows):
         edge = columns[rows == row].min()
         depth[row, edge - 6 : edge + 5] = 0.0
-    capture = scene.capture.model_copy(update={"depth": scene.capture.depth.model_copy(update={"depth": depth})})
+    capture = factories.rgbd(scene.capture.photograph.rgb.pixels, depth, scene.capture.photograph.camera)
     found = segmented(runner, capture)
     assert scores(found, scene.labels.labels)[0] > 0.93
 
@@ -150,13 +150,19 @@ def test_the_same_capture_gives_the_same_bytes(runner):
 
 def test_renaming_an_element_leaves_its_view_alone(runner):
     scene = tabletops.tabletop((tabletops.bowl(WHITE), factories.pose(0.03, -0.1)))
-    support = runner.run("align.support", capture=scene.capture)
-    elements = runner.run("factorize.parse", capture=scene.capture, support=support)
+    support = runner.run("align.support", **factories.shot(scene.capture))
+    elements = runner.run("factorize.parse", **factories.shot(scene.capture), support=support)
     renamed = elements.model_copy(
         update={"elements": tuple(e.model_copy(update={"name": f"my_{e.name}"}) for e in elements.elements)}
     )
     views = [
-        next(iter(runner.run("factorize.segment", capture=scene.capture, support=support, elements=e).items.values()))
+        next(
+            iter(
+                runner.run(
+                    "factorize.segment", **factories.shot(scene.capture), support=support, elements=e
+                ).items.values()
+            )
+        )
         for e in (elements, renamed)
     ]
     assert runner.encode(views[0]) == runner.encode(views[1])
@@ -174,13 +180,13 @@ def test_the_stub_cuts_out_what_stands_apart(runner):
 
 def test_boxes_far_from_everything_are_refused(runner):
     scene = tabletops.tabletop((tabletops.bowl(WHITE), factories.pose(0.03, -0.1)))
-    support = runner.run("align.support", capture=scene.capture)
-    elements = runner.run("factorize.parse", capture=scene.capture, support=support)
+    support = runner.run("align.support", **factories.shot(scene.capture))
+    elements = runner.run("factorize.parse", **factories.shot(scene.capture), support=support)
     moved = elements.model_copy(
         update={"elements": tuple(e.model_copy(update={"box": (0, 0, 9, 9)}) for e in elements.elements)}
     )
     with pytest.raises(RuleError, match="no element could be segmented") as caught:
-        runner.run("factorize.segment", capture=scene.capture, support=support, elements=moved)
+        runner.run("factorize.segment", **factories.shot(scene.capture), support=support, elements=moved)
     assert "white_bowl" in caught.value.facts["elements"]
 
 
@@ -203,7 +209,7 @@ def real(runner, name: str):
 def test_the_object_on_the_real_table_is_found_once_and_whole(runner, name, box):
     found = segmented(runner, runner.run("capture.folder", folder=real(runner, name)))
     assert len(found.names) == 1
-    rows, columns = np.nonzero(found.labels.labels)
+    rows, columns = np.nonzero(found.map.labels)
     seen = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
     # The boxes were drawn by hand around the objects in the photographs.
     assert np.abs(seen - box).max() <= 10

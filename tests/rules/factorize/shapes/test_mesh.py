@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import ObjectView, Shape
+from dextera_build.artifacts.object import Shape
+from dextera_build.artifacts.view import Instance
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast, solids, transforms
 from dextera_build.geometry.solids import Solid
@@ -17,11 +18,14 @@ from dextera_build.testing import RuleRunner
 from rules.factorize.shapes import evidence, handle, hypotheses, mesh_stub, paint, scoring
 from rules.factorize.shapes.families import revolution
 from rules.factorize.shapes.families.box import lying_solid
+from tests import object_views
 from tests.rules.factorize import synthetic_views as synthetic
 
 
-def shape_of(seen: ObjectView, folder: Path, backend: str = "primitives", **options: object) -> Shape:
-    shape: Shape = RuleRunner(folder).run("factorize.mesh", backend=backend, options={"primitives": options}, seen=seen)
+def shape_of(seen: Instance, folder: Path, backend: str = "primitives", **options: object) -> Shape:
+    shape: Shape = RuleRunner(folder).run(
+        "factorize.mesh", backend=backend, options={"primitives": options}, **object_views.sights(seen)
+    )
     return shape
 
 
@@ -81,7 +85,7 @@ def test_a_box_within_three_millimetres(tmp_path, size, yaw, eye, seed):
 def test_a_depth_that_is_not_seen_is_said_to_be_guessed(tmp_path):
     seen = synthetic.view(box(0.09, 0.06, 0.2), synthetic.Eye(pitch_deg=14))
     runner = RuleRunner(tmp_path)
-    found = runner.run("factorize.mesh", options={"primitives": {"hypotheses": ("box",)}}, seen=seen)
+    found = runner.run("factorize.mesh", options={"primitives": {"hypotheses": ("box",)}}, **object_views.sights(seen))
     assert found.unobserved in (("x",), ("y",))
     assert "guessed" in runner.outcome.line
 
@@ -177,7 +181,7 @@ def test_a_can_on_a_box_stands_on_the_box(tmp_path):
     carrier = box(0.2, 0.16, 0.06)
     body = can(0.033, 0.1).moved(transforms.rigid(np.eye(3), np.array([0.0, 0.0, 0.06])))
     seen = synthetic.view(body, synthetic.Eye(), hidden=(carrier,))
-    seen = seen.model_copy(update={"occluder": np.zeros_like(seen.occluder)})
+    seen = object_views.changed(seen, occluder=np.zeros_like(seen.view.occluder))
     found = shape_of(seen, tmp_path)
     assert found.hypothesis == "cylinder"
     assert found.pose.matrix[2, 3] == pytest.approx(0.06, abs=0.006)
@@ -186,7 +190,7 @@ def test_a_can_on_a_box_stands_on_the_box(tmp_path):
 
 def test_a_bowl_that_overhangs_stands_on_the_support(tmp_path):
     seen = synthetic.view(synthetic.bowl(0.08, 0.035, 0.055, 0.004), synthetic.Eye(pitch_deg=42))
-    assert evidence.gather(seen).base == 0.0
+    assert evidence.gather(object_views.seen(seen)).base == 0.0
 
 
 def test_the_same_view_gives_the_same_bytes(tmp_path):
@@ -217,7 +221,9 @@ def test_every_allowed_family_is_scored(tmp_path):
     runner = RuleRunner(tmp_path)
     seen = synthetic.view(can(0.033, 0.12), synthetic.Eye())
     found = runner.run(
-        "factorize.mesh", options={"primitives": {"hypotheses": ("box", "cylinder", "extruded")}}, seen=seen
+        "factorize.mesh",
+        options={"primitives": {"hypotheses": ("box", "cylinder", "extruded")}},
+        **object_views.sights(seen),
     )
     assert set(found.scores) == {"box", "cylinder", "extruded"}
     assert max(found.scores, key=lambda name: found.scores[name]) == found.hypothesis
@@ -227,7 +233,7 @@ def test_every_allowed_family_is_scored(tmp_path):
 
 def test_a_view_without_depth_is_refused(tmp_path):
     seen = synthetic.view(can(0.033, 0.12), synthetic.Eye())
-    blind = seen.model_copy(update={"depth": seen.depth.model_copy(update={"depth": np.zeros_like(seen.depth.depth)})})
+    blind = object_views.changed(seen, depth=np.zeros(seen.view.mask.shape, np.float32))
     for backend in ("primitives", "stub"):
         with pytest.raises(RuleError, match="the view has 0 pixels with"):
             shape_of(blind, tmp_path, backend)
@@ -251,18 +257,18 @@ def test_the_stub_is_a_closed_box_at_the_right_place(tmp_path):
 def test_an_open_mesh_is_not_published(tmp_path):
     class Broken:
         @staticmethod
-        def complete(ctx: Context, seen: ObjectView, common: Any, options: Options) -> Shape:
-            whole = mesh_stub.complete(ctx, seen, common, options)
+        def complete(ctx: Context, view: Any, measured: Any, common: Any, options: Options) -> Shape:
+            whole = mesh_stub.complete(ctx, view, measured, common, options)
             part = whole.mesh.model_copy(update={"faces": whole.mesh.faces[1:], "uv": whole.mesh.uv[1:]})
             return whole.model_copy(update={"mesh": part})
 
     seen, rule = synthetic.view(can(0.033, 0.12), synthetic.Eye()), RuleRunner(tmp_path).find("factorize.mesh").rule
     with pytest.raises(RuleError, match="the mesh is open"):
-        rule(Context(backend=Broken, scratch=tmp_path), seen, options=rule.options())
+        rule(Context(backend=Broken, scratch=tmp_path), seen.view, seen.measured, options=rule.options())
 
 
 def test_the_score_prefers_the_true_body():
-    seen = evidence.gather(synthetic.view(box(0.1, 0.07, 0.05), synthetic.Eye()))
+    seen = evidence.gather(object_views.seen(synthetic.view(box(0.1, 0.07, 0.05), synthetic.Eye())))
     true = scoring.judge(box(0.1, 0.07, 0.05), seen)
     assert true.score > 0.9
     assert true.mask_iou > 0.98
@@ -272,14 +278,14 @@ def test_the_score_prefers_the_true_body():
 
 def test_a_lid_over_a_cup_violates_free_space():
     cup = synthetic.cup(0.04, 0.04, 0.095, 0.004, 0.006)
-    seen = evidence.gather(synthetic.view(cup, synthetic.Eye()))
+    seen = evidence.gather(object_views.seen(synthetic.view(cup, synthetic.Eye())))
     assert scoring.judge(can(0.04, 0.095), seen).free > 0.05
     assert scoring.judge(cup, seen).free < 0.01
 
 
 def test_the_axis_of_a_cup_is_found_from_both_of_its_walls():
     cup = synthetic.placed(synthetic.cup(0.03, 0.042, 0.1, 0.004, 0.006), 0.04, -0.03, 0)
-    seen = evidence.gather(synthetic.view(cup, synthetic.Eye()))
+    seen = evidence.gather(object_views.seen(synthetic.view(cup, synthetic.Eye())))
     centre, _ = revolution.axis(seen)
     assert centre == pytest.approx([0.04, -0.03], abs=0.006)
     assert revolution.interior(seen, centre) > 0.05
@@ -296,12 +302,12 @@ def test_pinholes_are_filled_and_handles_are_not():
 
 def test_no_handle_is_invented():
     cup = synthetic.cup(0.04, 0.04, 0.095, 0.004, 0.006)
-    seen = evidence.gather(synthetic.view(cup, synthetic.Eye()))
+    seen = evidence.gather(object_views.seen(synthetic.view(cup, synthetic.Eye())))
     assert handle.with_handle(hypotheses.Finished(cup, np.eye(4)), seen) is None
 
 
 def test_the_facing_mirror_swaps_front_and_back():
     seen = synthetic.view(can(0.03, 0.1), synthetic.Eye())
-    mirror = paint._facing_mirror(np.eye(4), seen)
+    mirror = paint._facing_mirror(np.eye(4), object_views.seen(seen))
     assert mirror @ [0, -1.0, 0.3] == pytest.approx([0, 1.0, 0.3], abs=1e-9)
     assert mirror @ [1.0, 0, 0] == pytest.approx([1.0, 0, 0], abs=1e-9)

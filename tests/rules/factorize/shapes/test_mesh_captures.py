@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from dextera_build.artifacts.camera import Camera, Capture
-from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.object import Shape
 from dextera_build.testing import RuleRunner
+from tests import factories, object_views
 
 CAPTURES = Path(__file__).parents[5] / "shared" / "captures"
 
@@ -22,17 +22,17 @@ def shape_in(name: str, folder: Path) -> Shape:
         pytest.skip(f"no capture `{name}`")
     told = json.loads((CAPTURES / name / "capture.json").read_text())
     counts = np.asarray(Pillow.open(CAPTURES / name / "depth.png")).astype(np.float32)
-    capture = Capture(
-        rgb=Image(pixels=np.array(Pillow.open(CAPTURES / name / "rgb.png").convert("RGB"))),
-        depth=DepthImage(depth=counts * np.float32(told["depth_scale_m"])),
-        camera=Camera(**{key: told[key] for key in ("width", "height", "fx", "fy", "cx", "cy")}),
+    capture = factories.rgbd(
+        np.array(Pillow.open(CAPTURES / name / "rgb.png").convert("RGB")),
+        counts * np.float32(told["depth_scale_m"]),
+        Camera(**{key: told[key] for key in ("width", "height", "fx", "fy", "cx", "cy")}),
     )
     runner = RuleRunner(folder)
-    support = runner.run("align.support", capture=capture)
-    elements = runner.run("factorize.parse", capture=capture, support=support)
-    views = runner.run("factorize.segment", capture=capture, support=support, elements=elements).items
-    largest = max(views.values(), key=lambda view: int(view.mask.sum()))
-    shape: Shape = runner.run("factorize.mesh", seen=largest)
+    support = runner.run("align.support", **factories.shot(capture))
+    elements = runner.run("factorize.parse", **factories.shot(capture), support=support)
+    views = runner.run("factorize.segment", **factories.shot(capture), support=support, elements=elements).items
+    largest = max(views.values(), key=lambda found: int(found.view.mask.sum()))
+    shape: Shape = runner.run("factorize.mesh", **object_views.sights(largest))
     assert shape.mesh.is_closed
     assert len(shape.mesh.faces) < 7000
     return shape

@@ -9,18 +9,20 @@ import manifold3d as m3
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import ObjectView, Shape
+from dextera_build.artifacts.object import Shape
+from dextera_build.artifacts.view import Instance
 from dextera_build.geometry import metrics, solids, transforms
 from dextera_build.geometry.solids import Solid
 from dextera_build.testing import RuleRunner
 from rules.factorize.shapes import evidence
 from rules.factorize.shapes.families import mirrored as family
+from tests import object_views
 from tests.rules.factorize import synthetic_views as synthetic
 
 
-def mirrored(seen: ObjectView, folder: Path, *others: str) -> Shape:
+def mirrored(seen: Instance, folder: Path, *others: str) -> Shape:
     options = {"primitives": {"hypotheses": (*others, "mirrored")}}
-    shape: Shape = RuleRunner(folder).run("factorize.mesh", options=options, seen=seen)
+    shape: Shape = RuleRunner(folder).run("factorize.mesh", options=options, **object_views.sights(seen))
     return shape
 
 
@@ -85,7 +87,7 @@ def test_it_wins_where_the_families_fit_badly(tmp_path: Path) -> None:
     assert set(found.scores) == {"box", "cylinder", "oval", "mirrored"}
     best = max((name for name in found.scores if name != "mirrored"), key=lambda name: found.scores[name])
     family: Shape = RuleRunner(tmp_path).run(
-        "factorize.mesh", options={"primitives": {"hypotheses": (best,)}}, seen=seen
+        "factorize.mesh", options={"primitives": {"hypotheses": (best,)}}, **object_views.sights(seen)
     )
     assert distance(found, body) < 0.5 * distance(family, body)
 
@@ -113,16 +115,16 @@ def test_the_body_equals_its_mirror_image(tmp_path: Path) -> None:
 def test_a_hole_and_a_gap_of_the_mask_and_lost_depth(tmp_path: Path) -> None:
     body = synthetic.placed(lumps(), 0.0, 0.0, 10)
     seen = synthetic.view(body, synthetic.Eye())
-    rows, columns = seen.mask.shape
+    rows, columns = seen.view.mask.shape
     middle, part = (rows // 2, columns // 2), {}
-    part["hole"], part["gap"], part["half"] = (np.ones_like(seen.mask) for _ in range(3))
+    part["hole"], part["gap"], part["half"] = (np.ones_like(seen.view.mask) for _ in range(3))
     part["hole"][middle[0] - 8 : middle[0] + 8, middle[1] - 8 : middle[1] + 8] = False
     part["gap"][:, middle[1] - 3 : middle[1] + 3] = False
     part["half"][: middle[0]] = False
     for kept in part.values():
-        check_stands(mirrored(seen.model_copy(update={"mask": seen.mask & kept}), tmp_path))
-    lost = np.where(part["hole"], seen.depth.depth, 0.0).astype(np.float32)
-    found = mirrored(seen.model_copy(update={"depth": seen.depth.model_copy(update={"depth": lost})}), tmp_path)
+        check_stands(mirrored(object_views.changed(seen, mask=seen.view.mask & kept), tmp_path))
+    lost = np.where(part["hole"], seen.measured.depth.depth, 0.0).astype(np.float32)
+    found = mirrored(object_views.changed(seen, depth=lost), tmp_path)
     check_stands(found)
     assert distance(found, body) < 0.004
 
@@ -144,7 +146,7 @@ def test_what_hangs_is_extended_down_to_the_table(tmp_path: Path) -> None:
 
 
 def test_a_mask_that_is_too_thin_gives_no_candidate() -> None:
-    seen = evidence.gather(synthetic.view(lumps(), synthetic.Eye()))
+    seen = evidence.gather(object_views.seen(synthetic.view(lumps(), synthetic.Eye())))
     thin = np.zeros_like(seen.mask)
     thin[40, 20:80] = True
     assert family.mirrored(replace(seen, mask=thin)) is None

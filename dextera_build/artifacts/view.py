@@ -1,0 +1,125 @@
+"""What was seen of each object: pixels for making assets, measurements for placing them, traits for its physics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+
+from dextera_build.artifacts.base import Array, Artifact
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.frames import Frames
+from dextera_build.artifacts.image import DepthImage, Image, LabelImage
+from dextera_build.artifacts.object import AssetSource
+from dextera_build.artifacts.pose import Pose
+
+
+class ObjectView(Artifact):
+    """One object in the photograph: a crop. Nothing in it was measured, and its name and traits are not part of it."""
+
+    rgb: Image
+    """Crop of the photograph around the mask, with a margin."""
+    mask: Annotated[np.ndarray, Array("H W", "bool")]
+    """Visible pixels of the object, in the crop."""
+    occluder: Annotated[np.ndarray, Array("H W", "bool")]
+    """Pixels of the crop where something nearer may hide the object; nothing is known there."""
+    camera: Camera
+    """Intrinsics of the crop."""
+    phrase: str
+    """See `Element.phrase`."""
+    asset_source: AssetSource = "rgb"
+    """What the mask was made from."""
+
+
+class MeasuredView(Artifact):
+    """What was measured in the crop of an `ObjectView`."""
+
+    depth: DepthImage
+    """The same crop of the depth [m]."""
+    camera_pose: Annotated[Pose, Frames("world", "camera")]
+    """T_world_camera; the support is z = 0."""
+
+
+class Traits(Artifact):
+    """What parsing says about an object; apart from its view, so that another material meshes nothing again."""
+
+    category: str
+    """See `Element.category`."""
+    body_type: Literal["rigid", "articulated"]
+    """See `Element.body_type`."""
+    material: str
+    """See `Element.material`."""
+
+
+class Instance(Artifact):
+    """One object that was found. The name is not part of it, so renaming rebuilds nothing."""
+
+    view: ObjectView
+    """Its pixels."""
+    traits: Traits
+    """What it is."""
+    measured: MeasuredView | None = None
+    """Its depth; None if there is nothing but the photograph."""
+
+
+class InstanceMap(Artifact):
+    """Which pixels of a whole photograph belong to which object; without names and traits."""
+
+    labels: Annotated[np.ndarray, Array("H W", "int32")]
+    """0 is everything else; 1.. are instances."""
+    fixed: Annotated[np.ndarray, Array("H W", "bool")]
+    """Pixels of things that are no object: the robot, things cut by the image border."""
+
+    def picture(self) -> bytes:
+        """One colour for each instance, black for the rest."""
+        return LabelImage(labels=self.labels).picture()
+
+
+class Segmentation(Artifact):
+    """Every object and the map that they were cut from."""
+
+    items: dict[str, Instance]
+    """Element name -> object; opened by `each`."""
+    names: tuple[str, ...]
+    """Name of label 1, 2, ... of `map`."""
+    map: InstanceMap
+    """Their pixels in the full photograph."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A view with its measurements, for code that needs both."""
+
+    view: ObjectView
+    measured: MeasuredView
+
+    @property
+    def rgb(self) -> np.ndarray:
+        """The crop's pixels, (H, W, 3) uint8."""
+        return self.view.rgb.pixels
+
+    @property
+    def mask(self) -> np.ndarray:
+        """See `ObjectView.mask`."""
+        return self.view.mask
+
+    @property
+    def occluder(self) -> np.ndarray:
+        """See `ObjectView.occluder`."""
+        return self.view.occluder
+
+    @property
+    def camera(self) -> Camera:
+        """See `ObjectView.camera`."""
+        return self.view.camera
+
+    @property
+    def depth(self) -> np.ndarray:
+        """The crop's depth, (H, W) float32 [m]; 0 where nothing was measured."""
+        return self.measured.depth.depth
+
+    @property
+    def world_from_camera(self) -> np.ndarray:
+        """T_world_camera, (4, 4)."""
+        return self.measured.camera_pose.matrix
