@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.camera import Camera, Capture
-from dextera_build.artifacts.image import LabelImage
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.view import InstanceMap
