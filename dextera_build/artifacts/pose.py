@@ -155,6 +155,22 @@ def check_frame(kind: str, frame: str, motion: Pose | Similarity) -> None:
         )
 
 
+def check_covariance(name: str, covariance: np.ndarray) -> None:
+    """Refuse a matrix that is the covariance of nothing.
+
+    Args:
+        name: What it belongs to, for the message.
+        covariance: (S, S), finite.
+
+    Raises:
+        ArtifactError: It is not symmetric and positive semi-definite.
+    """
+    largest = float(np.abs(covariance).max())
+    symmetric = np.allclose(covariance, covariance.T, rtol=0, atol=1e-9 * largest)
+    if not (symmetric and np.linalg.eigvalsh(covariance)[0] >= -1e-9 * largest):
+        raise ArtifactError(f"the covariance of {name} is not symmetric and positive semi-definite", code="DXB-A204")
+
+
 def _named(motion: Pose | Similarity) -> str:
     return f"T_{motion.parent}_{motion.child}"
 
@@ -187,12 +203,7 @@ def _check_motion(motion: Pose | Similarity) -> None:
     covariance = motion.covariance
     if covariance is None:
         return
-    largest = float(np.abs(covariance).max())
-    symmetric = np.allclose(covariance, covariance.T, rtol=0, atol=1e-9 * largest)
-    if not (symmetric and np.linalg.eigvalsh(covariance)[0] >= -1e-9 * largest):
-        raise ArtifactError(
-            f"the covariance of {_named(motion)} is not symmetric and positive semi-definite", code="DXB-A204"
-        )
+    check_covariance(_named(motion), covariance)
 
 
 def _check_inner(first: Pose | Similarity, second: Pose | Similarity) -> None:

@@ -42,3 +42,14 @@ def multiply(first: np.ndarray, second: np.ndarray) -> np.ndarray:
         w * d + x * c - y * b + z * a,
     )
     return np.stack(parts, axis=-1)
+
+
+def slerp(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
+    """The unit quaternion (4,) at `share` of the shorter way between two rotations (Shoemake 1985)."""
+    near = second if float(first @ second) >= 0 else -second
+    angle = 2 * np.arctan2(np.linalg.norm(near - first), np.linalg.norm(near + first))
+    if angle < 1e-9:
+        mixed = first + share * (near - first)
+    else:
+        mixed = (np.sin((1 - share) * angle) * first + np.sin(share * angle) * near) / np.sin(angle)
+    return np.asarray(mixed / np.linalg.norm(mixed))

@@ -1,0 +1,74 @@
+"""Poses by time: their checks, interpolation, and covariances in text files."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.pose import check_covariance
+from dextera_build.errors import ArtifactError
+from dextera_build.geometry import quaternions
+
+UPPER = np.triu_indices(6)
+"""The 21 numbers of a symmetric (6, 6) matrix that files hold, row by row."""
+
+
+def check(kind: str, stamps: np.ndarray, poses: np.ndarray, covariances: np.ndarray | None) -> None:
+    """Refuse stamps that do not increase, quaternions of another length than 1, and matrices that are no covariance.
+
+    Args:
+        kind: The type, for messages.
+        stamps: (N,) [s].
+        poses: (N, 7), position [m] and quaternion w x y z; rows of NaN are unknown.
+        covariances: (N, 6, 6), or None.
+
+    Raises:
+        ArtifactError: Something of this.
+    """
+    wrong = np.flatnonzero(np.diff(stamps) <= 0)
+    if len(wrong):
+        first = int(wrong[0])
+        raise ArtifactError(
+            f"{kind}.stamps do not increase",
+            code="DXB-A501",
+            facts={"first": f"{stamps[first + 1]!r} s comes after {stamps[first]!r} s", "places": len(wrong)},
+            hint="sort the poses by time, and leave out those with equal stamps",
+        )
+    length = np.linalg.norm(poses[:, 3:], axis=1)
+    bad = np.flatnonzero(np.abs(length - 1) > 1e-6)
+    if len(bad):
+        raise ArtifactError(
+            f"{kind}.poses: {len(bad):,} of {len(poses):,} quaternions are of another length than 1",
+            code="DXB-A502",
+            facts={"first": f"row {bad[0]}, length {length[bad[0]]:.6g}"},
+            hint="divide each by its length; the order is x y z [m], then w x y z",
+        )
+    for index, covariance in enumerate(() if covariances is None else covariances):
+        check_covariance(f"{kind} at {stamps[index]} s", covariance)
+
+
+def unit(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 7) from a file with their quaternions rounded to some digits, at length 1.
+
+    Raises:
+        ValueError: A length is not within 1 % of 1, so it is no rounding.
+    """
+    length = np.linalg.norm(poses[:, 3:], axis=1)
+    bad = np.flatnonzero(np.abs(length - 1) > 0.01)
+    if len(bad):
+        raise ValueError(f"the quaternion of pose {bad[0] + 1} has length {length[bad[0]]:.4g} instead of 1")
+    # Exact ones keep their bytes.
+    length = np.where(np.abs(length - 1) > 1e-12, length, 1.0)
+    return np.hstack([poses[:, :3], poses[:, 3:] / length[:, None]])
+
+
+def between(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
+    """The pose (7,) at `share` of the way: straight for the position, and the shorter way for the rotation (slerp)."""
+    return np.append((1 - share) * first[:3] + share * second[:3], quaternions.slerp(first[3:], second[3:], share))
+
+
+def full(upper: np.ndarray) -> np.ndarray:
+    """Covariances (N, 6, 6) of their upper triangles (N, 21), row by row."""
+    found = np.zeros((len(upper), 6, 6))
+    found[:, UPPER[0], UPPER[1]] = upper
+    found[:, UPPER[1], UPPER[0]] = upper
+    return found
