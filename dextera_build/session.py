@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
+from dextera_build.calls import secrets
 from dextera_build.errors import RuleError, UsageError, did_you_mean, listing
 from dextera_build.project.project import Project
 from dextera_build.redact import redact
@@ -55,6 +56,15 @@ class Added:
     """`body[mug].mesh.wall_m=0.004`."""
     backends: Mapping[str, str] = field(default_factory=dict)
     """Rule -> backend."""
+
+    def __post_init__(self) -> None:
+        """Refuse secrets, because options enter keys.
+
+        Raises:
+            RecipeError: A setting holds one.
+        """
+        for setting in self.settings:
+            secrets.refuse_written(setting, f"--set {setting.partition('=')[0]}")
 
     def __bool__(self) -> bool:
         return bool(self.inputs or self.settings or self.backends)

@@ -102,12 +102,14 @@ def _claimed() -> tuple[str, int]:
 
 
 def _environment(project: Project) -> dict[str, str]:
+    from dextera_build.project.terms import terms
+
     # One thread per worker: sums do not depend on the number of cores, and workers do not compete for them.
     environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     # No rule uses pydantic plug-ins, and the search for them reads the metadata of every installed package.
     environment["PYDANTIC_DISABLE_PLUGINS"] = os.environ.get("PYDANTIC_DISABLE_PLUGINS", "__all__")
     environment["DXB_CALLS"] = project.calls
-    environment["DXB_CALL_TERMS"] = project.call_terms
+    environment["DXB_CALL_TERMS"] = terms(project)
     environment["DXB_MODELS"] = os.pathsep.join(map(str, project.model_folders))
     # The key holds the digests of declared weights only, so nothing else may be fetched while a rule runs.
     environment |= dict.fromkeys(("HF_HUB_OFFLINE", "HF_DATASETS_OFFLINE"), "1")

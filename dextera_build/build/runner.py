@@ -17,6 +17,7 @@ from dextera_build import digest as digests
 from dextera_build.code.importer import IMPORTER
 from dextera_build.code.loader import Library, RuleFile, version_of
 from dextera_build.errors import DxbError, MachineError, RuleError
+from dextera_build.redact import hidden, redact_plain
 from dextera_build.rule import Context, Options
 from dextera_build.rule.pretrained import Pretrained, out_of_memory, unload
 from dextera_build.store import disk_full, headers
@@ -268,13 +269,29 @@ def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[st
             code="DXB-B209",
             where=found.place,
         )
-    writer = store.writer
+    writer: Callable[[bytes], str] = _careful(store.writer) if hidden() else store.writer
     return {
         "output": result.encode(writer),
-        "line": ctx.outcome.line,
+        "line": redact_plain(ctx.outcome.line),
         "previews": [[caption, writer(data)] for caption, data in ctx.outcome.previews],
         "metrics": {name: list(value) for name, value in ctx.outcome.metrics.items()},
     }
+
+
+def _careful(put: Callable[[bytes], str]) -> Callable[[bytes], str]:
+    """`put`, refusing the secrets that rules asked for in this process."""
+
+    def checked(data: bytes) -> str:
+        for value, name in hidden().items():
+            if value.encode() in bytes(data):
+                raise RuleError(
+                    f"the result holds the secret `{name}`",
+                    code="DXB-B363",
+                    hint="use `ctx.secret` in requests to services only; nothing was stored",
+                )
+        return put(data)
+
+    return checked
 
 
 @contextmanager

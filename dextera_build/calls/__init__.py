@@ -59,6 +59,13 @@ class CallManner(TypedDict, total=False):
 
     valid: Callable[[bytes], object] | None
     """Raises `ValueError` or a `RuleError` for a body that is not an answer; it is not recorded."""
+    data: tuple[str, ...]
+    """Kinds of the user's data in the request, such as `mesh`, which are sent only with the user's consent. A picture
+    counts as a `photograph`, named or not."""
+    repair: Callable[[bytes, str], Callable[[float], bytes | Response]] | None
+    """For `call`: an unusable body, and what is wrong with it -> the sender of a request that asks for a better one."""
+    repairs: int
+    """Most repairs, 2 unless given. With `repair`, an unusable body is not asked for in any other way."""
     timeout_s: float
     """Timeout of each request [s], 60 unless given."""
     tries: int

@@ -12,7 +12,8 @@ from http.client import HTTPException
 from typing import NoReturn, TypeAlias, TypeVar
 
 from dextera_build.calls import JobManner, Response
-from dextera_build.calls.question import Question, secret_in, without_secrets
+from dextera_build.calls.question import Question
+from dextera_build.calls.secrets import secret_in, without_secrets
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.store.backoff import backoff
 
@@ -23,6 +24,8 @@ MOST_RETRY_AFTER_S = 300.0
 """A service that asks to be left alone for longer is given up [s]."""
 _NEVER_SENT = {"httpx.ConnectError", "httpx.ConnectTimeout", "httpx.PoolTimeout", "httpx.UnsupportedProtocol"}
 _SHOWN = 200
+_TOLD = 4000
+"""Most of an error's text that goes back to a model [characters]."""
 _USAGE = {"prompt_tokens": "tokens", "completion_tokens": "tokens", "total_tokens": "tokens", "cost": "USD"}
 _ALSO = {"input_tokens": "prompt_tokens", "output_tokens": "completion_tokens"}
 
@@ -38,6 +41,9 @@ class Manner:
     valid: Callable[[bytes], object] | None = None
     """Raises `ValueError` or `RuleError` for an unusable body, which is not recorded."""
     secrets: tuple[str, ...] = ()
+    data: tuple[str, ...] = ()
+    repair: Callable[[bytes, str], Send] | None = None
+    repairs: int = 2
     poll_s: float = 5.0
     limit_s: float = 3600.0
 
@@ -45,14 +51,15 @@ class Manner:
     def of(cls, given: JobManner) -> Manner:
         """The manner with the given keywords, and one try at least."""
         found = cls(**given)
-        return replace(found, tries=max(found.tries, 1), secrets=tuple(found.secrets))
+        return replace(found, tries=max(found.tries, 1), secrets=tuple(found.secrets), data=tuple(found.data))
 
 
 class _AgainError(Exception):
     """The call is worth a retry, after `after_s` [s] if the service says so."""
 
     def __init__(self, why: str, after_s: float | None = None, *, invalid: bool = False) -> None:
-        super().__init__(why)
+        super().__init__((why.splitlines() or [""])[0][:_SHOWN])
+        self.whole = why[:_TOLD]
         self.after_s, self.invalid = after_s, invalid
 
 
@@ -63,14 +70,38 @@ def ask(asked: Question, send: Send, manner: Manner, log: Callable[[str], None])
         MachineError: The service cannot be reached, is overloaded, or denies access.
         RuleError: It refuses the request, or its answer is unusable.
     """
+    mending = _Mending(send, manner, log)
 
     def once() -> Response:
-        answer = _sent(asked, send, manner)
-        response = answer if isinstance(answer, Response) else Response(answer)
-        checked(asked, response, manner)
-        return response
+        while True:
+            answer = _sent(asked, mending.send, manner)
+            response = answer if isinstance(answer, Response) else Response(answer)
+            try:
+                checked(asked, response, manner)
+            except _AgainError as fault:
+                mending.go_on(asked, response.body, fault)
+            else:
+                return response
 
     return tried(once, asked, manner, log)
+
+
+class _Mending:
+    """The sender of a call, and after an unusable answer the one that says what was wrong."""
+
+    def __init__(self, send: Send, manner: Manner, log: Callable[[str], None]) -> None:
+        self.send, self._manner, self._log = send, manner, log
+        self._done = 0
+
+    def go_on(self, asked: Question, body: bytes, fault: _AgainError) -> None:
+        """Prepare the next repair; raises the fault where there is none to make."""
+        if self._manner.repair is None or not fault.invalid:
+            raise fault
+        if self._done >= self._manner.repairs:
+            _give_up(asked, fault, self._done + 1)
+        self._done += 1
+        self._log(f"{asked.shown}: {fault}; told so, repair {self._done} of {self._manner.repairs}")
+        self.send = self._manner.repair(body, fault.whole)
 
 
 def step(asked: Question, send: Callable[[float], T | Response], manner: Manner, log: Callable[[str], None]) -> T:
@@ -197,7 +228,7 @@ def _look_at_body(asked: Question, body: bytes, manner: Manner) -> None:
         manner.valid(body)
     except (ValueError, KeyError, TypeError, IndexError, RuleError) as error:
         why = without_secrets(str(error) or type(error).__name__, manner.secrets)
-        raise _AgainError(why.splitlines()[0][:_SHOWN], invalid=True) from None
+        raise _AgainError(why, invalid=True) from None
 
 
 def _give_up(asked: Question, fault: _AgainError, tries: int) -> NoReturn:

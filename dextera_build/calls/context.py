@@ -7,7 +7,7 @@ from typing import Any
 
 from typing_extensions import Unpack
 
-from dextera_build.calls import CallManner, Job, JobManner, Response
+from dextera_build.calls import CallManner, Job, JobManner, Response, secrets
 from dextera_build.errors import RuleError
 
 
@@ -16,10 +16,14 @@ class Calling:
 
     Args:
         calls: Executes `call` and `job`; None if no recorder exists.
+        emit: Takes (kind, data) messages as they occur; `secret` with the name of a secret that the rule asked for.
     """
 
-    def __init__(self, calls: Callable[..., bytes] | None) -> None:
+    def __init__(
+        self, calls: Callable[..., bytes] | None, emit: Callable[[str, Mapping[str, object]], None] | None = None
+    ) -> None:
         self._calls = calls
+        self._emit = emit or (lambda kind, data: None)
 
     def call(
         self,
@@ -63,6 +67,18 @@ class Calling:
             DxbError: As for `call`; the job failed, or takes longer than `limit_s`.
         """
         return self._ask(service, request, job, manner)
+
+    def secret(self, name: str) -> str:
+        """An API key or password: the variable `name`, or else the entry `name` of the service `dxb` in the keyring.
+
+        It is removed from the node's log, errors and events. Requests, answers and results that hold it are refused,
+        and it must not be passed on in any other way.
+
+        Raises:
+            MachineError: There is no such secret.
+        """
+        self._emit("secret", {"name": name})
+        return secrets.get(name)
 
     def _ask(self, service: str, request: Mapping[str, Any], how: object, manner: Mapping[str, Any]) -> bytes:
         if self._calls is None:

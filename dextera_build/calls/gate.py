@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from dextera_build.calls import Job, JobState, Response
-from dextera_build.calls.asking import MOST_RETRY_AFTER_S, Send, amounts, retry_after, was_never_sent
+from dextera_build.calls.asking import MOST_RETRY_AFTER_S, Manner, Send, amounts, retry_after, was_never_sent
+from dextera_build.calls.consent import EVERY, refuse
 from dextera_build.calls.limits import Limits
 from dextera_build.calls.question import Question
 from dextera_build.calls.services import Service, parse, usd
@@ -27,6 +28,8 @@ class Terms:
     services: Mapping[str, Service] = field(default_factory=dict)
     spending: Spending | None = None
     """None: no limit of costs."""
+    consents: Sequence[tuple[str, str]] = ((EVERY, EVERY),)
+    """(service, kind of data) of what may be sent."""
 
     @classmethod
     def read(cls, text: str) -> Terms:
@@ -34,13 +37,23 @@ class Terms:
         told = json.loads(text or "{}")
         most = told.get("max_cost")
         spending = Spending(Path(told["ledger"]), float(most)) if most is not None else None
-        return cls(parse(told.get("services", {}), "the build's settings"), spending)
+        consents = [(service, kind) for service, kind in told.get("consents", ())]
+        return cls(parse(told.get("services", {}), "the build's settings"), spending, consents)
 
 
-def written(services: Mapping[str, Any], max_cost: float | None, ledger: str) -> str:
-    """Terms as text for `Terms.read`, from the table of the settings; the ledger is that of `spending.open_ledger`."""
+def written(
+    services: Mapping[str, Any], max_cost: float | None, ledger: str, consents: Sequence[tuple[str, str]]
+) -> str:
+    """Terms as text for `Terms.read`.
+
+    Args:
+        services: The table of the settings.
+        max_cost: The most that the command may spend [USD]; None: no limit.
+        ledger: See `spending.open_ledger`.
+        consents: See `consent.Consents.here`.
+    """
     limit = {"max_cost": max_cost, "ledger": ledger} if max_cost is not None else {}
-    return json.dumps({"services": services, **limit})
+    return json.dumps({"services": services, "consents": consents, **limit})
 
 
 class Gate:
@@ -51,9 +64,13 @@ class Gate:
         terms: The command's terms.
         folder: Where the states of services are.
         emit: Takes `log` lines, and `paid` with what a request cost.
+
+    Raises:
+        MachineError: The request holds data that nobody agreed to send.
     """
 
     def __init__(self, asked: Question, terms: Terms, folder: Path, emit: Emit) -> None:
+        refuse(asked, terms.consents)
         self._asked, self._terms, self._emit = asked, terms, emit
         service = terms.services.get(asked.service, Service())
         self.price = service.price_of(asked.model)
@@ -109,6 +126,11 @@ class Gate:
                 return charged(timeout_s)
 
         return gated
+
+    def mending(self, manner: Manner) -> Manner:
+        """The manner of a call, whose repairs pass the gate, too."""
+        repair = manner.repair
+        return replace(manner, repair=lambda body, why: self.call(repair(body, why))) if repair else manner
 
     def job(self, job: Job) -> Job:
         """The client of a job; its submission is what costs."""

@@ -14,7 +14,8 @@ from types import FrameType
 from dextera_build.calls import Job, JobState, Response
 from dextera_build.calls.asking import Manner, checked, step
 from dextera_build.calls.gate import Emit
-from dextera_build.calls.question import Question, without_secrets
+from dextera_build.calls.question import Question
+from dextera_build.calls.secrets import without_secrets
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.store import files
 

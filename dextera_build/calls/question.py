@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-import os
-import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from dextera_build import digest as digests
+from dextera_build.calls.secrets import secret_in
 from dextera_build.errors import RuleError
 
 SCHEMA = 1
 """Increased when the form of the document changes; every call is then sent again."""
 CALL = "call"
 """The field that marks a key document of a call."""
-_SECRET = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL", re.IGNORECASE)
-_SHORTEST = 8
+_PICTURES = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"GIF8", b"BM", b"RIFF")
+"""First bytes of pictures: PNG, JPEG, TIFF, GIF, BMP, WebP."""
+PHOTOGRAPH = "photograph"
 _DEEPEST = 64
 
 
@@ -32,6 +32,8 @@ class Question:
     """Size of the request with its attachments [bytes]."""
     model: str = ""
     """The model that the request names, for messages."""
+    data: tuple[str, ...] = ()
+    """Kinds of the user's data that it holds; see `consent`."""
 
     @property
     def key(self) -> str:
@@ -49,13 +51,15 @@ class Question:
         return {"service": self.service, "model": self.model or "-", "request": size, "call": self.key}
 
 
-def question(service: str, request: object, secrets: Iterable[str] = ()) -> Question:
+def question(service: str, request: object, secrets: Iterable[str] = (), data: Iterable[str] = ()) -> Question:
     """The question for a rule's request.
 
     Args:
         service: Names the service, never its host: the same question to another host has the same answer.
         request: Plain data; bytes in it are attachments.
         secrets: Texts that it must not contain, besides the values of variables such as `SERVICE_API_KEY`.
+        data: Kinds of the user's data that it holds. A picture among its attachments counts as a `photograph`, named
+            or not.
 
     Raises:
         RuleError: The request is not plain data, or holds a secret.
@@ -63,8 +67,8 @@ def question(service: str, request: object, secrets: Iterable[str] = ()) -> Ques
     attached: list[bytes] = []
     plain = _plain(request, "request", attached, 0)
     document = digests.canonical({"schema": SCHEMA, CALL: 1, "service": service, "request": plain})
-    for data in (document, *attached):
-        if found := secret_in(data, secrets):
+    for part in (document, *attached):
+        if found := secret_in(part, secrets):
             raise RuleError(
                 f"the request to `{service}` holds {found}, which would be kept in the store",
                 code="DXB-B343",
@@ -72,29 +76,9 @@ def question(service: str, request: object, secrets: Iterable[str] = ()) -> Ques
             )
     model = request.get("model") if isinstance(request, Mapping) else None
     size = len(document) + sum(map(len, attached))
-    return Question(service, document, size, model if isinstance(model, str) else "")
-
-
-def secret_in(data: bytes, secrets: Iterable[str] = ()) -> str | None:
-    """A name for the secret that `data` contains, or None."""
-    for name, value in _known(secrets):
-        if value.encode() in data:
-            return name
-    return None
-
-
-def without_secrets(text: str, secrets: Iterable[str] = ()) -> str:
-    """`text` with every known secret replaced by `***`."""
-    for _, value in _known(secrets):
-        text = text.replace(value, "***")
-    return text
-
-
-def _known(secrets: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """(name, value) of everything that counts as a secret, longest first."""
-    found = [(f"the value of `{name}`", value) for name, value in os.environ.items() if _SECRET.search(name)]
-    found += [("a secret", value) for value in secrets]
-    yield from sorted((row for row in found if len(row[1]) >= _SHORTEST), key=lambda row: -len(row[1]))
+    pictured = b"data:image/" in document or any(part.startswith(_PICTURES) for part in attached)
+    kinds = tuple(sorted({*data, *([PHOTOGRAPH] if pictured else [])}))
+    return Question(service, document, size, model if isinstance(model, str) else "", kinds)
 
 
 def _plain(value: object, place: str, attached: list[bytes], depth: int) -> Any:

@@ -74,7 +74,7 @@ class Recorder:
         return self._answer(service, request, send, Manner.of(manner))
 
     def _answer(self, service: str, request: object, send: Send | Job, manner: Manner) -> bytes:
-        asked = question(service, request, manner.secrets)
+        asked = question(service, request, manner.secrets, manner.data)
         if self._mode == "off":
             raise RuleError(
                 f"a rule wants to call `{asked.shown}`, and calls are off",
@@ -109,7 +109,7 @@ class Recorder:
                 folder = self._store.keep.path(asked.key)
                 response, seconds = Run(asked, gate.job(send), manner, folder, self._emit).answer()
         else:
-            response, seconds = ask(asked, gate.call(send), manner, self._log)
+            response, seconds = ask(asked, gate.call(send), gate.mending(manner), self._log)
         settled = self._compared(asked, known, _Answered(response, seconds, gate.cost))
         self._store.keep.drop(asked.key)
         return settled

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from dextera_build.calls.secrets import KEYRING, NAMES
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 
 _MILLION = 1e6
@@ -134,6 +135,13 @@ def _table(place: str, value: object, origin: str) -> Mapping[str, Any]:
 
 def _refuse_unknown(place: str, given: Mapping[str, Any], known: tuple[str, ...], origin: str) -> None:
     for name in given:
+        if NAMES.search(name) and "tokens" not in name:
+            raise RecipeError(
+                f"`{place}.{name}` would hold a secret, and files of settings are shared",
+                code="DXB-R406",
+                where=Place(origin),
+                hint=f"`keyring set {KEYRING} NAME`, or a variable of the environment",
+            )
         if name not in known:
             raise _wrong(
                 f"`{place}` has no field `{name}`", origin, hint=did_you_mean(name, known), fields=listing(known)

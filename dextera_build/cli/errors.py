@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TextIO
 
 from dextera_build.errors import DxbError, Place
+from dextera_build.redact import redact_plain
 from dextera_build.report.wording import some
 from dextera_build.runs.events import NodeFinished
 
@@ -116,7 +117,7 @@ def _clean(text: str, longest: int = _LONGEST) -> str:
 
 def _line(where: Place) -> str | None:
     """The source line; None if the file cannot be read."""
-    found = read_lines(where.file) if where.line else None
+    found: list[str] | None = redact_plain(read_lines(where.file)) if where.line else None
     if not found or where.line > len(found):
         return None
     return found[where.line - 1]

@@ -32,6 +32,7 @@ SETTINGS = {
 """Variables that override a setting of `dxb.toml`; `dxb show --config` lists those in force."""
 OTHERS = {
     "DXB_ACCEPT_LICENCES": "models whose licences are accepted, separated by commas",
+    "DXB_CONSENT": "what may be sent to services: SERVICE:KIND,... or all",
     "DXB_KEY_PASSPHRASE": "opens the private key that `--sign` names",
     "DXB_SERVE_SECRET": "the password that `dxb cache serve` asks for, of the user `dxb`",
     "DXB_CALL_TERMS": "limits, prices and costs of services, passed to worker processes",

@@ -25,6 +25,7 @@ GROUPS = {
         "init": "make a new project",
         "new": "make a new recipe, rule or backend in this project",
         "models": "list, fetch, verify and add the weights of pretrained models",
+        "consent": "show, give or withdraw consent to send data of this project to services",
         "doctor": "check this machine's packages, devices and settings",
         "help": "explain a verb, an error code or a rule",
         "completion": "print a script that completes command lines in bash, zsh or fish",

@@ -166,19 +166,6 @@ class Project:
         text = str(self.config["max_cost"].value)
         return float(text) if text and text != "none" else None
 
-    @cached_property
-    def call_terms(self) -> str:
-        """The terms of calls for worker processes, as text; see `calls.gate.Terms`."""
-        services = self.config["services"].value
-        if not services and self.max_cost is None:
-            return ""
-        from dextera_build.calls import gate, spending
-
-        ledger = os.environ.get(spending.LEDGER, "")
-        if not ledger and self.max_cost is not None:
-            self._ledger, ledger = spending.open_ledger()
-        return gate.written(services, self.max_cost, ledger)
-
     @property
     def asks_again(self) -> bool:
         """Whether nodes with recorded calls run even if nothing changed."""

@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from dextera_build.calls import secrets
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 
 PYPROJECT = "pyproject.toml"
@@ -71,7 +72,7 @@ def read(file: Path) -> dict[str, Any]:
     """The settings of a TOML file; in a `pyproject.toml` they are in the table `tool.dxb`.
 
     Raises:
-        RecipeError: It cannot be read, is not TOML, or has another value in place of a table.
+        RecipeError: It cannot be read, holds a secret, is not TOML, or has another value in place of a table.
     """
     where = Place(str(file))
     try:
@@ -79,6 +80,7 @@ def read(file: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise _wrong(f"the settings cannot be read: {reason}", where) from None
+    secrets.refuse_written(text, where.file)
     values = parse_toml(text, where, _wrong)
     for name in ("tool", "dxb") if file.name == PYPROJECT else ():
         values = values.get(name, {})

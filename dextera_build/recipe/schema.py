@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeAlias
 
+from dextera_build.calls import secrets
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 from dextera_build.recipe import matrix, strict_yaml
 from dextera_build.recipe.strict_yaml import Node
@@ -129,6 +130,7 @@ def read(file: Path, address: str, shown: str | None = None) -> Recipe:
         content = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise RecipeError(f"cannot read the recipe: {error}", code="DXB-R100", where=Place(str(file))) from None
+    secrets.refuse_written(content, shown or str(file))
     root = strict_yaml.parse(content, shown or str(file))
     parts = mapping(root, "a recipe", {"summary", "extends", "fallback", "inputs", "nodes", "targets"})
     extends = parts.get("extends")

@@ -75,12 +75,11 @@ class Context(Calling, Generic[B]):
         reads: Reads | None = None,
         pretrained: Pretrained | None = None,
     ) -> None:
-        super().__init__(calls)
+        super().__init__(calls, emit)
         self.backend = cast(B, backend)
         self.backend_options = backend_options or Options()
         self._scratch = scratch
         self.outcome = Outcome()
-        self._emit = emit or (lambda kind, data: None)
         self._keep = keep
         self._reads = reads
         self._pretrained = pretrained or Pretrained()

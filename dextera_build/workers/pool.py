@@ -19,7 +19,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
 
+from dextera_build.calls import secrets
 from dextera_build.errors import MachineError, RuleError, from_json
+from dextera_build.redact import redact_plain
 from dextera_build.workers import warm, worker
 from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.protocol import Ended, Report, Said, Task, printed
@@ -146,6 +148,9 @@ class LocalExecutor:
                 kind, data = line["said"]
                 if kind == "grace":
                     process.grace_s = float(data["seconds"])
+                elif kind == "secret":
+                    with contextlib.suppress(MachineError):
+                        secrets.get(data["name"])  # hidden here, too: the log of a dead worker is read as it is
                 else:
                     reports.append(Said(process.task.ticket, kind, data))
             else:
@@ -317,7 +322,8 @@ class Process:
 
     def log(self) -> bytes:
         """Output of the node so far."""
-        return printed(self._log.fileno())
+        log: bytes = redact_plain(printed(self._log.fileno()))
+        return log
 
     def death(self, log: bytes) -> RuleError:
         """The error for a worker that died while running a node; call it after `end`."""

@@ -28,6 +28,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from dextera_build.errors import DxbError, MachineError
+from dextera_build.redact import redact_plain
 from dextera_build.workers.protocol import escaped, printed
 from dextera_build.workers.retries import names_of
 
@@ -71,10 +72,11 @@ class Worker:
         answer = attempt(lambda: runner(task, self._emit), task["project"])
         self._flush()
         answer["error"] = answer["error"] and answer["error"].to_json()
-        answer["log"] = printed(1).decode("latin-1")  # any bytes; the next task overwrites them
+        answer["log"] = redact_plain(printed(1)).decode("latin-1")  # any bytes; the next task overwrites them
         self._write(answer)
 
     def _emit(self, kind: str, data: Mapping[str, Any]) -> None:
+        data = redact_plain(dict(data))
         if kind == "progress":
             now = time.monotonic()
             if now - self._last_progress < _PROGRESS_S and data.get("done") != data.get("total"):

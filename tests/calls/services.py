@@ -20,11 +20,14 @@ class Service:
         self.asked: list[dict[str, Any]] = []
         self.faults: list[str] = []
         self.content = "a red mug"
+        self.contents: list[str] = []
+        """Served first, one per request."""
         self.url = ""
 
     def answer(self) -> bytes:
         usage = {"prompt_tokens": 900, "completion_tokens": 100, "total_tokens": 1000, "cost": 0.002}
-        said = {"role": "assistant", "content": self.content}
+        content = self.contents.pop(0) if self.contents else self.content
+        said = {"role": "assistant", "content": content}
         return json.dumps({"choices": [{"message": said}], "usage": usage}).encode()
 
 
@@ -59,7 +62,7 @@ def serving() -> Iterator[Service]:
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     service.url = f"http://127.0.0.1:{server.server_address[1]}/v1"
-    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread = threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True)
     thread.start()
     try:
         yield service

@@ -46,7 +46,7 @@ def told():
 @pytest.fixture
 def recorder(store, ledger, told):
     def make(most=10.0, services=PRICED):
-        terms = Terms.read(written(services, most, ledger))
+        terms = Terms.read(written(services, most, ledger, []))
         return Recorder(store, "record", emit=lambda kind, data: told.append((kind, dict(data))), terms=terms)
 
     return make
@@ -62,7 +62,7 @@ def total(ledger):
 
 def test_no_terms_allow_everything():
     assert Terms.read("").spending is None
-    assert Terms.read(written({}, None, "")).services == {}
+    assert Terms.read(written({}, None, "", [])).services == {}
 
 
 def test_tokens_are_paid_as_counted(recorder, told, ledger):
@@ -161,7 +161,7 @@ def test_requests_of_one_service_hold_its_rate(store, monkeypatch):
     now = [1e9]
     monkeypatch.setattr(limits.time, "time", lambda: now[0])
     monkeypatch.setattr(limits.time, "sleep", lambda seconds: now.__setitem__(0, now[0] + seconds))
-    terms = Terms.read(written({"s": {"requests_per_minute": 2}}, None, ""))
+    terms = Terms.read(written({"s": {"requests_per_minute": 2}}, None, "", []))
     sent = []
     for number in range(4):
         Recorder(store, "record", terms=terms)("s", {"q": number}, lambda seconds: sent.append(now[0]) or b"yes")
@@ -169,7 +169,7 @@ def test_requests_of_one_service_hold_its_rate(store, monkeypatch):
 
 
 def test_waiting_for_a_turn_takes_nothing_from_the_timeout(store, monkeypatch):
-    terms = Terms.read(written({"s": {"concurrent": 1}}, None, ""))
+    terms = Terms.read(written({"s": {"concurrent": 1}}, None, "", []))
     began, seen = time.monotonic(), []
     Recorder(store, "record", terms=terms)("s", {}, lambda seconds: seen.append(seconds) or b"yes", timeout_s=3.0)
     assert seen == [3.0]

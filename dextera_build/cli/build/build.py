@@ -18,6 +18,7 @@ from dextera_build.session import Session, addresses
 if TYPE_CHECKING:
     from dextera_build.build.build import Built
     from dextera_build.build.lock import Locking
+    from dextera_build.store.signature import Watch
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,8 +67,7 @@ def run(args: argparse.Namespace) -> int:
         if args.check:
             code = max(code, _check(session, order, locking))
             continue
-        with console(project.console, sys.stderr, verbose=args.verbose) as shown:
-            built = build.build(session, order, locking, shown, watch if keeps else None)
+        built = _built(session, order, locking, watch if keeps else None, verbose=args.verbose)
         tell(built, quiet=project.console in ("none", "jsonl"))
         answers += lines(built.placed.paths)
         print(lines(built.placed.paths), end="")
@@ -79,6 +79,17 @@ def run(args: argparse.Namespace) -> int:
     if keeps and not code:
         snapshot.save(session.store.state, args.words, watch, found, answers, told=project.console != "none")
     return code
+
+
+def _built(session: Session, order: Order, locking: Locking, watch: Watch | None, *, verbose: bool) -> Built:
+    """Build, and go on once the user has agreed to send what the build was not allowed to send."""
+    from dextera_build.cli.build.consent import agreed
+
+    while True:
+        with console(session.project.console, sys.stderr, verbose=verbose) as shown:
+            built = build.build(session, order, locking, shown, watch)
+        if built.ok or not agreed(session.project, built):
+            return built
 
 
 def _said(session: Session, built: Built) -> Recipe:

@@ -6,6 +6,7 @@ import base64
 import io
 import json
 import os
+from collections.abc import Callable, Sequence
 from typing import Any, Literal
 from urllib.parse import urlsplit
 
@@ -24,6 +25,8 @@ BACKEND = Backend(
     extra="share",
     licence="that of the service",
 )
+KEY = "DXB_VLM_API_KEY"
+"""Name of the secret; a service on this machine needs none."""
 LONGEST = 1024
 """Longer side of the uploaded image [px]."""
 PROMPT = """The photograph shows a workspace: a support (a table, a desk) and what stands on it.
@@ -101,8 +104,21 @@ def propose(
         "temperature": 0,
         "seed": 0,
     }
+
+    def repair(body: bytes, why: str) -> Callable[[float], Response]:
+        said = {"role": "assistant", "content": _said(body)}
+        wrong = {
+            "role": "user",
+            "content": f"This answer cannot be used: {why}\nAnswer again, with all of it corrected.",
+        }
+        return lambda seconds: _send(request, _key(ctx), seconds, [said, wrong])
+
     body = ctx.call(
-        "openai-chat", request, lambda seconds: _send(request, seconds), valid=lambda body: read(body, width, height)
+        "openai-chat",
+        request,
+        lambda seconds: _send(request, _key(ctx), seconds),
+        valid=lambda body: read(body, width, height),
+        repair=repair,
     )
     rows, columns = photograph.rgb.pixels.shape[:2]
     scale = columns / width, rows / height
@@ -148,11 +164,27 @@ def _picture(photograph: Photograph) -> tuple[bytes, tuple[int, int]]:
     return data.getvalue(), picture.size
 
 
-def _send(request: dict[str, Any], timeout_s: float) -> Response:
-    """Query an OpenAI-compatible service; its address and credentials are never recorded."""
+def _key(ctx: Context) -> str:
+    """The key; "" for a service that needs none."""
+    try:
+        return ctx.secret(KEY)
+    except MachineError:
+        return ""
+
+
+def _said(body: bytes) -> str:
+    """The text of an answer; its bytes if it is no chat completion."""
+    try:
+        return str(json.loads(body)["choices"][0]["message"]["content"])
+    except (ValueError, KeyError, TypeError, IndexError):
+        return body.decode(errors="replace")[:4000]
+
+
+def _send(request: dict[str, Any], key: str, timeout_s: float, more: Sequence[dict[str, str]] = ()) -> Response:
+    """Query an OpenAI-compatible service; its address and credentials are never recorded. `more`: further messages."""
     import httpx
 
-    url, key = os.environ.get("DXB_VLM_URL", ""), os.environ.get("DXB_VLM_API_KEY", "")
+    url = os.environ.get("DXB_VLM_URL", "")
     if not url:
         raise MachineError(
             "no vision-language model can be asked: `DXB_VLM_URL` is not set",
@@ -173,7 +205,7 @@ def _send(request: dict[str, Any], timeout_s: float) -> Response:
         "model": request["model"],
         "temperature": request["temperature"],
         "seed": request["seed"],
-        "messages": [{"role": "user", "content": content}],
+        "messages": [{"role": "user", "content": content}, *more],
         "response_format": {"type": "json_schema", "json_schema": schema},
     }
     headers = {"Authorization": f"Bearer {key}"} if key else {}

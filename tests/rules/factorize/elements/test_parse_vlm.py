@@ -115,3 +115,15 @@ def test_without_an_address_or_a_model(parse, monkeypatch):
     assert caught.value.code == "DXB-E362"
     with pytest.raises(DxbError, match="no model is named"):
         parse(model="")
+
+
+def test_the_model_is_told_what_is_wrong_and_answers_again(parse, service):
+    service.contents = [json.dumps({"elements": [{**MUG, "box": [60, 20, 10, 90]}]}), service.content]
+    assert {element.name for element in parse().elements} == {"red_mug", "support"}
+    first, second = service.asked
+    assert second["messages"][0] == first["messages"][0]
+    assert second["messages"][1] == {
+        "role": "assistant",
+        "content": json.dumps({"elements": [{**MUG, "box": [60, 20, 10, 90]}]}),
+    }
+    assert "the box of `red_mug` is [60, 20, 10, 90]" in second["messages"][2]["content"]

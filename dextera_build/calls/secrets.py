@@ -1,0 +1,112 @@
+"""Secrets such as API keys: from the environment or the keyring of the system, never from files of a project."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator
+
+from dextera_build.errors import MachineError, Place, RecipeError
+from dextera_build.redact import SHORTEST, hidden, hide
+
+KEYRING = "dxb"
+"""Name of the service in the keyring; the name of the secret is the user name there."""
+NAMES = re.compile(r"KEY|TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL", re.IGNORECASE)
+"""Variables with such a name hold secrets."""
+_FORMS = re.compile(
+    r"(?<![A-Za-z0-9_-])(?:sk-(?=[A-Za-z_-]*[0-9])[A-Za-z0-9_-]{20,}|AKID[A-Za-z0-9]{16,}|AKIA[A-Z0-9]{16}|AIza[A-Za-z0-9_-]{35}|gh[pousr]_[A-Za-z0-9]{36,}"
+    r"|hf_[A-Za-z0-9]{30,}|xox[abprs]-[A-Za-z0-9-]{10,})|-----BEGIN [A-Z ]*PRIVATE KEY-----"
+)
+"""Keys of OpenAI, Tencent Cloud, AWS, Google, GitHub, Hugging Face and Slack, and private keys in PEM."""
+_BEGINS = ("sk-", "AKI", "AIza", "ghp_", "gho_", "ghu_", "ghs_", "ghr_", "hf_", "xox", "PRIVATE KEY")
+"""Each key contains one of these; looking for them is faster than the pattern."""
+_PATHS = ("/", "./", "../", "~")
+_LEAST_WRITTEN = 12
+"""Shorter values of variables may occur in a file by chance [characters]."""
+
+
+def get(name: str) -> str:
+    """The secret called `name`: the variable of that name, or else its entry in the keyring.
+
+    Raises:
+        MachineError: There is none.
+    """
+    value = os.environ.get(name) or _from_keyring(name)
+    if not value:
+        raise MachineError(
+            f"there is no secret `{name}`",
+            code="DXB-E366",
+            facts={"looked in": "the environment, the keyring"},
+            hint=f"export {name}=..., or `keyring set {KEYRING} {name}`",
+        )
+    hide(name, value)
+    return value
+
+
+def secret_in(data: bytes, secrets: Iterable[str] = ()) -> str | None:
+    """A name for the secret that `data` contains, or None."""
+    for name, value in _known(secrets):
+        if value.encode() in data:
+            return name
+    return None
+
+
+def without_secrets(text: str, secrets: Iterable[str] = ()) -> str:
+    """`text` with every known secret replaced by `***`."""
+    for _, value in _known(secrets):
+        text = text.replace(value, "***")
+    return text
+
+
+def refuse_written(text: str, file: str) -> None:
+    """Refuse a file of a project that holds a secret, because such files are shared.
+
+    Args:
+        text: Its content.
+        file: Its name in messages.
+
+    Raises:
+        RecipeError: It holds the value of a variable such as `SERVICE_API_KEY`, or something of the form of a key.
+    """
+    forms = _FORMS.search(text) if any(begin in text for begin in _BEGINS) else None
+    found = [(f"the value of `{name}`", value) for name, value in _of_variables() if value in text]
+    found += [("what looks like a secret key", forms.group())] if forms else []
+    for what, value in found[:1]:
+        hide("of a file", value)  # messages quote the line
+        before = text[: text.index(value)]
+        raise RecipeError(
+            f"`{file}` holds {what}",
+            code="DXB-R406",
+            where=Place(file, before.count("\n") + 1, len(before) - before.rfind("\n")),
+            hint=f"remove it, and have it replaced if others have seen it; a rule takes `ctx.secret(NAME)` from the "
+            f"environment or from `keyring set {KEYRING} NAME`",
+        )
+
+
+def _of_variables() -> Iterator[tuple[str, str]]:
+    """Variables with the name of a secret and a value that is neither a word nor a path."""
+    for name, value in os.environ.items():
+        is_mixed = re.search(r"\d", value) and re.search(r"[A-Za-z]", value)
+        if NAMES.search(name) and is_mixed and len(value) >= _LEAST_WRITTEN and not value.startswith(_PATHS):
+            yield name, value
+
+
+def _known(secrets: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """(name, value) of everything that counts as a secret, longest first."""
+    found = [(f"the value of `{name}`", value) for name, value in os.environ.items() if NAMES.search(name)]
+    found += [(f"the secret `{name}`", value) for value, name in hidden().items()]
+    found += [("a secret", value) for value in secrets]
+    yield from sorted((row for row in found if len(row[1]) >= SHORTEST), key=lambda row: -len(row[1]))
+
+
+def _from_keyring(name: str) -> str | None:
+    try:
+        import keyring
+        from keyring.errors import KeyringError
+    except ImportError:
+        return None
+    try:
+        found: str | None = keyring.get_password(KEYRING, name)
+    except KeyringError:
+        return None
+    return found
