@@ -46,11 +46,13 @@ import rules.factorize.elements.parse
 import rules.factorize.elements.parse_clusters
 import rules.factorize.elements.parse_stub
 import rules.factorize.elements.parse_vlm
+import rules.factorize.elements.parse_written
 import rules.factorize.joints.articulate
 import rules.factorize.joints.articulate_crease
 import rules.factorize.joints.articulate_stub
 import rules.factorize.masks.segment
 import rules.factorize.masks.segment_depth
+import rules.factorize.masks.segment_grabcut
 import rules.factorize.masks.segment_stub
 import rules.factorize.shapes.mesh
 import rules.factorize.shapes.mesh_primitives
@@ -113,7 +115,9 @@ factorize_mesh_stub: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.s
 factorize_parse_clusters: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_clusters
 factorize_parse_stub: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_stub
 factorize_parse_vlm: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_vlm
+factorize_parse_written: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_written
 factorize_segment_depth: rules.factorize.masks.segment.SegmentBackend = rules.factorize.masks.segment_depth
+factorize_segment_grabcut: rules.factorize.masks.segment.SegmentBackend = rules.factorize.masks.segment_grabcut
 factorize_segment_stub: rules.factorize.masks.segment.SegmentBackend = rules.factorize.masks.segment_stub
 learn_act_stub: rules.learn.act.ActBackend = rules.learn.act_stub
 learn_act_torch: rules.learn.act.ActBackend = rules.learn.act_torch

@@ -30,8 +30,8 @@ class ParseBackend(Protocol):
 
     def propose(
         self, ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Any
-    ) -> tuple[Element, ...]:
-        """Every object on the support with its box [px]."""
+    ) -> tuple[Element, ...] | None:
+        """Every object on the support with its box [px]; None if the backend leaves that to `scene.yaml`."""
         ...
 
 
@@ -52,13 +52,18 @@ def parse(
     """
     options = options or ParseOptions()
     depth = of_workspace(ctx, photograph, measured, support)
-    proposals: tuple[Element, ...] = ctx.backend.propose(ctx, photograph, depth, ctx.backend_options)
+    proposals = ctx.backend.propose(ctx, photograph, depth, ctx.backend_options)
     table = Element(name="support", category="support", phrase="support", interactive=False, material="wood")
-    if scene is None:
-        found, source = proposals, "proposed"
+    if scene is not None:
+        wanted, source = scene_file.read(scene.data), "scene.yaml"
+        if proposals is None:
+            found = scene_file.boxed(wanted)
+        else:
+            found = scene_file.match(wanted, proposals, options.match_iou)
+    elif proposals is None:
+        ctx.fail("this backend proposes no elements, and no `scene.yaml` lists them", hint="give the input `scene`")
     else:
-        wanted = scene_file.read(scene.data)
-        found, source = scene_file.match(wanted, proposals, options.match_iou), "scene.yaml"
+        found, source = proposals, "proposed"
     interactive = [element.name for element in found if element.interactive]
     if not interactive:
         _nothing(ctx, depth, found)

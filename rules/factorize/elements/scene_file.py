@@ -103,6 +103,23 @@ def match(wanted: Sequence[Wanted], proposals: Sequence[Element], smallest_iou: 
     return (*named, *rest)
 
 
+def boxed(wanted: Sequence[Wanted]) -> tuple[Element, ...]:
+    """The elements as the file has them, without proposals to match.
+
+    Raises:
+        RuleError: An interactive element has no box.
+    """
+    for item in wanted:
+        if item.interactive and "box" not in item.fields:
+            raise RuleError(
+                f"`{item.name}` has no box",
+                code="DXB-B204",
+                where=item.place,
+                hint="give it the `box` of its pixels: [left, top, right, bottom], right and bottom excluded",
+            )
+    return tuple(_merged(item, None) for item in wanted)
+
+
 def _by_box(item: Wanted, free: Sequence[Element], smallest_iou: float) -> Element | None:
     box = item.fields["box"]
     scored = [(box_iou(box, p.box), p) for p in free if p.box is not None]
@@ -123,8 +140,7 @@ def _merged(item: Wanted, proposal: Element | None) -> Element:
     given = dict(item.fields)
     base: dict[str, Any] = {"category": "object", "phrase": item.name.replace("_", " ")}
     if proposal is not None:
-        base = {key: getattr(proposal, key) for key in ("category", "body_type", "material", "box")}
-        base["phrase"] = item.name.replace("_", " ")
+        base = {key: getattr(proposal, key) for key in ("category", "body_type", "material", "box", "phrase")}
     if "category" in given and "body_type" not in given:
         given["body_type"] = "articulated" if given["category"] == "laptop" else "rigid"
     return Element(**{**base, **given, "interactive": item.interactive})

@@ -82,6 +82,24 @@ def test_words_that_fit_two_proposals_match_none():
         scene_file.match(wanted, proposals, 0.3)
 
 
+def test_without_a_backend_that_proposes_boxes_count_as_they_are():
+    text = b"elements:\n- {name: red_mug, category: mug, box: [1, 2, 30, 40]}\n- {name: wall, category: room}"
+    mug, wall = scene_file.boxed(scene_file.read(text))
+    assert (mug.box, mug.category, mug.phrase, mug.interactive) == ((1, 2, 30, 40), "mug", "red mug", True)
+    assert (wall.box, wall.interactive) == (None, False)
+    with pytest.raises(RuleError, match="`mug` has no box") as caught:
+        scene_file.boxed(scene_file.read(b"elements:\n- {name: mug}"))
+    assert (caught.value.code, str(caught.value.where)) == ("DXB-B204", "scene.yaml:2:3")
+    assert caught.value.hint == "give it the `box` of its pixels: [left, top, right, bottom], right and bottom excluded"
+
+
+def test_another_name_leaves_the_phrase_that_was_proposed():
+    proposal = Element(name="blue_mug", category="mug", phrase="blue mug", box=(0, 0, 9, 9))
+    texts = [f"elements:\n- {{name: {name}, box: [0, 0, 9, 9]}}" for name in ("a", "b")]
+    found = [scene_file.match(scene_file.read(text.encode()), [proposal], 0.3)[0] for text in texts]
+    assert [element.phrase for element in found] == ["blue mug", "blue mug"]
+
+
 def test_a_static_element_needs_no_proposal():
     wanted = scene_file.read(b"elements:\n- {name: wall, category: room}")
     (element,) = scene_file.match(wanted, [], 0.3)

@@ -1,0 +1,14 @@
+"""Elements as a `scene.yaml` lists them, with their boxes; nothing is proposed and nothing measured is read."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.camera import Photograph
+from dextera_build.rule import Backend, Context, Options
+
+from ..measured import Measurements, Workspace
+
+BACKEND = Backend(summary="only what `scene.yaml` lists, with its boxes")
+
+
+def propose(ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Options) -> None:
+    """None: the boxes of `scene.yaml` count as they are."""
