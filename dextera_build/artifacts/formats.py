@@ -67,3 +67,19 @@ def unreadable(path: str | Path, form: str, why: object) -> ArtifactError:
         facts={"why": why},
         hint="export the file again, or convert it with the program that wrote it",
     )
+
+
+def unwritable(kind: str, form: str, why: object) -> ArtifactError:
+    """The error for a value that the format `form` cannot hold.
+
+    Args:
+        kind: Name of the artifact type.
+        form: Name of the format: `TUM`.
+        why: What it has no place for.
+    """
+    return ArtifactError(
+        f"this {kind} cannot be written as {form}",
+        code="DXB-A507",
+        facts={"why": why},
+        hint="choose another format by the suffix, or leave out what it has no place for",
+    )

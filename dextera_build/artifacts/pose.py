@@ -155,6 +155,25 @@ def check_frame(kind: str, frame: str, motion: Pose | Similarity) -> None:
         )
 
 
+def check_rigid(name: str, matrix: np.ndarray) -> None:
+    """Refuse a matrix that is not a rigid motion.
+
+    Args:
+        name: What it is, for the message.
+        matrix: (4, 4), finite.
+
+    Raises:
+        ArtifactError: It scales, shears or mirrors.
+    """
+    rotation = matrix[:3, :3]
+    bottom = np.array_equal(matrix[3], [0.0, 0.0, 0.0, 1.0])
+    size = np.abs(rotation).max()
+    if not (bottom and size < 2 and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-5)):
+        raise ArtifactError(f"{name} is not a rigid motion", code="DXB-A202")
+    if np.linalg.det(rotation) < 0:
+        raise ArtifactError(f"{name} is not a rigid motion: it mirrors", code="DXB-A202")
+
+
 def check_covariance(name: str, covariance: np.ndarray) -> None:
     """Refuse a matrix that is the covariance of nothing.
 
@@ -193,13 +212,7 @@ def _export(motion: Pose | Similarity, folder: str | Path, stem: str) -> list[Pa
 
 def _check_motion(motion: Pose | Similarity) -> None:
     """Refuse a matrix that is not a rigid motion, and a covariance that is none."""
-    rotation = motion.matrix[:3, :3]
-    bottom = np.array_equal(motion.matrix[3], [0.0, 0.0, 0.0, 1.0])
-    size = np.abs(rotation).max()
-    if not (bottom and size < 2 and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-5)):
-        raise ArtifactError(f"{_named(motion)} is not a rigid motion", code="DXB-A202")
-    if np.linalg.det(rotation) < 0:
-        raise ArtifactError(f"{_named(motion)} is not a rigid motion: it mirrors", code="DXB-A202")
+    check_rigid(_named(motion), motion.matrix)
     covariance = motion.covariance
     if covariance is None:
         return

@@ -8,10 +8,16 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 from pydantic import BaseModel
+from scipy.spatial.transform import Rotation
 
-from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt, Lens
+from dextera_build.artifacts.point_cloud import PointCloud
+from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.rig import Rig
 from dextera_build.artifacts.track import Track
 from dextera_build.artifacts.trajectory import Trajectory
+from dextera_build.artifacts.views import Views, encoded
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 FRAMES = st.from_regex(r"[a-z][a-z0-9_]{0,7}", fullmatch=True)
@@ -65,6 +71,51 @@ def _track(draw: Draw) -> dict[str, Any]:
     return fields | {"status": status}
 
 
+def _poses(random: np.random.Generator, count: int) -> np.ndarray:
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3] = Rotation.random(count, rng=random).as_matrix()
+    poses[:, :3, 3] = random.normal(size=(count, 3))
+    return poses
+
+
+def a_lens(draw: Draw) -> Lens:
+    """Any lens; a small picture fits it."""
+    kind = draw(st.sampled_from([Camera, BrownConrady, KannalaBrandt, Equirectangular]))
+    return kind(**(_lens(draw) if kind is Camera else SPECIAL[kind](draw)))
+
+
+def _views(draw: Draw) -> dict[str, Any]:
+    cameras = {label: a_lens(draw) for label in draw(st.lists(FRAMES, min_size=1, max_size=2, unique=True))}
+    names = tuple(f"{name}.png" for name in draw(st.lists(FRAMES, max_size=3, unique=True)))
+    chosen = tuple(draw(st.sampled_from(sorted(cameras))) for _ in names)
+    random = np.random.default_rng(draw(st.integers(0, 1000)))
+    sizes = [(cameras[label].height, cameras[label].width, 3) for label in chosen]
+    pixels = [random.integers(0, 256, size, dtype=np.uint8) for size in sizes]
+    points = draw(
+        st.none() | st.just(PointCloud(points=np.ones((2, 3), np.float32), colours=np.ones((2, 3), np.uint8)))
+    )
+    return {
+        "images": {name: encoded(each) for name, each in zip(names, pixels, strict=True)},
+        "names": names,
+        "camera": chosen,
+        "cameras": cameras,
+        "poses": _poses(random, len(names)),
+        "frame": draw(FRAMES),
+        "points": points,
+    }
+
+
+def _rig(draw: Draw) -> dict[str, Any]:
+    labels = draw(st.lists(FRAMES, max_size=3, unique=True))
+    matrices = _poses(np.random.default_rng(draw(st.integers(0, 1000))), len(labels))
+    spread = draw(st.none() | st.just(np.diag([1e-6, 1e-6, 2e-6, 1e-8, 1e-8, 3e-8])))
+    poses = {
+        label: Pose(parent="rig", child=label, matrix=matrix, covariance=spread)
+        for label, matrix in zip(labels, matrices, strict=True)
+    }
+    return {"cameras": {label: a_lens(draw) for label in labels}, "poses": poses}
+
+
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     BrownConrady: _brown_conrady,
     KannalaBrandt: _kannala_brandt,
@@ -72,4 +123,6 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     DepthNoise: _depth_noise,
     Trajectory: series,
     Track: _track,
+    Views: _views,
+    Rig: _rig,
 }
