@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from scipy.spatial.transform import Rotation
 
+from dextera_build.artifacts.calibration import Board, Calibration
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt, Lens
 from dextera_build.artifacts.point_cloud import PointCloud
@@ -116,6 +117,29 @@ def _rig(draw: Draw) -> dict[str, Any]:
     return {"cameras": {label: a_lens(draw) for label in labels}, "poses": poses}
 
 
+def _calibration(draw: Draw) -> dict[str, Any]:
+    random = np.random.default_rng(draw(st.integers(0, 1000)))
+    in_hand, count = draw(st.booleans()), draw(st.integers(0, 4))
+    holder, other = ("effector", "base") if in_hand else ("base", "effector")
+    spread = random.normal(size=(6, 6))
+    pose, board_pose = _poses(random, 2)
+    covariance = spread @ spread.T if draw(st.booleans()) else None
+    stamp = draw(st.none() | st.floats(0, 2e9))
+    kinds = {
+        "camera": st.none() | st.just(Camera(width=8, height=6, fx=7.0, fy=7.5, cx=3.25, cy=2.75)),
+        "method": st.sampled_from(["", "Park"]),
+        "board": st.none() | st.just(Board(kind="charuco", columns=9, rows=6, square_m=0.02, marker_m=0.015)),
+        "board_pose": st.none() | st.just(Pose(parent=other, child="board", matrix=board_pose, covariance=covariance)),
+        "residuals": st.none() | st.just(random.uniform(size=(count, 2))),
+        "leave_one_out": st.none() | st.just(random.uniform(size=(count, 2))),
+        "reprojection_px": st.none() | st.just(random.uniform(size=count)),
+    }
+    return {
+        "mount": "eye_in_hand" if in_hand else "eye_on_base",
+        "pose": Pose(parent=holder, child=draw(FRAMES), matrix=pose, covariance=covariance, stamp=stamp),
+    } | {name: draw(kind) for name, kind in kinds.items()}
+
+
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     BrownConrady: _brown_conrady,
     KannalaBrandt: _kannala_brandt,
@@ -125,4 +149,5 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Track: _track,
     Views: _views,
     Rig: _rig,
+    Calibration: _calibration,
 }
