@@ -10,7 +10,7 @@ from typing import Any
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
-from dextera_build.build.runner import ProjectReads, parted
+from dextera_build.build.runner import ProjectReads, outside, parted
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.code.machine import Machine
 from dextera_build.engine import missing
@@ -97,7 +97,11 @@ class RuleRunner:
             keep=self._keep,
             calls=self._calls,
             reads=reads,
-            pretrained=Pretrained(facts.weights, partial(folder_of, [self._scratch / _MODELS])),
+            pretrained=Pretrained(
+                facts.weights,
+                partial(folder_of, [self._scratch / _MODELS]),
+                program=outside(found, facts.backend, facts.program),
+            ),
         )
         keyword = {"options": common} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)

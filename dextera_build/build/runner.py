@@ -28,6 +28,7 @@ from dextera_build.store.store import Store, opened
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import File
     from dextera_build.remotes.exchange import Exchange
+    from dextera_build.rule.outside import Outside
 
 Emit = Callable[[str, Mapping[str, object]], None]
 
@@ -79,7 +80,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
             keep=_keep(task, store, reads),
             calls=calls,
             reads=reads,
-            pretrained=pretrained(task),
+            pretrained=pretrained(task, outside(found, task["backend"], task.get("program", {}))),
         )
         keyword = {"options": options} if rule.takes_options else {}
         if reads is not None:
@@ -108,8 +109,8 @@ def parted(found: RuleFile, backend: str | None, given: Mapping[str, Any]) -> tu
     )
 
 
-def pretrained(task: Mapping[str, Any]) -> Pretrained:
-    """Weights and device of a task; models of other weights, which the process keeps, are freed."""
+def pretrained(task: Mapping[str, Any], program: Outside | None = None) -> Pretrained:
+    """Weights, device and program of a task; models of other weights, which the process keeps, are freed."""
     weights = tuple(task.get("weights", ()))
     if weights:
         unload(but=weights)
@@ -120,7 +121,7 @@ def pretrained(task: Mapping[str, Any]) -> Pretrained:
 
         return folder_of(folders, pinned)
 
-    return Pretrained(weights, find, "cuda" if task.get("devices") else "cpu")
+    return Pretrained(weights, find, "cuda" if task.get("devices") else "cpu", program)
 
 
 @contextmanager
@@ -135,6 +136,22 @@ def _memory_told(ctx: Context) -> Iterator[None]:
         traceback.print_exc()
         unload()
         raise told from error
+
+
+def outside(found: RuleFile, backend: str | None, key: Mapping[str, str]) -> Outside | None:
+    """The program of a backend, if it declares one.
+
+    Args:
+        found: The rule.
+        backend: Name of its backend, if it has any.
+        key: Digests of the program's files, as in the key.
+    """
+    program = found.backends[backend].program if backend else None
+    if program is None:
+        return None
+    from dextera_build.rule.outside import Outside
+
+    return Outside(program, found.path, str(backend), key)
 
 
 def _refuse_other_versions(packages: Mapping[str, str]) -> None:

@@ -16,6 +16,10 @@ _FRAMEWORK = frozenset(
 )
 RULES = "rules"
 """Placeholder for the root of a rule in names of sources."""
+EXCHANGE = PACKAGE / "artifacts" / "exchange.py"
+"""Forms of values outside; part of the code of every backend with a program."""
+FILE = "<file>"
+"""The one definition of a file that is digested as it is: of a program, or a lock file."""
 _SOURCE = ".py"
 _PACKAGE = "__init__.py"
 
@@ -77,7 +81,7 @@ class CodeIndex:
         known = [self._named[name]] if name in self._named else []
         for file in [*known, *(folder / rest for folder in folders)]:
             if file.is_file():
-                return file, self._source(file).lines.get(definition, 1)
+                return file, 1 if definition == FILE else self._source(file).lines.get(definition, 1)
         return None
 
     def _closure(self, files: Iterable[Path]) -> Iterator[tuple[str, Module | None]]:
@@ -100,6 +104,8 @@ class CodeIndex:
         for name, folder in self._roots.items():
             if file.is_relative_to(folder):
                 return ".".join((name, *file.relative_to(folder).with_suffix("").parts))
+        if file.is_relative_to(PACKAGE):
+            return ".".join((DXB, *file.relative_to(PACKAGE).with_suffix("").parts))
         raise ValueError(file)
 
     def _imported(self, module: Module) -> tuple[str, ...]:

@@ -34,6 +34,7 @@ from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
+    from dextera_build.outside.program import Program
     from dextera_build.rule import Backend, Options, Rule
 
 
@@ -166,13 +167,34 @@ class BackendFile:
         own: type[Options] = kinds[0]
         return own
 
+    @cached_property
+    def program(self) -> Program | None:
+        """The program that it asks, if it declares one."""
+        facts = self.facts
+        if not facts.command:
+            return None
+        from dextera_build.outside.program import Program
+        from dextera_build.outside.running import Limits
+
+        return Program(
+            backend=f"{self.name} of {self.rule}",
+            file=self.file,
+            base=self.root.path.parent,
+            command=facts.command,
+            files=facts.files,
+            environment=facts.environment,
+            lock=facts.lock,
+            server=facts.server,
+            limits=Limits(facts.timeout_s, facts.memory_gb, facts.disk_gb),
+        )
+
     def missing(self) -> list[str]:
         """Required distributions that are not installed."""
         return [name for name in self.facts.packages if version_of(name) is None]
 
     def lacks(self, machine: Machine) -> dict[str, str]:
         """What it needs and the machine does not have -> the next step; see `Machine.lacks`."""
-        return machine.lacks(self.facts, self.missing())
+        return machine.lacks(self.facts, self.missing()) | (self.program.lacking() if self.program else {})
 
 
 class Library:
@@ -265,6 +287,8 @@ class Library:
         for path, rule in self._found.items():
             stage, _, name = path.partition(".")
             found.update(str(file) for _, file in rule.candidates)
+            for backend in rule.backends.values():
+                found |= backend.program.looked_at() if backend.program else set()
             roots = self._first if rule.root in self._first else self.roots
             for root in roots[: roots.index(rule.root) + 1]:
                 folder = root.path / stage

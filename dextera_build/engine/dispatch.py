@@ -162,6 +162,7 @@ class Dispatch:
             sources=rule.sources,
             packages=rule.packages,
             weights=rule.weights,
+            program=rule.program,
         )
 
     def _take(self, report: Report) -> End | None:

@@ -109,6 +109,9 @@ class RuleFacts:
     sources: Mapping[str, str] = field(default_factory=dict)
     """Source digests that a worker checks before it runs the code; the key holds `code` instead."""
 
+    program: Mapping[str, str] = field(default_factory=dict)
+    """File of the backend's program, or lock file of its environment -> digest of its bytes; `code` holds them, too."""
+
     chosen: str = ""
     """Who chose the backend, and what was passed over; not part of the key, like the rest below."""
     passed: tuple[str, ...] = ()

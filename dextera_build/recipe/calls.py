@@ -8,6 +8,7 @@ from collections.abc import Container, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from dextera_build.code.code_digest import EXCHANGE, FILE
 from dextera_build.code.loader import BackendFile, Library, RuleFile, version_of
 from dextera_build.engine.graph import Call, Graph, Input, Item, Output, Pack, RuleFacts
 from dextera_build.errors import (
@@ -241,14 +242,17 @@ def facts_of(library: Library, found: RuleFile, choice: Choice | None) -> RuleFa
             code="DXB-E302",
             hint=install_extra("all"),
         )
-    files = [found.file] + ([backend.file] if backend else [])
+    program = backend.program if backend else None
+    # How values look outside is part of the result, although no backend imports it.
+    files = [found.file] + ([backend.file] if backend else []) + ([EXCHANGE] if program else [])
     code = library.code.of(*files)
+    own = program.digests() if program else {}
     library.warn_of_undeclared(found, code, names)
     declared = {**{name: slot.annotation for name, slot in rule.slots.items()}, "return": rule.returns}
     return RuleFacts(
         path=found.path,
         version=rule.version,
-        code=code.definitions,
+        code={**code.definitions, **{name: {FILE: digest} for name, digest in own.items()}},
         packages={name: str(version) for name, version in versions.items()},
         backend=backend.name if backend else None,
         weights=library.machine.models.pinned(backend.facts.weights) if backend else (),
@@ -261,6 +265,7 @@ def facts_of(library: Library, found: RuleFile, choice: Choice | None) -> RuleFa
         retries=Retries(rule.retries, tuple(_spelled(kind) for kind in rule.retry_on), rule.retry_wait_s),
         discovers=str(library.project) if rule.discovers else "",
         sources=code.sources,
+        program=own,
         chosen=choice.why if choice else "",
         passed=choice.passed if choice else (),
         missing=choice.missing if choice else (),

@@ -28,5 +28,21 @@ class Backend:
     """Whether it also runs, slower, on a machine without such a GPU; see `Context.device`."""
     weights: tuple[str, ...] = ()
     """Models described by `recipes/model/NAME.yaml`; digests of their weights enter the key. See `Context.weights`."""
+    command: tuple[str, ...] = ()
+    """The program that answers `Context.outside`, see docs/outside.md; `{python}` is the Python of `environment`."""
+    server: bool = False
+    """Whether the program stays for the next calls of its worker."""
+    files: tuple[str, ...] = ()
+    """Patterns of the program's files, from the folder of this file, besides those in `command`; they enter the key."""
+    environment: str = ""
+    """`venv:FOLDER`, `conda:NAME`, `docker:IMAGE@sha256:...` or `podman:...`; left out, the Python of dxb."""
+    lock: str = ""
+    """File that states what the environment holds, from the project's folder; it enters the key."""
+    timeout_s: float = 3600.0
+    """Longest duration of a call of the program [s]."""
+    memory_gb: float = 0.0
+    """Most memory of the program [GiB]; 0 for any."""
+    disk_gb: float = 16.0
+    """Most space of the program's answer and temporary files [GiB]."""
     licence: str = "Apache-2.0"
     """Licence of code and weights."""

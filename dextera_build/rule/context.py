@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, TypeVar, cast, overload
 
 import typing_extensions
 
 from dextera_build.artifacts.base import File
 from dextera_build.calls.context import Calling
-from dextera_build.errors import RuleError
+from dextera_build.errors import RuleError, listing
 from dextera_build.rule.options import Options
 from dextera_build.rule.pretrained import Device, Pretrained
 
@@ -60,7 +60,7 @@ class Context(Calling, Generic[B]):
         keep: See the property `keep`; None for a folder below `scratch`.
         calls: Executes `call` and `job`; None if no recorder exists.
         reads: Reads files of the project; None for a rule that does not declare `discovers`.
-        pretrained: Weights and device of the backend; None for one without.
+        pretrained: Weights, device and program of the backend; None for one without any.
     """
 
     def __init__(
@@ -130,6 +130,47 @@ class Context(Calling, Generic[B]):
             MachineError: This machine does not have the weights, or its memory does not hold the model.
         """
         return self._pretrained.load(load, names)
+
+    @overload
+    def outside(self, function: str, returns: type[M], **inputs: object) -> M: ...
+    @overload
+    def outside(self, function: str, returns: Any, **inputs: object) -> Any: ...
+    def outside(self, function: str, returns: Any, **inputs: object) -> Any:
+        """The answer of the backend's program, which runs in a process and an environment of its own.
+
+        The program is given the inputs as files, the backend's options, its weights and the device; it is killed with
+        everything that it started when the call ends. Its line and metrics become those of the result.
+
+        Args:
+            function: Name of a function of the program.
+            returns: Type of the answer: an artifact, a named tuple or dataclass of artifacts and arrays, a dict, ...
+            inputs: Name -> value: artifacts, arrays, `Options`, plain data.
+
+        Raises:
+            RuleError: The backend declares no program, or it refused, failed, or exceeded a limit.
+            MachineError: This machine does not have what the program needs.
+        """
+        program = self._pretrained.program
+        if program is None:
+            raise RuleError(
+                "a backend that declares no program asks one",
+                code="DXB-B380",
+                facts={"function": function, "inputs": listing(inputs)},
+                hint='`BACKEND = Backend(..., command=("{python}", "program.py"))`',
+            )
+        answer, line, metrics = program.ask(
+            function,
+            returns,
+            inputs,
+            options=self.backend_options,
+            weights=self._pretrained.folders(),
+            device=self.device,
+            scratch=lambda: self.scratch,
+            emit=self._emit,
+        )
+        self.outcome.line = line or self.outcome.line
+        self.outcome.metrics |= metrics
+        return answer
 
     def read(self, path: str) -> bytes:
         """The content of a project file; `path` is relative to the project folder.

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 
 from dextera_build.errors import MachineError, RuleError, did_you_mean, listing
+from dextera_build.rule.options import Options
 
 M = TypeVar("M")
 Device = Literal["cpu", "cuda"]
@@ -22,25 +23,50 @@ class _Key(NamedTuple):
     weights: tuple[str, ...]
 
 
+class Program(Protocol):
+    """Answers `Context.outside`; see `rule.outside`."""
+
+    def ask(
+        self,
+        function: str,
+        returns: Any,
+        inputs: Mapping[str, Any],
+        *,
+        options: Options,
+        weights: Mapping[str, Path],
+        device: Device,
+        scratch: Callable[[], Path],
+        emit: Callable[[str, Mapping[str, object]], None],
+    ) -> tuple[Any, str, dict[str, tuple[float, str]]]:
+        """The output of a function, its line and its metrics."""
+        ...
+
+
 _LOADED: dict[_Key, Any] = {}
 """Models that this process holds."""
 
 
 class Pretrained:
-    """Weights and device of one call.
+    """Weights, device and program of one call.
 
     Args:
         weights: `name@digest` of the models that the backend declares.
         find: Returns the folder of a `name@digest`; raises a `MachineError` if this machine does not have it.
         device: `cuda` is the GPU granted to the call, the only visible one.
+        program: What `Context.outside` asks; None for a backend without a program.
     """
 
     def __init__(
-        self, weights: tuple[str, ...] = (), find: Callable[[str], Path] | None = None, device: Device = "cpu"
+        self,
+        weights: tuple[str, ...] = (),
+        find: Callable[[str], Path] | None = None,
+        device: Device = "cpu",
+        program: Program | None = None,
     ) -> None:
         self._declared = {entry.partition("@")[0]: entry for entry in weights}
         self._find = find
         self.device = device
+        self.program = program
 
     def folder(self, name: str) -> Path:
         """See `Context.weights`."""
@@ -52,6 +78,10 @@ class Pretrained:
                 hint=did_you_mean(name, self._declared) or f'`BACKEND = Backend(..., weights=("{name}",))`',
             )
         return self._find(self._declared[name])
+
+    def folders(self) -> dict[str, Path]:
+        """Model -> folder, of all models that the backend declares."""
+        return {name: self.folder(name) for name in self._declared}
 
     def load(self, load: Callable[..., M], names: tuple[str, ...]) -> M:
         """See `Context.load`."""

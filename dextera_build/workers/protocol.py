@@ -44,6 +44,8 @@ class Task:
     """Distribution -> version, as in the key."""
     weights: tuple[str, ...] = ()
     """`name@digest`, as in the key."""
+    program: Mapping[str, str] = field(default_factory=dict)
+    """`RuleFacts.program`."""
 
     def message(self) -> dict[str, object]:
         """The fields that are passed to the runner."""

@@ -1,0 +1,173 @@
+"""A program as a backend declares it: its command, its files, its environment, its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path, PurePosixPath
+
+from dextera_build import digest
+from dextera_build.errors import MachineError, Place, RecipeError, RuleError, listing
+from dextera_build.outside.environments import Environment, Start, named
+from dextera_build.outside.running import Limits, Running
+
+
+@dataclass(frozen=True)
+class Program:
+    """The program of a backend.
+
+    Args:
+        backend: `trellis of factorize.mesh`, for messages.
+        file: The backend's file; the program starts in its folder.
+        base: The folder that holds `rules/`; the lock file and virtual environments are named from here.
+        command: Words of the command; `{python}` is the interpreter of the environment.
+        files: Patterns of further files of the program, from the folder of the backend's file.
+        environment: See `environments.named`.
+        lock: File that states what the environment holds, from `base`.
+        server: Whether it stays for further calls.
+        limits: What it may use.
+    """
+
+    backend: str
+    file: Path
+    base: Path
+    command: tuple[str, ...]
+    files: tuple[str, ...]
+    environment: str
+    lock: str
+    server: bool
+    limits: Limits
+
+    @property
+    def here(self) -> Path:
+        """The folder it starts in."""
+        return self.file.parent
+
+    @cached_property
+    def place(self) -> Environment:
+        """Where it runs.
+
+        Raises:
+            RecipeError: The backend names no environment.
+        """
+        try:
+            return named(self.environment, self.base)
+        except ValueError as error:
+            raise self._wrong(str(error), "`environment`") from None
+
+    def lacking(self) -> dict[str, str]:
+        """What it needs and this machine does not have -> the next step.
+
+        Raises:
+            RecipeError: The declaration is wrong.
+        """
+        found = dict(self.place.lacking(self.lock or "LOCK"))
+        if self.place.locked and not self.lock:
+            raise self._wrong("an environment is named without its lock file", "`lock`")
+        if self.lock and not (self.base / self.lock).is_file():
+            step = f"write what the environment holds into `{self.lock}`: `pip freeze`, or `conda list --explicit`"
+            found[f"the lock file `{self.lock}`"] = step
+        for pattern in self._patterns:
+            if not self._matches(pattern):
+                found[f"the file `{pattern}` of the program"] = f"put it into `{self.here}`"
+        return found
+
+    def parts(self) -> dict[str, Path]:
+        """Name -> each file that makes up the program, and the lock file; their contents enter the key."""
+        found = {path for pattern in self._patterns for path in self._matches(pattern)}
+        if self.lock and (self.base / self.lock).is_file():
+            found.add(self.base / self.lock)
+        return {_name(path, self.base): path for path in sorted(found)}
+
+    def digests(self) -> dict[str, str]:
+        """Name -> SHA-256 of each of `parts`."""
+        return {name: digest.of_bytes(path.read_bytes()) for name, path in self.parts().items()}
+
+    def looked_at(self) -> set[str]:
+        """Files and folders, including missing ones, on which the key and what is lacking depend."""
+        found = {str(path) for path in self.parts().values()}
+        found |= {str(self.here / pattern) for pattern in self._patterns if not set(pattern) & set("*?[")}
+        found |= {str(folder) for pattern in self._patterns for folder in self._folders(pattern)}
+        found |= {str(self.base / self.lock)} if self.lock else set()
+        python = getattr(self.place, "python", None)
+        return found | ({str(python)} if python else set())
+
+    def check(self, key: Mapping[str, str]) -> None:
+        """Refuse files that are not those of the key.
+
+        Raises:
+            MachineError: Something is missing here; on a cluster, another machine may have it.
+            RuleError: A file has other content than in the key.
+        """
+        if lacks := self.lacking():
+            raise MachineError(
+                f"backend `{self.backend}` needs {listing(lacks)}, which is missing on this machine",
+                code="DXB-E392",
+                hint=", ".join(dict.fromkeys(lacks.values())),
+            )
+        now = self.digests()
+        other = [name for name in {**key, **now} if key.get(name) != now.get(name)]
+        if other:
+            raise RuleError(
+                "a program differs from that in this node's key: it was edited while the build ran",
+                code="DXB-B379",
+                facts={"files": listing(other)},
+                hint="build again; on a cluster, install the same version on every machine",
+            )
+
+    def run(self, environment: Mapping[str, str], folders: tuple[Path, ...], *, gpu: bool) -> Running:
+        """Start its guard; the program starts with the first request.
+
+        Args:
+            environment: Variables in addition to those of this process.
+            folders: Folders that it reads, for a container.
+            gpu: Whether it may use the GPU of the call.
+        """
+
+        def argv(root: Path) -> list[str]:
+            start = Start(self.command, self.here, root, folders, gpu, self.limits.memory_gb)
+            return self.place.argv(start)
+
+        return Running(argv, self.here, self.limits, environment, last=self.place.last, server=self.server)
+
+    @cached_property
+    def _patterns(self) -> tuple[str, ...]:
+        """Patterns of its files: those it declares, and words of its command that name one."""
+        for pattern in self.files:
+            if PurePosixPath(pattern).is_absolute() or ".." in PurePosixPath(pattern).parts:
+                raise self._wrong(f"`{pattern}` leads out of the folder of the backend", "`files`")
+        words = (word for word in self.command[1:] if word.endswith(".py") or (self.here / word).is_file())
+        return tuple(dict.fromkeys((*(word for word in words if not Path(word).is_absolute()), *self.files)))
+
+    def _matches(self, pattern: str) -> list[Path]:
+        found = [path for path in self.here.glob(pattern) if path.is_file()]
+        return [path for path in found if "__pycache__" not in path.parts]
+
+    def _folders(self, pattern: str) -> list[Path]:
+        """Folders in which a new file may match."""
+        if not set(pattern) & set("*?["):
+            return []
+        fixed = self.here
+        for part in PurePosixPath(pattern).parts[:-1]:
+            if set(part) & set("*?["):
+                break
+            fixed /= part
+        inner = [path for path in fixed.rglob("*") if path.is_dir() and path.name != "__pycache__"]
+        return [fixed, *(inner if "**" in pattern or "/" in pattern else [])]
+
+    def _wrong(self, why: str, what: str) -> RecipeError:
+        return RecipeError(
+            f"backend `{self.backend}`: {why}",
+            code="DXB-R260",
+            where=Place(str(self.file)),
+            hint=f"correct {what} in `BACKEND`; docs/outside.md describes it",
+        )
+
+
+def _name(path: Path, base: Path) -> str:
+    """A file's name in keys, equal on every machine."""
+    try:
+        return path.relative_to(base).as_posix()
+    except ValueError:
+        return path.name

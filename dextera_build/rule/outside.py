@@ -1,0 +1,116 @@
+"""What `ctx.outside` does: writes a request, lets the backend's program answer it, and reads the response."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dextera_build.artifacts import exchange
+from dextera_build.errors import ArtifactError, RuleError
+from dextera_build.outside import messages, servers
+from dextera_build.outside.program import Program
+from dextera_build.outside.running import Emit, Running
+from dextera_build.rule.options import Options
+from dextera_build.rule.pretrained import Device
+
+
+@dataclass(frozen=True)
+class Outside:
+    """The program of a call's backend.
+
+    Args:
+        program: What the backend declares.
+        rule: `factorize.mesh`.
+        backend: `trellis`.
+        key: Digest of each of its files, as in the key of the call.
+        environment: Variables for the program.
+    """
+
+    program: Program
+    rule: str
+    backend: str
+    key: Mapping[str, str]
+    environment: Mapping[str, str] = field(default_factory=dict)
+
+    def ask(
+        self,
+        function: str,
+        returns: Any,
+        inputs: Mapping[str, Any],
+        *,
+        options: Options,
+        weights: Mapping[str, Path],
+        device: Device,
+        scratch: Callable[[], Path],
+        emit: Emit,
+    ) -> tuple[Any, str, dict[str, tuple[float, str]]]:
+        """The output of a function of the program, its line and its metrics.
+
+        Raises:
+            RuleError: The program refused, failed, exceeded a limit, or answered in another form.
+            MachineError: Something that it needs is missing here.
+        """
+        self.program.check(self.key)
+        running = self._running(tuple(weights.values()), device)
+        try:
+            folder = running.exchange()
+            request = folder / messages.REQUEST
+            plain = options.model_dump(mode="json")
+            messages.write(
+                messages.Request(
+                    protocol=messages.PROTOCOL,
+                    rule=self.rule,
+                    backend=self.backend,
+                    function=function,
+                    inputs={name: exchange.write(value, request, name) for name, value in inputs.items()},
+                    options=plain,
+                    weights={name: str(path) for name, path in weights.items()},
+                    device=device,
+                    seed=plain["seed"] if isinstance(plain.get("seed"), int) else 0,
+                ),
+                request,
+            )
+            running.ask(folder, emit)
+            self.program.check(self.key)
+            # The result may refer to files of the response until it is stored.
+            kept = Path(shutil.move(folder / messages.RESPONSE, _free(scratch())))
+            shutil.rmtree(folder, ignore_errors=True)
+        finally:
+            if not running.server:
+                running.end()
+        return self._answer(kept, returns)
+
+    def _running(self, folders: tuple[Path, ...], device: Device) -> Running:
+        def start() -> Running:
+            return self.program.run(self.environment, folders, gpu=device == "cuda")
+
+        if not self.program.server:
+            return start()
+        key = (self.rule, self.backend, tuple(sorted(self.key.items())), folders, device, self.program)
+        return servers.kept(key, start)
+
+    def _answer(self, folder: Path, returns: Any) -> tuple[Any, str, dict[str, tuple[float, str]]]:
+        found = messages.read(folder)
+        if isinstance(found, messages.Refused):
+            raise RuleError(found.message, code="DXB-B378", hint=found.hint or None, facts={"said by": self._name})
+        try:
+            return exchange.read(found.output, returns, folder), found.line, dict(found.metrics)
+        except ArtifactError as error:
+            raise RuleError(
+                f"the answer of {self._name} cannot be used: {error.message}",
+                code="DXB-B376",
+                facts=error.facts,
+                hint=error.hint or "docs/outside.md describes the form of every value",
+            ) from None
+
+    @property
+    def _name(self) -> str:
+        return f"backend `{self.backend}` of {self.rule}"
+
+
+def _free(scratch: Path) -> Path:
+    """A path in the scratch folder that does not exist."""
+    return next(path for count in range(1 << 20) if not (path := scratch / f"response-{count}").exists())
