@@ -188,9 +188,9 @@ def test_the_doctor_tells_of_weights_licence_and_memory_and_runs_the_self_test(v
     voiced.write(
         "rules/toy/spoken_voice.py", f"{rules}\ndef self_test(ctx):\n    assert ctx.load(read, 'voice') == b'?'\n"
     )
-    assert "self-test: AssertionError" in row("--self-test")["found"]
+    assert "self-test: AssertionError" in row("--self-test", "toy.spoken")["found"]
     voiced.edit("rules/toy/spoken_voice.py", "b'?'", "b'!'")
-    assert row("--self-test")["ok"]
+    assert row("--self-test", "toy.spoken")["ok"]
 
 
 def test_memory_that_runs_out_ends_in_one_error(space):

@@ -25,7 +25,10 @@ Finding = tuple[str, bool, str, str]
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument(
-        "--self-test", action="store_true", help="also run the self-tests of the profile's backends; takes minutes"
+        "--self-test",
+        nargs="*",
+        metavar="RULE",
+        help="also run the self-tests of the profile's backends, of every rule (takes a minute) or of these",
     )
     options.project_arguments(parser)
     options.json_argument(parser)
@@ -65,16 +68,17 @@ def _libraries() -> Iterator[Finding]:
         yield package, package not in missing, found, f"`apt-get install {' '.join(missing)}`"
 
 
-def _backends(project: Project, tests: bool) -> Iterator[Finding]:
+def _backends(project: Project, tested: list[str] | None) -> Iterator[Finding]:
     """The backend that the profile prefers for each rule: what it is bound to, what is missing, its self-test."""
     profile = project.preferences
     for found in project.library.rules():
         names, _ = profile.preferred(found)
         if names:
-            yield _backend(project, found.backends[names[0]], tests)
+            tests = tested is not None and (not tested or found.path in tested)
+            yield _backend(project, found.backends[names[0]], tests=tests)
 
 
-def _backend(project: Project, backend: BackendFile, tests: bool) -> Finding:
+def _backend(project: Project, backend: BackendFile, *, tests: bool) -> Finding:
     facts, lacks, models = backend.facts, backend.lacks(project.machine), project.machine.models
     told = [facts.licence]
     for name in facts.weights:
