@@ -1,7 +1,7 @@
 """The base of all artifacts: frozen, validated values that are stored as a canonical JSON header and blobs.
 
-The header is `{"artifact": <type name>, "fields": {...}}`; `fields.py` describes how values are written there,
-so the store and the engine can follow references without knowing any type.
+The header is `{"artifact": <type>, "fields": {...}}`. `identity.py` describes how types are named there, `fields.py` how
+values are written, so the store and the engine can follow references without knowing any type.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from dextera_build.artifacts.arrays import Array as Array
 from dextera_build.artifacts.arrays import is_array, save_arrays
 from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, Stored
 from dextera_build.artifacts.formats import suffix_among
-from dextera_build.artifacts.forms import NOTHING, forms
+from dextera_build.artifacts.forms import NOTHING, form_of, forms
+from dextera_build.artifacts.identity import check, spelled, unreadable
 from dextera_build.artifacts.labels import check_labels, check_paths, path_fault
 from dextera_build.artifacts.schema import array_specs
 from dextera_build.artifacts.value import Value as Value
@@ -37,7 +38,10 @@ class Artifact(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
-    type_name: ClassVar[str] = ""
+    type_version: ClassVar[int] = 1
+    """Incremented when the fields change; see `upgraded`."""
+    former_fields: ClassVar[Mapping[str, Any]] = {}
+    """Field that only former versions had -> its type then."""
     saves: ClassVar[tuple[str, ...]] = ()
     """Suffixes of the file formats that `save` writes, the usual one first."""
 
@@ -49,8 +53,21 @@ class Artifact(BaseModel):
 
     @classmethod
     def name(cls) -> str:
-        """The type's name in headers and messages; a generic's parameters are left out."""
+        """The type's name in messages; a generic's parameters are left out. Headers hold its `identity`."""
         return cls.__name__.split("[")[0]
+
+    @classmethod
+    def upgraded(cls, version: int, fields: dict[str, Any]) -> dict[str, Any]:
+        """The fields of a value that a former version stored, in today's form; types with a reader override it.
+
+        Args:
+            version: The version that stored them.
+            fields: Its fields; those that today's type does not have are declared in `former_fields`.
+
+        Raises:
+            ArtifactError: This version is not read any more.
+        """
+        raise unreadable(cls, version)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
@@ -84,7 +101,7 @@ class Artifact(BaseModel):
     def encode(self, put: Put) -> str:
         """Store this value through `put(bytes) -> digest` and return the digest of its header."""
         stored = {name: fields.encode(getattr(self, name), form, put) for name, form in forms(type(self)).items()}
-        return put(digest.canonical({"artifact": self.name(), "fields": stored}))
+        return put(digest.canonical({"artifact": spelled(type(self)), "fields": stored}))
 
     @classmethod
     def decode(cls, key: str, get: Get) -> Self:
@@ -97,10 +114,12 @@ class Artifact(BaseModel):
 
     @classmethod
     def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
-        if header["artifact"] != cls.name():
-            raise ArtifactError(f"a {cls.name()} is needed here, but a {header['artifact']} came", code="DXB-A102")
-        known = forms(cls)
+        version, known = check(cls, header["artifact"]), forms(cls)
+        if version < cls.type_version:
+            known = {**known, **{name: form_of(hint, name) for name, hint in cls.former_fields.items()}}
         values = {name: fields.decode(raw, known.get(name, NOTHING), get) for name, raw in header["fields"].items()}
+        if version < cls.type_version:
+            values = cls.upgraded(version, values)
         made = cls.__new__(cls)
         # A subclass's own checks are for new values; they do not apply to stored ones, such as files of a project.
         Artifact.__init__(made, **values)
@@ -263,7 +282,7 @@ class File(Artifact):
             blob, size = put(self.data), len(self.data)
         else:
             return super().encode(put)
-        return put(digest.canonical({"artifact": self.name(), "fields": {"data": {"$bytes": [blob, size]}}}))
+        return put(digest.canonical({"artifact": spelled(type(self)), "fields": {"data": {"$bytes": [blob, size]}}}))
 
     @classmethod
     def decode(cls, key: str, get: Get) -> Self:
@@ -273,7 +292,7 @@ class File(Artifact):
         if known is not None and int(known[2]) <= SMALL:
             return cls._holding(get(known[1].decode()))
         header = json.loads(stored)
-        if hasattr(get, "place") and header["artifact"] == cls.name() and list(header["fields"]) == ["data"]:
+        if hasattr(get, "place") and header["artifact"] == spelled(cls) and list(header["fields"]) == ["data"]:
             blob, size = header["fields"]["data"]["$bytes"]
             if size > SMALL:
                 return cls._behind(Stored(get, blob, size))

@@ -13,6 +13,8 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
+from dextera_build.artifacts.identity import parse
+
 Get = Callable[[str], bytes]
 Kind: TypeAlias = Literal["array", "number", "bytes", "value", "added", "removed", "type"]
 _WIDE = 60
@@ -79,11 +81,13 @@ def _inside(path: str, old: Any, new: Any, get: Get) -> _Triples | None:
         return None
     if tag == "$ref":
         one, two = json.loads(get(old["$ref"])), json.loads(get(new["$ref"]))
-        if one["artifact"] != two["artifact"]:
-            return [(path, one["artifact"], two["artifact"])]
-        if one["artifact"] == "Table":
+        kinds = [side["artifact"] for side in (one, two)]
+        other: _Triples = [] if kinds[0] == kinds[1] else [(path, *kinds)]
+        if parse(kinds[0])[0] != parse(kinds[1])[0]:
+            return other
+        if kinds == ["Table", "Table"]:
             return _table(path, one["fields"], two["fields"])
-        return _pairs(one["fields"], two["fields"], lambda name: f"{path}.{name}" if path else name)
+        return other + _pairs(one["fields"], two["fields"], lambda name: f"{path}.{name}" if path else name)
     if tag == "$value":
         return _pairs(old[tag], new[tag], lambda name: f"{path}.{name}" if path else name)
     if tag == "$map":

@@ -20,6 +20,7 @@ from pydantic import BaseModel
 from dextera_build.artifacts.arrays import array_bytes, array_of, array_size, check_array, is_array, mapped_array
 from dextera_build.artifacts.content import SMALL, Get, Put
 from dextera_build.artifacts.forms import NOTHING, Form, forms, unexpected
+from dextera_build.artifacts.identity import identity
 from dextera_build.artifacts.value import Value
 from dextera_build.errors import ArtifactError
 
@@ -63,7 +64,7 @@ def encode(value: Any, form: Form, put: Put) -> Any:
         return {"$value": body if len(form.values) < 2 else {"$type": type(value).__name__, **body}}
     if isinstance(value, BaseModel):
         artifact: Any = value
-        _refuse_others(artifact.name(), form.artifacts)
+        _refuse_others(identity(type(artifact)), form.artifacts)
         return {"$ref": artifact.encode(put)}
     if isinstance(value, Mapping):
         return {"$map": {str(name): encode(item, form.labelled or NOTHING, put) for name, item in value.items()}}

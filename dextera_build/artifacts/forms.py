@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import types
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cache, reduce
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -17,6 +17,7 @@ from pydantic import BaseModel
 
 from dextera_build.artifacts.arrays import Array
 from dextera_build.artifacts.content import Get
+from dextera_build.artifacts.identity import identity, parse
 from dextera_build.artifacts.value import Value
 from dextera_build.errors import ArtifactError
 
@@ -27,7 +28,7 @@ class Form:
 
     array: Array | None = None
     artifacts: Mapping[str, type[Any]] = field(default_factory=dict)
-    """Type name -> type, for stored references."""
+    """Identity -> type, for stored references."""
     values: Mapping[str, type[Value]] = field(default_factory=dict)
     """Type name -> type, for structures that are stored inline."""
     labelled: Form | None = None
@@ -55,7 +56,7 @@ class Form:
         """
         if len(self.artifacts) == 1:
             return next(iter(self.artifacts.values()))
-        name = str(json.loads(get(key))["artifact"])
+        name, _ = parse(str(json.loads(get(key))["artifact"]))
         if name not in self.artifacts:
             raise unexpected(name, self.artifacts)
         return self.artifacts[name]
@@ -137,8 +138,7 @@ def _of(hint: Any) -> Form:
     if isinstance(hint, type) and issubclass(hint, Value):
         return Form(values={hint.__name__: hint})
     if isinstance(hint, type) and issubclass(hint, BaseModel):
-        name: Callable[[], str] = hint.name  # type: ignore[attr-defined]  # every other model is an artifact
-        return Form(artifacts={name(): hint})
+        return Form(artifacts={identity(hint): hint})  # every other model is an artifact
     return NOTHING
 
 

@@ -11,6 +11,7 @@ from dextera_build import digest
 from dextera_build.artifacts.arrays import Array
 from dextera_build.artifacts.forms import forms
 from dextera_build.artifacts.frames import Frames
+from dextera_build.artifacts.identity import spelled
 
 
 @cache
@@ -37,7 +38,8 @@ def _schema(annotation: Any, seen: tuple[str, ...]) -> Any:
             ]
             for name, info in annotation.model_fields.items()
         }
-        return [annotation.__name__, fields]
+        own = spelled(annotation) if hasattr(annotation, "type_version") else annotation.__name__
+        return [own, fields]
     if get_args(annotation):
         origin = getattr(get_origin(annotation), "__name__", str(get_origin(annotation)))
         return [origin, [_schema(part, seen) for part in get_args(annotation)]]

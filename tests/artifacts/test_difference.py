@@ -121,7 +121,7 @@ def test_labels_and_values_are_in_the_path_and_not_in_the_field(compare):
 
 def test_types_and_bytes_are_named(compare):
     (found,) = compare(points(), File(data=b""))
-    assert str(found) == "Points -> File"
+    assert str(found) == "tests.Points -> File"
     (found,) = compare(File(data=b"a"), File(data=b"bc"))
     assert found.kind == "bytes"
     assert str(found).startswith("1 bytes ca978112 -> 2 bytes ")

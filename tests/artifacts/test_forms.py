@@ -152,7 +152,7 @@ def test_a_stored_type_that_is_not_declared_is_refused() -> None:
     with pytest.raises(ArtifactError, match="a stored Cone stands where Box or Ball is declared"):
         Holder.decode(forged, memory.__getitem__)
     camera = Camera(width=4, height=3, fx=1.0, fy=1.0, cx=1.5, cy=1.0).encode(memory.put)
-    forged = memory.put(json.dumps({"artifact": "Holder", "fields": {"part": {"$ref": camera}}}).encode())
+    forged = memory.put(json.dumps({"artifact": "tests.Holder", "fields": {"part": {"$ref": camera}}}).encode())
     with pytest.raises(ArtifactError, match="a stored Camera stands where Image or File is declared"):
         Holder.decode(forged, memory.__getitem__)
 

@@ -113,13 +113,13 @@ def test_fields_and_keys_of_maps_are_followed(memory: Memory, outer: str) -> Non
 @pytest.mark.parametrize(
     ("fields", "message", "hint"),
     [
-        (("frist",), "`frist` is not a field of Outer", "did you mean `first`?"),
-        (("items", "mgu"), "`mgu` is not in `items` of Outer", "did you mean `mug`?"),
-        (("first", "colour"), "`colour` is not a field of Inner", None),
-        (("scale",), "`scale`, a field of Outer, is not an artifact", None),
-        (("items",), "`items`, a field of Outer, is not an artifact", None),
-        (("absent",), "`absent`, a field of Outer, is not set", None),
-        (("first", "points"), "`points`, a field of Inner, is not an artifact", None),
+        (("frist",), "`frist` is not a field of tests.Outer", "did you mean `first`?"),
+        (("items", "mgu"), "`mgu` is not in `items` of tests.Outer", "did you mean `mug`?"),
+        (("first", "colour"), "`colour` is not a field of tests.Inner", None),
+        (("scale",), "`scale`, a field of tests.Outer, is not an artifact", None),
+        (("items",), "`items`, a field of tests.Outer, is not an artifact", None),
+        (("absent",), "`absent`, a field of tests.Outer, is not set", None),
+        (("first", "points"), "`points`, a field of tests.Inner, is not an artifact", None),
     ],
 )
 def test_a_wrong_step_says_what_there_is(
@@ -137,7 +137,7 @@ def test_a_field_that_is_not_set_may_end_the_way(memory: Memory, outer: str) -> 
     assert headers.project_set(read, outer, ("absent",)) is None
     assert headers.project_set(read, outer, ("absent", "points")) is None
     assert headers.project_set(read, outer, ("first",)) == headers.project(read, outer, ("first",))
-    with pytest.raises(RuleError, match="`frist` is not a field of Outer"):
+    with pytest.raises(RuleError, match="`frist` is not a field of tests.Outer"):
         headers.project_set(read, outer, ("frist",))
 
 
@@ -149,7 +149,7 @@ def test_items_are_what_each_opens(memory: Memory, outer: str) -> None:
 
 def test_what_has_no_items_cannot_be_opened(memory: Memory) -> None:
     key = inner(1).encode(memory.put)
-    with pytest.raises(RuleError, match="`each` cannot open Inner: it has no field `items`") as caught:
+    with pytest.raises(RuleError, match="`each` cannot open tests.Inner: it has no field `items`") as caught:
         headers.items(memory.__getitem__, key)
     assert caught.value.facts["fields"] == "points"
 

@@ -9,6 +9,7 @@ import time
 import webbrowser
 from typing import TYPE_CHECKING, Any
 
+from dextera_build.artifacts.identity import parse
 from dextera_build.cli import options
 from dextera_build.engine.graph import parse_address
 from dextera_build.errors import DxbError, UsageError
@@ -91,5 +92,5 @@ def _by_type(session: Session) -> dict[str, list[str]]:
             header = json.loads(session.store.blobs.get(session.output(node)))
         except DxbError:
             continue  # no longer in the store
-        found.setdefault(header["artifact"], []).append(node)
+        found.setdefault(parse(header["artifact"])[0], []).append(node)
     return found
