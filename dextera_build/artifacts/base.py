@@ -1,7 +1,7 @@
 """The base of all artifacts: frozen, validated values that are stored as a canonical JSON header and blobs.
 
-The header is `{"artifact": <type>, "fields": {...}}`. `identity.py` describes how types are named there, `fields.py` how
-values are written, so the store and the engine can follow references without knowing any type.
+The header is `{"artifact": <type>, "fields": {...}}`: `identity.py` describes how types are named there, `fields.py`
+how values are written. The store and the engine thus follow references without knowing any type.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, Generic, Self, TypeVar
 
@@ -39,9 +39,11 @@ class Artifact(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
     type_version: ClassVar[int] = 1
-    """Incremented when the fields change; see `upgraded`."""
+    """Incremented when the fields change, with a reader of the version before."""
+    readers: ClassVar[Mapping[int, Callable[[dict[str, Any]], dict[str, Any]]]] = {}
+    """Version -> turns the fields of a value of that version into those of the next; see `former.py`."""
     former_fields: ClassVar[Mapping[str, Any]] = {}
-    """Field that only former versions had -> its type then."""
+    """Field that only former versions had -> its artifact type then."""
     saves: ClassVar[tuple[str, ...]] = ()
     """Suffixes of the file formats that `save` writes, the usual one first."""
 
@@ -55,19 +57,6 @@ class Artifact(BaseModel):
     def name(cls) -> str:
         """The type's name in messages; a generic's parameters are left out. Headers hold its `identity`."""
         return cls.__name__.split("[")[0]
-
-    @classmethod
-    def upgraded(cls, version: int, fields: dict[str, Any]) -> dict[str, Any]:
-        """The fields of a value that a former version stored, in today's form; types with a reader override it.
-
-        Args:
-            version: The version that stored them.
-            fields: Its fields; those that today's type does not have are declared in `former_fields`.
-
-        Raises:
-            ArtifactError: This version is not read any more.
-        """
-        raise unreadable(cls, version)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
@@ -115,11 +104,14 @@ class Artifact(BaseModel):
     @classmethod
     def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
         version, known = check(cls, header["artifact"]), forms(cls)
-        if version < cls.type_version:
+        readers = [cls.readers.get(former) for former in range(version, cls.type_version)]
+        if None in readers:
+            raise unreadable(cls, version)
+        if readers:
             known = {**known, **{name: form_of(hint, name) for name, hint in cls.former_fields.items()}}
         values = {name: fields.decode(raw, known.get(name, NOTHING), get) for name, raw in header["fields"].items()}
-        if version < cls.type_version:
-            values = cls.upgraded(version, values)
+        for reader in filter(None, readers):
+            values = reader(values)
         made = cls.__new__(cls)
         # A subclass's own checks are for new values; they do not apply to stored ones, such as files of a project.
         Artifact.__init__(made, **values)

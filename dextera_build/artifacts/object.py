@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
+from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Hull, Mesh
@@ -40,6 +41,9 @@ class Element(Value):
 class Elements(Artifact):
     """The result of parsing."""
 
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.from_depth}
+
     elements: tuple[Element, ...]
     """Every element, interactive and static."""
     source: str
@@ -55,6 +59,9 @@ class Support(Artifact):
     right projected onto the plane, y = z cross x (away from the camera).
     """
 
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.pose("world_from_camera", "camera_pose", "world", "camera")}
+
     camera_pose: Annotated[Pose, Frames("world", "camera")]
     """T_world_camera, camera in OpenCV axes."""
     polygon: Annotated[np.ndarray, Array("P 2", "float64", unit="m", frame="world")]
@@ -67,6 +74,11 @@ class Support(Artifact):
 
 class Shape(Artifact):
     """A closed, textured mesh of one object, and how well it explains the photograph."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {
+        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.source)
+    }
 
     mesh: Mesh
     """Closed, in the object frame: origin at the middle of the base, z up in its resting pose."""
@@ -126,6 +138,11 @@ class Link(Artifact):
 
 class Body(Artifact):
     """An object's links and joints. A rigid object has one link, `base`, and no joint."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {
+        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.source)
+    }
 
     links: dict[str, Link]
     """Name -> link; `base` is the root."""
@@ -201,6 +218,11 @@ class Collision(Artifact):
 class Placement(Artifact):
     """Pose and scale of a body."""
 
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {
+        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.from_depth)
+    }
+
     pose: Annotated[Pose, Frames("world", "object")]
     """T_world_object of the scaled body (root link)."""
     scale: float
@@ -219,6 +241,11 @@ class Placement(Artifact):
 
 class Asset(Artifact):
     """A simulation-ready object, scaled to metres and placed."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {
+        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.from_depth)
+    }
 
     body: Body
     """Links and joints, scaled."""

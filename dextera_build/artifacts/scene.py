@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
+from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
@@ -32,6 +33,9 @@ class SupportBox(Value):
 class Background(Artifact):
     """The static scene with the objects removed."""
 
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.from_depth}
+
     image: Image
     """The photograph with the objects filled in."""
     depth: DepthImage
@@ -46,6 +50,9 @@ class Background(Artifact):
 
 class Scene(Artifact):
     """A simulated scene that loads in MuJoCo."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.pose("world_from_camera", "camera_pose", "world", "camera")}
 
     model: Folder
     """`scene.xml` and the files that it names, relative."""
@@ -102,6 +109,9 @@ class TruthObject(Artifact):
 
 class Truth(Artifact):
     """The true state of a reference world; only `evaluate.*` may take it."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.pose("world_from_camera", "camera_pose", "reference", "camera")}
 
     objects: dict[str, TruthObject]
     """Name -> object; the robot and the table are not among them."""

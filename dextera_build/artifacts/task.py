@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
+from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
@@ -72,6 +73,9 @@ class TaskSpec(Value):
 class TaskObject(Artifact):
     """One movable object of a task's model."""
 
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.pose("world_from_object", "pose", "world", "object")}
+
     joints: tuple[str, ...]
     """Joints inside the object, in the order of the model."""
     pose: Annotated[Pose, Frames("world", "object")]
@@ -94,6 +98,9 @@ class TaskBundle(Artifact):
     In a reference or perturbed world every body and joint has its name and frame from the twin, as if the twin's
     assets were tracked there: states, actions and success have the same meaning.
     """
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.pose("world_from_base", "base_pose", "world", "base")}
 
     model: Folder
     """`scene.xml` and its files: scene and robot, whose names begin with `robot/`. No camera: see `View`."""
@@ -127,6 +134,9 @@ class TaskBundle(Artifact):
 
 class View(Artifact):
     """A camera of policies and films."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.pose("world_from_camera", "camera_pose", "world", "camera")}
 
     camera: Camera
     """Intrinsics at the size that is rendered."""

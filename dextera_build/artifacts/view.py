@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from dextera_build.artifacts.pose import Pose
 
 class ObjectView(Artifact):
     """One object in the photograph: a crop. Nothing in it was measured, and its name and traits are not part of it."""
+
+    type_version: ClassVar[int] = 2
 
     rgb: Image
     """Crop of the photograph around the mask, with a margin."""
@@ -78,6 +80,8 @@ class InstanceMap(Artifact):
 
 class Segmentation(Artifact):
     """Every object and the map that they were cut from."""
+
+    type_version: ClassVar[int] = 2
 
     items: dict[str, Instance]
     """Element name -> object; opened by `each`."""

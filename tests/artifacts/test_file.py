@@ -173,5 +173,5 @@ def test_who_derives_from_it_is_read_as_he_declares(store: Store) -> None:
     assert Named.decode(key, store.reader) == Named(data=b"content", title="a")
     assert Named.decode(key, store.reader).title == "a"
     plain = File(data=b"content").encode(store.writer)
-    with pytest.raises(ArtifactError, match="a tests.Named is needed here"):
+    with pytest.raises(ArtifactError, match=r"a tests\.Named is needed here"):
         Named.decode(plain, store.reader)

@@ -137,7 +137,7 @@ def test_a_field_that_is_not_set_may_end_the_way(memory: Memory, outer: str) -> 
     assert headers.project_set(read, outer, ("absent",)) is None
     assert headers.project_set(read, outer, ("absent", "points")) is None
     assert headers.project_set(read, outer, ("first",)) == headers.project(read, outer, ("first",))
-    with pytest.raises(RuleError, match="`frist` is not a field of tests.Outer"):
+    with pytest.raises(RuleError, match=r"`frist` is not a field of tests\.Outer"):
         headers.project_set(read, outer, ("frist",))
 
 
@@ -149,7 +149,7 @@ def test_items_are_what_each_opens(memory: Memory, outer: str) -> None:
 
 def test_what_has_no_items_cannot_be_opened(memory: Memory) -> None:
     key = inner(1).encode(memory.put)
-    with pytest.raises(RuleError, match="`each` cannot open tests.Inner: it has no field `items`") as caught:
+    with pytest.raises(RuleError, match=r"`each` cannot open tests\.Inner: it has no field `items`") as caught:
         headers.items(memory.__getitem__, key)
     assert caught.value.facts["fields"] == "points"
 
