@@ -14,6 +14,7 @@ from dextera_build.artifacts import camera_files, camera_info, easy_handeye, len
 from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.formats import suffix_among, unreadable
+from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.image import png
 from dextera_build.artifacts.lens import BrownConrady, KannalaBrandt
 from dextera_build.artifacts.pose import Pose
@@ -48,7 +49,7 @@ class Calibration(Artifact):
 
     mount: Literal["eye_on_base", "eye_in_hand"]
     """`eye_on_base`: the camera watches the robot from a fixed place; `eye_in_hand`: it is on the hand."""
-    pose: Pose
+    pose: Annotated[Pose, Frames(None, None)]
     """T_base_camera for `eye_on_base`, T_effector_camera for `eye_in_hand`; with its covariance where known."""
     base_frame: str = "base"
     """The robot's base."""

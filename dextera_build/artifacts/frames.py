@@ -15,23 +15,29 @@ class Frames:
     """The frames that a field's pose is between, used as `Annotated[Pose, Frames("world", "camera")]`.
 
     Args:
-        parent: Frame of the resulting coordinates.
-        child: Frame of the given coordinates.
+        parent: Frame of the resulting coordinates; None where the value names it.
+        child: Frame of the given coordinates; None where the value names it.
     """
 
-    parent: str
-    child: str
+    parent: str | None
+    child: str | None
+
+    @property
+    def declared(self) -> dict[str, str]:
+        """The frames that every value has, by field of a pose."""
+        both = {"parent": self.parent, "child": self.child}
+        return {name: frame for name, frame in both.items() if frame is not None}
 
     def describe(self) -> str:
-        """`T_world_camera`."""
-        return f"T_{self.parent}_{self.child}"
+        """`T_world_camera`; `*` for a frame that the value names."""
+        return f"T_{self.parent or '*'}_{self.child or '*'}"
 
     def __get_pydantic_core_schema__(self, kind: Any, handler: GetCoreSchemaHandler) -> Any:
         """The schema of `kind`, followed by the check of its frames."""
         return AfterValidator(self._check).__get_pydantic_core_schema__(kind, handler)
 
     def _check(self, pose: Any, field: ValidationInfo) -> Any:
-        if (pose.parent, pose.child) != (self.parent, self.child):
+        if self.parent not in (None, pose.parent) or self.child not in (None, pose.child):
             raise ArtifactError(
                 f"`{field.field_name}` is T_{pose.parent}_{pose.child}, but {self.describe()} is declared",
                 code="DXB-A207",

@@ -206,4 +206,4 @@ def _picture(asset: Any) -> np.ndarray:
     opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(asset.resolvedPath)) if asset.resolvedPath else None
     if opened is None:
         raise ValueError(f"the texture `{asset.path}` is missing")
-    return np.asarray(Image.open(BytesIO(bytes(opened.GetBuffer()))).convert("RGB"))
+    return np.asarray(Image.open(BytesIO(bytes(opened.GetBuffer())), formats=("PNG", "JPEG")).convert("RGB"))

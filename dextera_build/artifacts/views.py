@@ -16,6 +16,7 @@ from dextera_build.artifacts import colmap, colmap_images, lens, nerfstudio
 from dextera_build.artifacts.base import Array, Artifact, File
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.formats import unreadable, unwritable
+from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.image import Image, png, smaller
 from dextera_build.artifacts.intrinsics import Intrinsics
 from dextera_build.artifacts.labels import check_paths
@@ -236,7 +237,7 @@ class Panorama(Artifact):
 
     image: Image
     """Equirectangular picture; its middle is straight ahead."""
-    pose: Pose
+    pose: Annotated[Pose, Frames(None, "camera")]
     """T_frame_camera of the place: x right, y down, z ahead."""
 
     def lens(self) -> Equirectangular:

@@ -72,7 +72,7 @@ def _fields(draw: Draw, kind: type[BaseModel]) -> dict[str, Any]:
         hint = Annotated[(info.annotation, spec[0])] if spec else info.annotation  # type: ignore[valid-type]
         fields[name] = _drawn(draw, hint, axes)
         for frames in (each for each in info.metadata if isinstance(each, Frames)):
-            fields[name] = fields[name].model_copy(update={"parent": frames.parent, "child": frames.child})
+            fields[name] = fields[name].model_copy(update=frames.declared)
     return fields
 
 
@@ -202,7 +202,7 @@ def _drawn(draw: Draw, hint: Any, axes: dict[str, int]) -> Any:
         spec = next((each for each in inner[1:] if isinstance(each, Array)), None)
         drawn = _drawn(draw, inner[0], axes) if spec is None else _array(draw, spec, axes)
         for frames in (each for each in inner[1:] if isinstance(each, Frames)):
-            drawn = drawn.model_copy(update={"parent": frames.parent, "child": frames.child})
+            drawn = drawn.model_copy(update=frames.declared)
         return drawn
     if origin is Literal:
         return draw(st.sampled_from(inner))
