@@ -19,6 +19,10 @@ AssetSource: TypeAlias = Literal["rgb", "rgbd"]
 """What an asset was made from: the photograph alone, as in the paper, or with the help of measured depth."""
 
 
+ScaleSource: TypeAlias = Literal["depth", "marker", "robot", "size", "unknown"]
+"""What tells the length of a metre: measured depth, a marker, the robot's calibration, a stated size, or nothing."""
+
+
 class Element(Value):
     """One thing that parsing found in the photograph."""
 
@@ -66,10 +70,14 @@ class Support(Artifact):
     """T_world_camera, camera in OpenCV axes."""
     polygon: Annotated[np.ndarray, Array("P 2", "float64", unit="m", frame="world")]
     """Convex outline of the seen support, counter-clockwise."""
-    residual_m: float
-    """Root mean square distance of the inliers to the plane [m]."""
-    inlier_fraction: float
-    """Fraction of the valid depth pixels that are on the plane."""
+    residual_m: float | None = None
+    """Root mean square distance of the inliers to the plane [m]; None without depth."""
+    inlier_fraction: float | None = None
+    """Fraction of the valid depth pixels that are on the plane; None without depth."""
+    scale: ScaleSource = "depth"
+    """Where the unit of length comes from. `unknown`: the camera is one unit above the support, whatever that is."""
+    factor: float = 1.0
+    """Length in this world per length in the world that objects were placed in."""
 
 
 class Shape(Artifact):
@@ -227,10 +235,10 @@ class Placement(Artifact):
     """T_world_object of the scaled body (root link)."""
     scale: float
     """Uniform factor from the mesh's units to metres."""
-    residual_m: float
-    """Trimmed mean distance of the seen points to the placed surface [m]."""
-    overlap: float
-    """Fraction of the seen points within 5 mm of the placed surface."""
+    residual_m: float | None = None
+    """Trimmed mean distance of the seen points to the placed surface [m]; None without depth."""
+    overlap: float | None = None
+    """Fraction of the seen points within 5 mm of the placed surface; None without depth."""
     method: str
     """Method that found it."""
     ambiguous: bool = False
@@ -259,3 +267,5 @@ class Asset(Artifact):
     """See `Element.category`."""
     asset_source: AssetSource = "rgb"
     """What the asset was made from."""
+    scale: ScaleSource = "depth"
+    """See `Support.scale`; if it is `unknown`, lengths and masses are those of no real object."""

@@ -13,7 +13,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import DepthImage, Image, LabelImage
-from dextera_build.artifacts.object import AssetSource
+from dextera_build.artifacts.object import AssetSource, ScaleSource
 from dextera_build.artifacts.pose import Pose
 
 
@@ -62,6 +62,8 @@ class Scene(Artifact):
     """T_world_camera, OpenCV axes."""
     bodies: tuple[str, ...]
     """Names of the movable objects; each is the name of its MJCF root body."""
+    scale: ScaleSource = "depth"
+    """Where the unit of length comes from; tasks refuse a scene of scale `unknown`."""
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write `scene.xml` and its files."""

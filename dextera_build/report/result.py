@@ -22,12 +22,16 @@ def title(run: Run) -> Html:
     if run.interrupted:
         verdict = ("warn", "- stopped")
     # Stub backends give meaningless shapes: such a page must not be mistaken for a result.
-    stub = tag("span", {"class": "verdict warn"}, "stub backends") if run.profile == "stub" else None
+    warnings = ["stub backends"] if run.profile == "stub" else []
+    if any(node.artifact == "Scene" and node.fields.get("scale") == "unknown" for node in run.nodes):
+        warnings.append("scale unknown")
+    made = {str(node.fields.get("asset_source", "")) for node in run.nodes if node.artifact == "Asset"}
     when = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(run.started))
     facts = [
         ("run", run.name),
         ("when", when),
         ("profile", run.profile),
+        ("assets made from", " and ".join(sorted(filter(None, made)))),
         ("dxb", run.dxb),
         ("time", duration(run.seconds)),
         ("saved", duration(run.saved) if run.saved >= 1 else ""),
@@ -35,10 +39,11 @@ def title(run: Run) -> Html:
         (count(sum(run.counts.values()), "node"), states(run.counts)),
     ]
     listed = [tag("div", None, tag("dt", None, name), tag("dd", None, value)) for name, value in facts if value]
+    marks = [tag("span", {"class": "verdict warn"}, text) for text in warnings]
     return tag(
         "header",
         None,
-        tag("h1", None, run.recipe or "a run", " ", tag("span", {"class": f"verdict {verdict[0]}"}, verdict[1]), stub),
+        tag("h1", None, run.recipe or "a run", " ", tag("span", {"class": f"verdict {verdict[0]}"}, verdict[1]), marks),
         tag("dl", {"class": "strip"}, listed),
     )
 

@@ -39,6 +39,11 @@ def base(ctx: Context, support: Support, measured: Pose | None = None, *, option
         f"the measured transform is T_{frames[0]}_{frames[1]}, but T_camera_base is needed",
         hint="take it from `capture.mount` or a calibration rule",
     )
+    ctx.check(
+        support.scale != "unknown",
+        "the scale of this twin is unknown, so a measured pose has no place in it",
+        hint="give the pose as input `robot` of `align.support`, or state one size, see `align.scale`",
+    )
     placed = support.camera_pose @ measured
     lean = float(np.degrees(np.arccos(np.clip(placed.matrix[2, 2], -1.0, 1.0))))
     ctx.metric("base height", 1000 * float(placed.matrix[2, 3]), "mm")

@@ -6,7 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.object import Body, Placement
+from dextera_build.artifacts.image import DepthImage
+from dextera_build.artifacts.object import Body, Placement, Support
 from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
 from dextera_build.rule import Context, Fraction, Options, rule
 
@@ -40,19 +41,19 @@ def object(
     body: Body,
     view: ObjectView,
     measured: MeasuredView | None = None,
+    support: Support | None = None,
     *,
     options: ObjectOptions | None = None,
 ) -> Placement:
-    """Return the pose of the object frame in the world and the scale from mesh units to metres [m].
+    """Return the pose of the object frame in the world and the scale from mesh units to those of the world [m].
 
-    The render decides, not the registration's fitness, which is perfect for a collapsed fit.
+    The render decides, not the registration's fitness, which is perfect for a collapsed fit. Without depth, the body
+    stands on the support and its silhouette decides alone.
     """
     options = options or ObjectOptions()
-    if measured is None:
-        ctx.fail("the object has no measured depth", hint="add the depth to the capture")
-    seen = Seen(view, measured)
+    seen = _seen(ctx, view, measured, support)
     valid = int((seen.mask & (seen.depth > 0.0)).sum())
-    if valid < 50:
+    if measured is not None and valid < 50:
         ctx.fail(f"only {valid} pixels of the object have depth", hint="drop the element, or capture it nearer")
     placed = ctx.backend.place(ctx, body, seen, options, ctx.backend_options)
     hint = "try another backend of `factorize.mesh`, or look at the mask of this object"
@@ -72,17 +73,30 @@ def object(
     pixels = ctx.backend.picture(ctx, body, seen, placement, ctx.backend_options)
     if pixels is not None:
         ctx.preview(pixels, "outline and hidden half of the placed mesh on the photograph")
+    residual = ""
+    if placement.residual_m is not None:
+        residual = f"residual {placement.residual_m * 1000:.1f} mm, "
+        ctx.metric("residual", placement.residual_m * 1000.0, "mm")
     for name, value, unit in (
         ("scale", placement.scale, ""),
-        ("residual", placement.residual_m * 1000.0, "mm"),
         ("mask_iou", placed.iou, ""),
         ("free_space", placed.violation * 100.0, "%"),
         ("gap", placed.gap_m * 1000.0, "mm"),
     ):
         ctx.metric(name, value, unit)
     turn = ", turn undetermined" if placement.ambiguous else ""
-    ctx.say(
-        f"scale {placement.scale:.4f}, IoU {placed.iou:.2f}, residual {placement.residual_m * 1000:.1f} mm, "
-        f"{placement.method}{turn}"
-    )
+    ctx.say(f"scale {placement.scale:.4f}, IoU {placed.iou:.2f}, {residual}{placement.method}{turn}")
     return placement
+
+
+def _seen(ctx: Context, view: ObjectView, measured: MeasuredView | None, support: Support | None) -> Seen:
+    """View and measurements; without depth, none of the pixels was measured and the camera's pose is the support's."""
+    if measured is not None:
+        return Seen(view, measured)
+    if support is None:
+        ctx.fail(
+            "the object has no measured depth, and no support that it could stand on is given",
+            hint="give the input `support`, or add the depth to the capture",
+        )
+    nothing = DepthImage(depth=np.zeros(view.mask.shape, np.float32))
+    return Seen(view, MeasuredView(depth=nothing, camera_pose=support.camera_pose))

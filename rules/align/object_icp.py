@@ -14,7 +14,7 @@ from dextera_build.geometry import kinematics, registration, transforms
 from dextera_build.geometry.registration import Search, Similarity
 from dextera_build.rule import Backend, Context
 
-from . import overlay_picture, starts
+from . import overlay_picture, silhouette, starts
 from .icp_options import IcpOptions
 from .model_view import ModelView, Score, seen_points
 from .placed import Placed
@@ -42,6 +42,8 @@ def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: 
     """
     vertices, faces = kinematics.posed_surface(body)
     model = ModelView(vertices, faces, seen)
+    if not (seen.depth > 0).any():
+        return _by_silhouette(model, vertices, faces, seen)
     points = seen_points(seen)
     guess = None if body.pose is None else Similarity(1.0, np.array(body.pose.matrix))
     score = None if guess is None else model.score(guess)
@@ -58,6 +60,17 @@ def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: 
 def picture(ctx: Context, body: Body, seen: Seen, placement: Placement, options: IcpOptions) -> np.ndarray:
     """Draw the placed model on the crop, (H, W, 3) uint8."""
     return overlay_picture.draw(*kinematics.posed_surface(body), seen, placement)
+
+
+def _by_silhouette(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen) -> Placed:
+    found = silhouette.search(model, vertices, faces, seen)
+    placement = Placement(
+        pose=Pose(parent="world", child="object", matrix=found.pose),
+        scale=found.scale,
+        method="silhouette on the support",
+        ambiguous=_is_round(model, vertices),
+    )
+    return Placed(placement, model.score(found).iou, violation=0.0, gap_m=_lowest(vertices, found))
 
 
 def _refined(

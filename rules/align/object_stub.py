@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from dextera_build.artifacts.object import Body, Placement
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.view import Seen
 from dextera_build.rule import Backend, Context, Options
 
@@ -17,8 +20,9 @@ BACKEND = Backend(summary="the body's own pose at scale 1, for tests", profiles=
 
 
 def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: Options) -> Placed:
-    """The guess, unscaled and unchecked."""
-    placement = Placement(pose=body.pose, scale=1.0, residual_m=0.0, overlap=1.0, method="guess, unchecked")
+    """The guess, unscaled and unchecked; the world's origin if there is none."""
+    pose = body.pose or Pose(parent="world", child="object", matrix=np.eye(4))
+    placement = Placement(pose=pose, scale=1.0, residual_m=0.0, overlap=1.0, method="guess, unchecked")
     return Placed(placement, iou=1.0, violation=0.0, gap_m=0.0)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.camera import Measured, Photograph
 from dextera_build.artifacts.object import Support
@@ -11,7 +11,9 @@ from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import cameras, planes, regions, transforms
 from dextera_build.rule import Context, Options, rule
 
+from . import unmeasured
 from .surfaces import Surface, choose, find
+from .unmeasured import MarkerOptions
 
 
 class SupportOptions(Options):
@@ -27,19 +29,33 @@ class SupportOptions(Options):
     """Number of planes compared."""
     seed: NonNegativeInt = 0
     """Seed of the random sampling."""
+    marker: MarkerOptions | None = None
+    """A marker on the support, for photographs without depth."""
+    base_above_m: float = 0.0
+    """Height of the robot's base above the support [m], for photographs without depth."""
+    pitch_deg: float = Field(35.0, gt=0.0, le=90.0)
+    """Angle at which the camera looks down, assumed for photographs without depth, marker and robot [deg]."""
+    reach: PositiveFloat = 3.0
+    """Extent of a support that was not measured, in heights of the camera above it."""
 
 
 @rule(version=2)
 def support(
-    ctx: Context, photograph: Photograph, measured: Measured | None = None, *, options: SupportOptions | None = None
+    ctx: Context,
+    photograph: Photograph,
+    measured: Measured | None = None,
+    robot: Pose | None = None,
+    *,
+    options: SupportOptions | None = None,
 ) -> Support:
     """Return the support plane and the world frame on it: z up along the normal, origin at its centre [m].
 
-    Assumes a roughly upright camera that looks at the support from above.
+    Assumes a roughly upright camera that looks at the support from above. Without depth, the plane comes from a marker,
+    from the robot's pose T_camera_base, or from an assumed pitch; the scale is unknown in the last case.
     """
     options = options or SupportOptions()
     if measured is None:
-        ctx.fail("the capture has no depth to find a support in", hint="add `depth.png` to the capture")
+        return _unmeasured(ctx, photograph, robot, options)
     depth = measured.depth.depth
     points = cameras.backproject(depth, photograph.camera.matrix())
     valid = (depth > 0) & (depth <= options.farthest_m)
@@ -60,12 +76,30 @@ def support(
         )
     result = _support(best, points, valid)
     area = regions.area(result.polygon)
-    ctx.check(result.residual_m < 0.02, "the support is not flat", residual=f"{result.residual_m * 1000:.1f} mm")
-    below, rms = result.camera_pose.matrix[2, 3], 1000 * result.residual_m
+    below, rms = result.camera_pose.matrix[2, 3], 1000 * (result.residual_m or 0.0)
+    ctx.check(rms < 20.0, "the support is not flat", residual=f"{rms:.1f} mm")
     ctx.say(f"{area:.2f} m² at {below:.2f} m below the camera, {rms:.1f} mm rms")
-    ctx.metric("support residual", result.residual_m * 1000, "mm")
-    ctx.metric("support inliers", result.inlier_fraction)
+    ctx.metric("support residual", rms, "mm")
+    ctx.metric("support inliers", result.inlier_fraction or 0.0)
     ctx.preview(_painted(photograph.rgb.pixels, best.region), "support")
+    return result
+
+
+def _unmeasured(ctx: Context, photograph: Photograph, robot: Pose | None, options: SupportOptions) -> Support:
+    if options.marker is not None:
+        plane = unmeasured.marked(ctx, photograph, options.marker)
+    elif robot is not None:
+        frames = (robot.parent, robot.child)
+        ctx.check(frames == ("camera", "base"), f"`robot` is T_{frames[0]}_{frames[1]}, but T_camera_base is needed")
+        plane = unmeasured.under_robot(robot, options.base_above_m)
+    else:
+        plane = unmeasured.assumed(options.pitch_deg)
+    result = unmeasured.support(ctx, photograph, plane, options.reach)
+    below = result.camera_pose.matrix[2, 3]
+    if plane.scale == "unknown":
+        ctx.say(f"assumed: the camera looks down by {options.pitch_deg:g} deg; scale unknown")
+    else:
+        ctx.say(f"{below:.3f} m below the camera, by the {plane.scale}")
     return result
 
 

@@ -14,30 +14,41 @@ from dextera_build.artifacts.object import (
     Link,
     Physics,
     Placement,
+    Support,
 )
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.view import Traits
 from dextera_build.rule import Context, rule
 
 
 @rule(version=2)
 def asset(
-    ctx: Context, body: Body, physics: Physics, collision: Collision, placement: Placement, traits: Traits
+    ctx: Context,
+    body: Body,
+    physics: Physics,
+    collision: Collision,
+    placement: Placement,
+    traits: Traits,
+    support: Support | None = None,
 ) -> Asset:
     """Return the body with the placement's scale applied to every part, and its pose in the world [m].
 
     A uniform scale s multiplies meshes, walls, pieces, joint origins and prismatic limits by s, masses by s^3 and
     inertias by s^5 at constant density; angles are unchanged. The pose is rigid, as simulators do not scale bodies.
+    `support` says in which unit the world is, see `align.scale`.
     """
     names = set(body.links)
     for what, links in (("physics", set(physics.links)), ("collision", set(collision.links))):
         ctx.check(links == names, f"{what} has links {sorted(links)}, but the body has {sorted(names)}")
-    s = placement.scale
+    factor, known = (1.0, "depth") if support is None else (support.factor, support.scale)
+    s = placement.scale * factor
     ctx.check(bool(np.isfinite(s)) and s > 0.0, f"the scale is {s}, but it is positive")
     mass = sum(link.mass_kg for link in physics.links.values()) * s**3
     pieces = sum(len(link.hulls) for link in collision.links.values())
     ctx.metric("mass", mass, "kg")
     counts = f"{_count(pieces, 'collision piece')}, {_count(len(body.joints), 'joint')}"
-    ctx.say(f"{mass:.3f} kg, scale {s:.4f}, {counts}, {body.asset_source}")
+    unknown = ", scale unknown" if known == "unknown" else ""
+    ctx.say(f"{mass:.3f} kg, scale {s:.4f}, {counts}, {body.asset_source}{unknown}")
     return Asset(
         body=scale_body(body, s),
         physics=scale_physics(physics, s),
@@ -47,10 +58,17 @@ def asset(
                 for name, link in collision.links.items()
             }
         ),
-        pose=placement.pose,
+        pose=_moved(placement.pose, factor),
         category=traits.category,
         asset_source=body.asset_source,
+        scale=known,
     )
+
+
+def _moved(pose: Pose, factor: float) -> Pose:
+    matrix = pose.matrix.copy()
+    matrix[:3, 3] *= factor
+    return pose.model_copy(update={"matrix": matrix})
 
 
 def _count(number: int, what: str) -> str:

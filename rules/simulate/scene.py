@@ -9,16 +9,20 @@ from dextera_build.artifacts.scene import Background, Scene
 from dextera_build.rule import Context, rule
 from dextera_build.sim.model import mjcf, names
 
+from .metric import metric
+
 
 @rule(version=1, packages=("scipy",))
 def scene(ctx: Context, assets: Collection[Asset], background: Background, support: Support, camera: Camera) -> Scene:
     """Return the twin as MJCF in the world frame [m, kg, rad]: z up, support at z = 0, camera `capture`.
 
+    If `support.scale` is `unknown`, its unit is not the metre, and no task can be built on it.
+
     Every object is a free body with its explicit mass properties, a textured visual and convex collision pieces;
     keyframe `home` holds the pose and the joint positions of the photograph.
     """
     placed = assets.items
-    model = mjcf.scene(placed, background, camera, support.camera_pose.matrix)
+    model = mjcf.scene(placed, metric(background, support.factor), camera, support.camera_pose.matrix)
     joints = sum(len(asset.body.joints) for asset in placed.values())
     pieces = sum(len(part.hulls) for asset in placed.values() for part in asset.collision.links.values())
     mass = sum(link.mass_kg for asset in placed.values() for link in asset.physics.links.values())
@@ -26,9 +30,10 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
     ctx.metric("joints", joints)
     ctx.metric("collision pieces", pieces)
     ctx.metric("mass", mass, "kg")
+    unknown = ", scale unknown" if support.scale == "unknown" else ""
     bodies = tuple(names.body_names(placed).values())
-    ctx.say(f"{_count(len(bodies), 'body', 'bodies')}, {_count(joints, 'joint', 'joints')}, {mass:.2f} kg")
-    return Scene(model=model, camera=camera, camera_pose=support.camera_pose, bodies=bodies)
+    ctx.say(f"{_count(len(bodies), 'body', 'bodies')}, {_count(joints, 'joint', 'joints')}, {mass:.2f} kg{unknown}")
+    return Scene(model=model, camera=camera, camera_pose=support.camera_pose, bodies=bodies, scale=support.scale)
 
 
 def _count(number: int, one: str, many: str) -> str:

@@ -98,6 +98,12 @@ def task(
     `portraits(bundle) -> list of (caption, pixels)`. Masses and friction carry the twin's own uncertainty (90 %
     interval, standard deviation), from which resets draw.
     """
+    if scene.scale == "unknown":
+        ctx.fail(
+            "the scale of this twin is unknown, so no task can be built on it",
+            hint="state one size (`object` and `size_m` of `align.scale`), lay a marker on the support (`marker` of "
+            "`align.support`), or measure depth",
+        )
     labels = names.body_names(assets.items)
     bodies = {body: assets.items[label] for label, body in labels.items()}
     options = ctx.backend.fitted(

@@ -14,6 +14,8 @@ from dextera_build.artifacts.scene import Background
 from dextera_build.errors import listing
 from dextera_build.rule import Context, rule
 
+from .metric import metric
+
 
 class UsdBackend(Protocol):
     """What a backend of simulate.usd defines."""
@@ -44,7 +46,7 @@ def usd(
     Rigid bodies with explicit mass properties, convex hulls as colliders, joints between sibling links.
     """
     result: Folder = ctx.backend.write(
-        ctx, assets.items, background, camera, support.camera_pose.matrix, ctx.backend_options
+        ctx, assets.items, metric(background, support.factor), camera, support.camera_pose.matrix, ctx.backend_options
     )
     ctx.check("scene.usda" in result.files, "the folder holds no `scene.usda`", files=listing(result.files))
     problems = ctx.backend.problems(ctx, result, ctx.backend_options)

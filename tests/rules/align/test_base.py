@@ -42,3 +42,11 @@ def test_a_transform_of_other_frames_is_refused(tmp_path: Path) -> None:
     other = Pose(parent="base", child="camera", matrix=np.eye(4))
     with pytest.raises(RuleError, match="T_base_camera, but T_camera_base is needed"):
         RuleRunner(tmp_path).run("align.base", support=SUPPORT, measured=other)
+
+
+def test_a_measured_base_has_no_place_in_a_world_of_unknown_scale(tmp_path: Path) -> None:
+    measured = Pose(parent="camera", child="base", matrix=np.eye(4))
+    unknown = SUPPORT.model_copy(update={"scale": "unknown"})
+    with pytest.raises(RuleError, match="the scale of this twin is unknown") as caught:
+        RuleRunner(tmp_path).run("align.base", support=unknown, measured=measured)
+    assert "input `robot` of `align.support`" in str(caught.value.hint)

@@ -255,6 +255,18 @@ def test_the_robot_is_taken_out_too(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("backend", [static_stub, static_planes])
+def test_without_depth_the_support_is_the_surface(backend: ModuleType, tmp_path: Path) -> None:
+    empty, table = striped_table()
+    capture, mask = with_box(empty, table, shadow=False)
+    context = context_of(backend, tmp_path)
+    result = static(context, capture.photograph, table, segmented(mask), options=StaticOptions())
+    assert result.asset_source == "rgb"
+    assert np.abs(result.mesh.vertices[:, 2]).max() < 1e-6
+    np.testing.assert_allclose(result.depth.depth[mask], empty.measured.depth.depth[mask], atol=1e-3)
+    assert (result.image.pixels[mask] != capture.photograph.rgb.pixels[mask]).any(axis=-1).mean() > 0.9
+
+
 def test_a_segmentation_of_another_size_is_refused(tmp_path: Path) -> None:
     empty, table = striped_table()
     with pytest.raises(RuleError, match="of another picture"):

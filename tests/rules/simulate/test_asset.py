@@ -97,6 +97,22 @@ def test_the_pose_is_the_placement_and_scale_one_changes_nothing(runner):
     assert runner.outcome.line == "1.300 kg, scale 1.0000, 2 collision pieces, 1 joint, rgb"
 
 
+def test_a_world_of_another_unit_scales_body_and_place(runner):
+    made = factories.laptop_asset()
+    table = factories.support().model_copy(update={"factor": 0.5, "scale": "size"})
+    found = build(runner, made, place(scale=2.0), support=table)
+    assert found.scale == "size"
+    assert found.pose.matrix[:3, 3] == pytest.approx([0.05, 0.1, 0.15])
+    assert found.body.links["base"].mesh.vertices == pytest.approx(made.body.links["base"].mesh.vertices)
+    assert found.physics.links["base"].mass_kg == pytest.approx(made.physics.links["base"].mass_kg)
+
+
+def test_an_asset_of_unknown_scale_says_so(runner):
+    table = factories.support().model_copy(update={"scale": "unknown"})
+    assert build(runner, factories.laptop_asset(), place(scale=1.0), support=table).scale == "unknown"
+    assert runner.outcome.line.endswith("rgb, scale unknown")
+
+
 @pytest.mark.parametrize("scale", [0.0, -1.0])
 def test_a_scale_that_is_not_positive_is_refused(runner, scale):
     with pytest.raises(RuleError, match=rf"the scale is {scale}, but it is positive"):

@@ -39,7 +39,7 @@ def make(tmp_path):
         inputs = {"scene": scene, "assets": assets, "robot": episodes.robot(), "base": base, **changed}
         return runner.run("simulate.task", profile=profile, options=options, **inputs)
 
-    run.runner = runner
+    run.runner, run.scene = runner, scene
     return run
 
 
@@ -71,6 +71,16 @@ def test_the_home_keyframe_holds_the_photograph_and_the_robot(make):
     (hinge,) = environment.bundle.objects["laptop"].joints
     assert environment.data.joint(hinge).qpos[0] == pytest.approx(1.9)
     assert np.allclose(environment.measure().joints, episodes.HOME)
+
+
+def test_a_twin_of_unknown_scale_is_refused(make):
+    with pytest.raises(RuleError) as caught:
+        make(LIFT, scene=make.scene.model_copy(update={"scale": "unknown"}))
+    assert caught.value.message == "the scale of this twin is unknown, so no task can be built on it"
+    assert caught.value.hint == (
+        "state one size (`object` and `size_m` of `align.scale`), lay a marker on the support (`marker` of "
+        "`align.support`), or measure depth"
+    )
 
 
 @pytest.mark.parametrize(

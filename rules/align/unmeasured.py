@@ -1,0 +1,108 @@
+"""The support of a photograph without depth: from a marker on it, from the robot that stands on it, or assumed."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import NonNegativeInt, PositiveFloat
+
+from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.object import ScaleSource, Support
+from dextera_build.artifacts.pose import Pose
+from dextera_build.geometry import cameras, regions, transforms
+from dextera_build.rule import Context, Options
+
+
+class MarkerOptions(Options):
+    """A printed ArUco marker that lies flat on the support."""
+
+    size_m: PositiveFloat
+    """Edge length of its black square [m]."""
+    number: NonNegativeInt = 0
+    """Its number in the dictionary."""
+    dictionary: str = "DICT_4X4_50"
+    """Name of the dictionary in OpenCV."""
+
+
+class Plane(NamedTuple):
+    """A support in the camera frame."""
+
+    normal: np.ndarray  # (3,) unit, up
+    height: float  # of the camera above it
+    scale: ScaleSource
+
+
+def marked(ctx: Context, photograph: Photograph, marker: MarkerOptions) -> Plane:
+    """The plane of a marker [m], by the pose of a square (Collins and Bartoli: IPPE, IJCV 2014)."""
+    import cv2
+
+    known = getattr(cv2.aruco, marker.dictionary, None)
+    if not marker.dictionary.startswith("DICT_") or known is None:
+        names = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
+        ctx.fail(f"no dictionary of markers is called `{marker.dictionary}`", exist=", ".join(names))
+    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(known), cv2.aruco.DetectorParameters())
+    grey = cv2.cvtColor(photograph.rgb.pixels, cv2.COLOR_RGB2GRAY)
+    corners, numbers, _ = detector.detectMarkers(grey)
+    seen = [] if numbers is None else [int(n) for n in np.ravel(numbers)]
+    if seen.count(marker.number) != 1:
+        ctx.fail(
+            f"marker {marker.number} of {marker.dictionary} is seen {seen.count(marker.number)} times",
+            seen=", ".join(map(str, sorted(seen))) or "none",
+            hint="lay one marker flat on the support, whole and with a white border, or leave out `marker`",
+        )
+    half = marker.size_m / 2.0
+    square = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
+    pixels = np.asarray(corners[seen.index(marker.number)], np.float64).reshape(4, 1, 2)
+    k = photograph.camera.matrix()
+    _, turns, shifts, errors = cv2.solvePnPGeneric(square, pixels, k, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+    best = int(np.argmin(np.ravel(errors)))
+    ctx.metric("marker residual", float(np.ravel(errors)[best]), "px")
+    normal = cv2.Rodrigues(turns[best])[0][:, 2]
+    return Plane(normal, -float(normal @ shifts[best].ravel()), "marker")
+
+
+def under_robot(robot: Pose, base_above_m: float) -> Plane:
+    """The plane that the robot stands on [m]: across its base's z axis.
+
+    Args:
+        robot: T_camera_base.
+        base_above_m: Height of the base's origin above the support [m].
+    """
+    normal = robot.matrix[:3, 2]
+    return Plane(normal, base_above_m - float(normal @ robot.matrix[:3, 3]), "robot")
+
+
+def assumed(pitch_deg: float) -> Plane:
+    """A level support one unit below a camera that looks down by `pitch_deg` [deg]; the unit is unknown."""
+    pitch = np.radians(pitch_deg)
+    return Plane(np.array([0.0, -np.cos(pitch), -np.sin(pitch)]), 1.0, "unknown")
+
+
+def support(ctx: Context, photograph: Photograph, plane: Plane, reach: float) -> Support:
+    """The world frame on a plane; its outline is what the camera sees of it, up to `reach` heights of the camera."""
+    if plane.height <= 0:
+        ctx.fail(
+            "the camera is below the support", scale=plane.scale, hint="check the pose that the support comes from"
+        )
+    up = plane.normal / np.linalg.norm(plane.normal)
+    right = np.array([1.0, 0.0, 0.0]) - up[0] * up
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(up, right), up])
+    lens = photograph.camera
+    thin = max(1, lens.height // 90)
+    rays = cameras.rays(lens.height, lens.width, lens.matrix())[::thin, ::thin]
+    world = rays.reshape(-1, 3) @ axes.T
+    world = world[world[:, 2] < -1e-6]
+    ground = world[:, :2] * (plane.height / -world[:, 2:])
+    ground = ground[np.linalg.norm(ground, axis=1) <= reach * plane.height]
+    if len(ground) < 3:
+        ctx.fail("nothing of the support is in view", hint="raise `reach`, or check `pitch_deg`")
+    outline = regions.convex_hull(ground)
+    middle = regions.centroid(outline)
+    pose = transforms.rigid(axes, np.array([-middle[0], -middle[1], plane.height]))
+    return Support(
+        camera_pose=Pose(parent="world", child="camera", matrix=pose),
+        polygon=np.ascontiguousarray(outline - middle),
+        scale=plane.scale,
+    )

@@ -1,0 +1,28 @@
+"""A background in the unit of its support."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.image import DepthImage
+from dextera_build.artifacts.scene import Background, SupportBox
+
+
+def metric(background: Background, factor: float) -> Background:
+    """The background with all its lengths multiplied by `factor`, about the world's origin."""
+    if factor == 1.0:
+        return background
+    mesh = background.mesh
+    vertices = (mesh.vertices.astype(np.float64) * factor).astype(np.float32)
+    return background.model_copy(
+        update={
+            "depth": DepthImage(depth=(background.depth.depth * np.float32(factor))),
+            "mesh": mesh.model_copy(update={"vertices": vertices}),
+            "boxes": tuple(_box(box, factor) for box in background.boxes),
+        }
+    )
+
+
+def _box(box: SupportBox, factor: float) -> SupportBox:
+    lengths = {name: tuple(factor * v for v in getattr(box, name)) for name in ("centre", "half_size")}
+    return box.model_copy(update=lengths)
