@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import io
-import json
 from typing import TYPE_CHECKING
 
 import numpy as np
-from mcap.writer import CompressionType, Writer
 
 from dextera_build.artifacts.episode import Episode, Episodes, Film
+from dextera_build.artifacts.ros import messages
+from dextera_build.artifacts.ros.recording import Recording, packed
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.geometry import poses
 from dextera_build.rule import Backend, Context, Options
-
-from . import ros_messages, ros_types
 
 if TYPE_CHECKING:
     from .mcap import McapOptions
@@ -48,7 +46,7 @@ def write(
     files = {}
     for number, (label, episode) in enumerate(episodes.in_order()):
         pixels = film.pixels(label) if film is not None else None
-        recording = Recording(episodes, common)
+        recording = EpisodeRecording(episodes, common)
         recording.describe(bundle, label, episode)
         recording.once(bundle, view)
         for step in range(len(episode.joints)):
@@ -60,7 +58,7 @@ def write(
     return files
 
 
-class Recording:
+class EpisodeRecording:
     """One MCAP file in memory.
 
     Args:
@@ -71,11 +69,7 @@ class Recording:
     def __init__(self, episodes: Episodes, options: McapOptions) -> None:
         self._episodes, self._options = episodes, options
         self._buffer = io.BytesIO()
-        packed = CompressionType.ZSTD if options.compression == "zstd" else CompressionType.NONE
-        self._writer = Writer(self._buffer, compression=packed)
-        self._writer.start(profile="ros2", library="dextera-build")
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
+        self._out = Recording(self._buffer, options.compression)
         self._optical = f"{options.camera}_color_optical_frame"
 
     def describe(self, bundle: TaskBundle, label: str, episode: Episode) -> None:
@@ -92,11 +86,11 @@ class Recording:
             "rate_hz": str(self._episodes.rate_hz),
             "units": "m, rad, N; forces along the axes of `base`, torques not recorded",
         }
-        self._writer.add_metadata("episode", facts)
+        self._out.metadata("episode", facts)
         start = begin.model_dump(mode="python") | {"qpos": begin.qpos.tolist(), "ctrl": begin.ctrl.tolist()}
-        self._attach("start.json", start)
-        self._attach("task.json", bundle.task.model_dump(mode="json"))
-        self._attach("segments.json", [segment.model_dump() for segment in episode.segments])
+        self._out.attach("start.json", start)
+        self._out.attach("task.json", bundle.task.model_dump(mode="json"))
+        self._out.attach("segments.json", [segment.model_dump() for segment in episode.segments])
 
     def once(self, bundle: TaskBundle, view: View | None) -> None:
         """Write static frames."""
@@ -105,68 +99,44 @@ class Recording:
             camera = bundle.base_pose.inverse() @ view.camera_pose
             edges.append((BASE, self._optical, poses.from_matrix(camera.matrix)))
         # In one message: late subscribers get only the last one.
-        self._send("/tf_static", "tf2_msgs/TFMessage", 0, ros_messages.transforms(0, edges), LATCHED)
+        self._out.send("/tf_static", "tf2_msgs/TFMessage", 0, messages.transforms(0, edges), LATCHED)
 
     def step(self, episode: Episode, step: int) -> None:
         """Write the measurements and the command of a step."""
         names, t, reach = self._episodes.joint_names, self._time(step), self._time(1)
-        self._send(
-            "/joint_states", "sensor_msgs/JointState", t, ros_messages.joint_state(t, names, episode.joints[step])
+        self._out.send(
+            "/joint_states", "sensor_msgs/JointState", t, messages.joint_state(t, names, episode.joints[step])
         )
         for topic, targets in (("/joint_trajectory", episode.action), ("/executed/joint_trajectory", episode.executed)):
-            message = ros_messages.joint_trajectory(t, names, targets[step], reach)
-            self._send(topic, "trajectory_msgs/JointTrajectory", t, message)
-        hand = ros_messages.pose(t, BASE, episode.hand[step])
-        self._send("/target/hand", "geometry_msgs/PoseStamped", t, hand)
+            message = messages.joint_trajectory(t, names, targets[step], reach)
+            self._out.send(topic, "trajectory_msgs/JointTrajectory", t, message)
+        hand = messages.pose(t, BASE, episode.hand[step])
+        self._out.send("/target/hand", "geometry_msgs/PoseStamped", t, hand)
         objects = zip(self._episodes.object_names, episode.objects[step], strict=True)
         edges = [(BASE, name, pose) for name, pose in objects]
-        self._send("/tf", "tf2_msgs/TFMessage", t, ros_messages.transforms(t, edges))
+        self._out.send("/tf", "tf2_msgs/TFMessage", t, messages.transforms(t, edges))
         if self._episodes.displacement_names:
-            inner = ros_messages.joint_state(t, self._episodes.displacement_names, episode.displacement[step])
-            self._send("/objects/joint_states", "sensor_msgs/JointState", t, inner)
+            inner = messages.joint_state(t, self._episodes.displacement_names, episode.displacement[step])
+            self._out.send("/objects/joint_states", "sensor_msgs/JointState", t, inner)
         for tip, force in zip(self._episodes.tip_names, episode.contact[step], strict=True):
-            message = ros_messages.wrench(t, BASE, force)
-            self._send(f"/wrench/{tip}", "geometry_msgs/WrenchStamped", t, message)
+            message = messages.wrench(t, BASE, force)
+            self._out.send(f"/wrench/{tip}", "geometry_msgs/WrenchStamped", t, message)
 
     def picture(self, step: int, pixels: np.ndarray, view: View | None) -> None:
         """Write a frame (H, W, 3) uint8 sRGB, and the camera's intrinsics if known."""
         t, topic = self._time(step), f"/{self._options.camera}/color"
-        image = ros_messages.compressed_image(t, self._optical, self._options.picture, packed(pixels, self._options))
-        self._send(f"{topic}/image_raw/compressed", "sensor_msgs/CompressedImage", t, image)
+        image = messages.compressed_image(
+            t, self._optical, self._options.picture, packed(pixels, self._options.picture)
+        )
+        self._out.send(f"{topic}/image_raw/compressed", "sensor_msgs/CompressedImage", t, image)
         if view is not None:
-            info = ros_messages.camera_info(t, self._optical, view.camera)
-            self._send(f"{topic}/camera_info", "sensor_msgs/CameraInfo", t, info)
+            info = messages.camera_info(t, self._optical, view.camera)
+            self._out.send(f"{topic}/camera_info", "sensor_msgs/CameraInfo", t, info)
 
     def close(self) -> bytes:
         """The complete file."""
-        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._out.finish()
         return self._buffer.getvalue()
 
     def _time(self, step: int) -> int:
-        return round(step * ros_messages.SECOND / self._episodes.rate_hz)
-
-    def _attach(self, name: str, value: object) -> None:
-        data = (json.dumps(value, indent=1, sort_keys=True) + "\n").encode()
-        self._writer.add_attachment(0, 0, name, "application/json", data)
-
-    def _send(self, topic: str, kind: str, time: int, message: bytes, quality: str = "") -> None:
-        if kind not in self._schemas:
-            name = ros_types.full_name(kind)
-            self._schemas[kind] = self._writer.register_schema(name, "ros2msg", ros_types.schema(kind))
-        if topic not in self._channels:
-            about = {"offered_qos_profiles": quality}
-            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], about)
-        self._writer.add_message(self._channels[topic], log_time=time, publish_time=time, data=message)
-
-
-def packed(pixels: np.ndarray, options: McapOptions) -> bytes:
-    """Encode a frame as PNG or JPEG."""
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    picture = Image.fromarray(np.ascontiguousarray(pixels))
-    if options.picture == "png":
-        picture.save(buffer, format="PNG", compress_level=3)
-    else:
-        picture.save(buffer, format="JPEG", quality=92, subsampling=0)
-    return buffer.getvalue()
+        return round(step * messages.SECOND / self._episodes.rate_hz)

@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from scipy.spatial.transform import Rotation
 
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.calibration import Board, Calibration
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt, Lens
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.rig import Rig
+from dextera_build.artifacts.stream import Channel, Joints, Stream
 from dextera_build.artifacts.track import Track
 from dextera_build.artifacts.trajectory import Trajectory
 from dextera_build.artifacts.views import Views, encoded
@@ -140,6 +142,24 @@ def _calibration(draw: Draw) -> dict[str, Any]:
     } | {name: draw(kind) for name, kind in kinds.items()}
 
 
+def _joints(draw: Draw) -> dict[str, Any]:
+    names = tuple(draw(st.lists(FRAMES, min_size=1, max_size=3, unique=True)))
+    random, count = np.random.default_rng(draw(st.integers(0, 1000))), draw(st.integers(0, 4))
+    extra = st.none() | st.just(random.normal(size=(count, len(names))))
+    return {
+        "names": names,
+        "stamps": np.cumsum(random.uniform(0.01, 1, count)),
+        "positions": random.normal(size=(count, len(names))),
+        "velocities": draw(extra),
+        "efforts": draw(extra),
+    }
+
+
+def _stream(draw: Draw) -> dict[str, Any]:
+    channel = Channel(topic=draw(FRAMES), kind="std_msgs/msg/String", encoding="cdr", count=draw(SIZES))
+    return {"file": File(data=draw(st.binary(max_size=9))), "channels": (channel,), "start_ns": 1, "end_ns": 2}
+
+
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     BrownConrady: _brown_conrady,
     KannalaBrandt: _kannala_brandt,
@@ -150,4 +170,6 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Views: _views,
     Rig: _rig,
     Calibration: _calibration,
+    Joints: _joints,
+    Stream: _stream,
 }

@@ -22,11 +22,11 @@ from PIL import Image
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.ros import types as ros_types
+from dextera_build.artifacts.ros.cdr import Cdr
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions
 from dextera_build.testing import RuleRunner
-from rules.demonstrate import ros_types
-from rules.demonstrate.cdr import Cdr
 from tests import episodes
 
 STEPS = 7

@@ -1,4 +1,4 @@
-"""Definitions of an episode's ROS 2 messages, as `ros2msg` schemas."""
+"""Definitions of the ROS 2 messages that dxb writes, as `ros2msg` schemas."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ROS 2 messages of an episode as CDR bytes. Stamps are nanoseconds since the episode's start; quaternions x y z w."""
+"""ROS 2 messages as CDR bytes. Stamps are nanoseconds; quaternions are x y z w."""
 
 from __future__ import annotations
 
@@ -7,15 +7,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
-
-from .cdr import Cdr
+from dextera_build.artifacts.ros.cdr import Cdr
 
 SECOND = 1_000_000_000
 
 
-def joint_state(stamp: int, names: Sequence[str], positions: np.ndarray) -> bytes:
-    """`sensor_msgs/JointState` [rad or m]; speeds and efforts were not recorded."""
-    return _header(stamp, "").strings(names).f64s(positions).f64s().f64s().bytes()
+def joint_state(
+    stamp: int,
+    names: Sequence[str],
+    positions: np.ndarray,
+    velocities: np.ndarray | tuple[()] = (),
+    efforts: np.ndarray | tuple[()] = (),
+) -> bytes:
+    """`sensor_msgs/JointState` [rad or m]; speeds and efforts are empty where they were not recorded."""
+    return _header(stamp, "").strings(names).f64s(positions).f64s(velocities).f64s(efforts).bytes()
 
 
 def joint_trajectory(stamp: int, names: Sequence[str], positions: np.ndarray, reach: int) -> bytes:

@@ -1,0 +1,1 @@
+"""ROS 2 recordings: messages in CDR, and MCAP files of them."""

@@ -1,0 +1,292 @@
+"""Recordings of a robot and its cameras: MCAP files of ROS 2 messages, read by topic and time."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import NonNegativeInt, model_validator
+
+from dextera_build.artifacts.base import Array, Artifact, File, Value
+from dextera_build.artifacts.formats import suffix_among
+from dextera_build.artifacts.image import png, smaller
+from dextera_build.artifacts.ros import messages, reading
+from dextera_build.artifacts.ros.recording import Recording, packed
+from dextera_build.artifacts.stamped import unit
+from dextera_build.artifacts.trajectory import Trajectory
+from dextera_build.errors import ArtifactError, listing
+from dextera_build.geometry.plot import COLOURS, Line, plot
+
+JOINTS, POSES = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
+PICTURES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
+
+
+class Channel(Value):
+    """One topic of a recording."""
+
+    topic: str
+    """`/joint_states`."""
+    kind: str
+    """Type of its messages, `sensor_msgs/msg/JointState`."""
+    encoding: str
+    """Of its messages; `cdr` can be decoded."""
+    count: NonNegativeInt
+    """Number of messages."""
+
+
+class Joints(Artifact):
+    """Joint states over time."""
+
+    names: tuple[str, ...]
+    """Joints, in the order of the columns."""
+    stamps: Annotated[np.ndarray, Array("N", "float64", unit="s")]
+    """Times."""
+    positions: Annotated[np.ndarray, Array("N J", "float64", unit="rad")]
+    """Positions [rad], of sliding joints [m]."""
+    velocities: Annotated[np.ndarray, Array("N J", "float64", unit="rad/s")] | None = None
+    """Speeds, where they were recorded."""
+    efforts: Annotated[np.ndarray, Array("N J", "float64", unit="Nm")] | None = None
+    """Torques, where they were recorded."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.positions.shape[1] != len(self.names) or len(set(self.names)) != len(self.names):
+            raise ArtifactError(
+                f"Joints: {len(set(self.names))} different names for {self.positions.shape[1]} columns", code="DXB-A517"
+            )
+        return self
+
+    def at(self, stamps: np.ndarray) -> np.ndarray:
+        """Positions (M, J) at times (M,) [s], linear between measurements.
+
+        Raises:
+            ArtifactError: A time is outside the recording.
+        """
+        if len(stamps) and not (len(self.stamps) and self.stamps[0] <= stamps.min() <= stamps.max() <= self.stamps[-1]):
+            known = f"{self.stamps[0]} to {self.stamps[-1]} s" if len(self.stamps) else "nothing"
+            raise ArtifactError(
+                "the joints were not recorded at all of these times",
+                code="DXB-A518",
+                facts={"recorded": known, "asked": f"{stamps.min()} to {stamps.max()} s"},
+                hint="ask for times within the recording; both clocks must be the same",
+            )
+        return np.stack([np.interp(stamps, self.stamps, column) for column in self.positions.T], axis=1)
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Pictures for a recording, made one by one.
+
+    Args:
+        frames: Pairs of a time [s] and pixels (H, W, 3) uint8 sRGB, in order of time.
+        frame: Name of the camera's frame.
+        form: Encoding; `png` is lossless.
+    """
+
+    frames: Iterable[tuple[float, np.ndarray]]
+    frame: str
+    form: Literal["png", "jpeg"] = "png"
+
+
+class Stream(Artifact):
+    """A recording. Its index is at hand; messages are read from the file when they are asked for."""
+
+    saves: ClassVar[tuple[str, ...]] = (".mcap",)
+
+    file: File
+    """The MCAP file."""
+    channels: tuple[Channel, ...]
+    """Its index: what was recorded."""
+    start_ns: NonNegativeInt
+    """Time of the first message [ns]."""
+    end_ns: NonNegativeInt
+    """Time of the last message [ns]."""
+
+    @classmethod
+    def of(cls, file: File, name: str = "recording.mcap") -> Stream:
+        """The recording in an MCAP file; only its index is read.
+
+        Args:
+            file: The file.
+            name: Its name, for errors.
+
+        Raises:
+            ArtifactError: It is no MCAP file, or has no index.
+        """
+        with file.open() as stream:
+            found, start, end = reading.index(stream, name)
+        channels = tuple(Channel(**asdict(each)) for each in found)
+        return cls(file=file, channels=channels, start_ns=start, end_ns=end)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Stream:
+        """Open an `.mcap` file, which must no longer change.
+
+        Raises:
+            ArtifactError: It is no MCAP file, or has no index.
+        """
+        suffix_among(cls.name(), Path(path), cls.saves)
+        return cls.of(File.of(path), str(path))
+
+    @classmethod
+    def record(
+        cls,
+        path: str | Path,
+        *,
+        joints: Mapping[str, Joints] | None = None,
+        poses: Mapping[str, Trajectory] | None = None,
+        pictures: Mapping[str, Pictures] | None = None,
+    ) -> Stream:
+        """Write a recording of topics and open it; pictures are made and written one by one.
+
+        Args:
+            path: The `.mcap` file.
+            joints: Topic -> `sensor_msgs/JointState`s.
+            poses: Topic -> `geometry_msgs/PoseStamped`s in the parent frame.
+            pictures: Topic -> `sensor_msgs/CompressedImage`s.
+        """
+        sources = [_joint_messages(topic, each) for topic, each in (joints or {}).items()]
+        sources += [_pose_messages(topic, each) for topic, each in (poses or {}).items()]
+        sources += [_picture_messages(topic, each) for topic, each in (pictures or {}).items()]
+        with Path(path).open("wb") as out, Recording(out) as recording:
+            for time, topic, kind, message in heapq.merge(*sources, key=lambda each: each[0]):
+                recording.send(topic, kind, time, message)
+        return cls.load(path)
+
+    def joints(self, topic: str, start: float | None = None, end: float | None = None) -> Joints:
+        """Joint states of a topic with start <= time of the recording [s] < end; stamps are those of the headers.
+
+        Raises:
+            ArtifactError: There is no such topic, or its joints change.
+        """
+        rows = [(reading.stamp(each, time), each) for time, each in self._read(topic, (JOINTS,), start, end)]
+        names = {tuple(each.name) for _, each in rows}
+        if len(names) > 1:
+            first, second = sorted(names)[:2]
+            raise ArtifactError(
+                f"the joints of `{topic}` change during the recording",
+                code="DXB-A519",
+                facts={"once": listing(first), "then": listing(second)},
+                hint="record every robot on a topic of its own, or choose a time range",
+            )
+        known = next(iter(names), ())
+        positions = np.array([each.position for _, each in rows], np.float64).reshape(len(rows), len(known))
+        return Joints(
+            names=known,
+            stamps=np.array([stamp / reading.SECOND for stamp, _ in rows], np.float64),
+            positions=positions,
+            velocities=_column([each.velocity for _, each in rows], len(known)),
+            efforts=_column([each.effort for _, each in rows], len(known)),
+        )
+
+    def poses(self, topic: str, child: str, start: float | None = None, end: float | None = None) -> Trajectory:
+        """Stamped poses of a topic as the path of the frame `child`, in the frame of their headers.
+
+        Raises:
+            ArtifactError: There is no such topic, or no message in that time.
+        """
+        rows = [(reading.stamp(each, time), each) for time, each in self._read(topic, (POSES,), start, end)]
+        placed = [(each.pose.position, each.pose.orientation) for _, each in rows]
+        numbers = [[p.x, p.y, p.z, q.w, q.x, q.y, q.z] for p, q in placed]
+        with reading.damage(topic):
+            poses = unit(np.array(numbers, np.float64).reshape(-1, 7))
+        stamps = np.array([stamp / reading.SECOND for stamp, _ in rows], np.float64)
+        parent = rows[0][1].header.frame_id or "world" if rows else "world"
+        return Trajectory(parent=parent, child=child, stamps=stamps, poses=poses)
+
+    def pictures(
+        self, topic: str, start: float | None = None, end: float | None = None
+    ) -> Iterator[tuple[float, np.ndarray]]:
+        """Pairs of a header's time [s] and pixels (H, W, 3) uint8 sRGB, read one by one.
+
+        Raises:
+            ArtifactError: There is no such topic, or a picture is damaged.
+        """
+        for time, each in self._read(topic, PICTURES, start, end):
+            yield reading.stamp(each, time) / reading.SECOND, reading.pixels(each, topic)
+
+    def duration_s(self) -> float:
+        """Time from the first to the last message [s]."""
+        return (self.end_ns - self.start_ns) / reading.SECOND
+
+    def facts(self) -> Iterator[str]:
+        """Duration, number of messages, topics."""
+        yield f"{self.duration_s():.2f} s"
+        yield f"{sum(each.count for each in self.channels):,} messages"
+        yield f"{len(self.channels)} topics ({', '.join(each.topic for each in self.channels[:6])})"
+
+    def picture(self) -> bytes:
+        """Ten seconds of the first joint states, and the first picture beside them."""
+        views: list[np.ndarray] = []
+        for each in self.channels:
+            if each.kind == JOINTS and each.count and not views:
+                first = self.joints(each.topic, end=self.start_ns / reading.SECOND + 10)
+                lines = [
+                    Line(np.stack([first.stamps, column], axis=1), COLOURS[number % len(COLOURS)])
+                    for number, column in enumerate(first.positions.T)
+                ]
+                views.append(plot(lines, "t [s]", "[rad]"))
+        seen = next((each.topic for each in self.channels if each.kind in PICTURES and each.count), None)
+        if seen is not None:
+            beside = smaller(next(self.pictures(seen))[1], 320)[:240]
+            framed = np.full((240, beside.shape[1], 3), 255, np.uint8)
+            framed[: len(beside)] = beside
+            views.append(framed)
+        return png(np.hstack(views or [plot([], "t [s]", "")]))
+
+    def _write(self, path: Path) -> list[Path]:
+        self.file.place(path)
+        return [path]
+
+    def _read(
+        self, topic: str, kinds: tuple[str, ...], start: float | None, end: float | None
+    ) -> Iterator[tuple[int, Any]]:
+        found = next((each for each in self.channels if each.topic == topic), None)
+        if found is None or found.kind not in kinds:
+            raise ArtifactError(
+                f"there is no topic `{topic}` of {' or '.join(kinds)}",
+                code="DXB-A520",
+                facts={"topics": listing(f"{each.topic} ({each.kind})" for each in self.channels)},
+                hint="name a topic of that type",
+            )
+        limits = [None if time is None else max(0, round(time * reading.SECOND)) for time in (start, end)]
+        with self.file.open() as stream:
+            for time, _, message in reading.messages(stream, topic, [topic], *limits):
+                yield time, message
+
+
+Message = tuple[int, str, str, bytes]
+"""Time [ns], topic, type, CDR bytes."""
+
+
+def _joint_messages(topic: str, joints: Joints) -> Iterator[Message]:
+    for row, stamp in enumerate(joints.stamps):
+        time = round(float(stamp) * reading.SECOND)
+        more = [() if each is None else each[row] for each in (joints.velocities, joints.efforts)]
+        message = messages.joint_state(time, joints.names, joints.positions[row], *more)
+        yield time, topic, "sensor_msgs/JointState", message
+
+
+def _pose_messages(topic: str, path: Trajectory) -> Iterator[Message]:
+    for stamp, pose in zip(path.stamps, path.poses, strict=True):
+        time = round(float(stamp) * reading.SECOND)
+        yield time, topic, "geometry_msgs/PoseStamped", messages.pose(time, path.parent, pose)
+
+
+def _picture_messages(topic: str, pictures: Pictures) -> Iterator[Message]:
+    for stamp, pixels in pictures.frames:
+        time = round(stamp * reading.SECOND)
+        data = packed(pixels, pictures.form)
+        message = messages.compressed_image(time, pictures.frame, pictures.form, data)
+        yield time, topic, "sensor_msgs/CompressedImage", message
+
+
+def _column(rows: list[Any], size: int) -> np.ndarray | None:
+    """Rows (N, size), or None where a message lacks them."""
+    if not rows or any(len(row) != size for row in rows) or not size:
+        return None
+    return np.array(rows, np.float64)
