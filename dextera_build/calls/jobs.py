@@ -97,7 +97,7 @@ class Run:
         """Poll until the job is done; return False if the service does not know it."""
         last = JobState("waits")
         while True:
-            told = step(self._asked, self._poll, self._manner, self._say)
+            told = self._told()
             if told is None or told.state == "done":
                 return told is not None
             if told.state == "failed":
@@ -110,6 +110,13 @@ class Run:
             if time.monotonic() - began + self._manner.poll_s > self._manner.limit_s:
                 raise self._late(told)
             time.sleep(self._manner.poll_s)
+
+    def _told(self) -> JobState | None:
+        try:
+            return step(self._asked, self._poll, self._manner, self._say)
+        except RuleError:  # the service refuses to tell, and would in every further build
+            self._forget()
+            raise
 
     def _poll(self, timeout_s: float) -> JobState | Response | None:
         told = self._job.poll(self._name, timeout_s)

@@ -38,6 +38,8 @@ OTHERS = {
     "DXB_CALL_TERMS": "limits, prices and costs of services, passed to worker processes",
     "DXB_LEDGER": "the account of costs that several processes share",
     "DXB_NODE_STORE": "the store's folder of a Ray worker",
+    "DXB_HUNYUAN3D_URL": "address of the service of backend `hunyuan3d_cloud`, if another",
+    "DXB_HUNYUAN3D_REGION": "region of Tencent Cloud for backend `hunyuan3d_cloud`",
     "DXB_VLM_URL": "address of the service of backend `vlm`",
     "DXB_VLM_API_KEY": "API key of backend `vlm`",
     "DXB_FAILPOINT": "for tests: the step at which a process stops",
