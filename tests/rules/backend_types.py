@@ -55,6 +55,7 @@ import rules.factorize.masks.segment_depth
 import rules.factorize.masks.segment_grabcut
 import rules.factorize.masks.segment_stub
 import rules.factorize.shapes.mesh
+import rules.factorize.shapes.mesh_hunyuan3d_cloud
 import rules.factorize.shapes.mesh_primitives
 import rules.factorize.shapes.mesh_stub
 import rules.learn.act
@@ -110,6 +111,7 @@ crease: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.jo
 factorize_articulate_stub: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_stub
 factorize_collision_coacd: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_coacd
 factorize_collision_stub: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_stub
+factorize_mesh_hunyuan3d_cloud: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_hunyuan3d_cloud
 factorize_mesh_primitives: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_primitives
 factorize_mesh_stub: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_stub
 factorize_parse_clusters: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_clusters

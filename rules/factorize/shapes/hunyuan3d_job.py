@@ -16,9 +16,9 @@ from urllib.parse import urlsplit
 from dextera_build.errors import MachineError, RuleError
 from dextera_build.rule import JobState, Response
 
-ADDRESS = "DXB_HUNYUAN3D_URL"
+ADDRESS = "DXB_HUNYUAN_URL"
 """Variable with the service's address, if it is another one."""
-REGION = "DXB_HUNYUAN3D_REGION"
+REGION = "DXB_HUNYUAN_REGION"
 _DEFAULT_ADDRESS, _DEFAULT_REGION = "https://ai3d.tencentcloudapi.com", "ap-guangzhou"
 _STATES: Mapping[str, Literal["waits", "runs", "done", "failed"]] = {
     "WAIT": "waits",

@@ -50,7 +50,7 @@ def service(tmp_path, monkeypatch):
     monkeypatch.setattr(redact, "_values", {})
     monkeypatch.setattr("time.sleep", lambda seconds: None)
     with serving_tencent(glb(object_views.mug(), tmp_path)) as made:
-        monkeypatch.setenv("DXB_HUNYUAN3D_URL", made.url)
+        monkeypatch.setenv("DXB_HUNYUAN_URL", made.url)
         monkeypatch.setenv("TENCENTCLOUD_SECRET_ID", SECRET_ID)
         monkeypatch.setenv("TENCENTCLOUD_SECRET_KEY", SECRET_KEY)
         yield made
@@ -115,7 +115,7 @@ def test_the_picture_shows_the_object_on_white_and_nothing_else(complete, servic
 
 def test_the_answer_is_replayed_without_service_and_secrets(complete, service, monkeypatch):
     first = complete()
-    for name in ("DXB_HUNYUAN3D_URL", "TENCENTCLOUD_SECRET_ID", "TENCENTCLOUD_SECRET_KEY"):
+    for name in ("DXB_HUNYUAN_URL", "TENCENTCLOUD_SECRET_ID", "TENCENTCLOUD_SECRET_KEY"):
         monkeypatch.delenv(name)
     seen = len(service.seen)
     again = complete("replay")
@@ -206,7 +206,7 @@ def test_a_job_that_expired_is_submitted_again(complete, service):
 def test_pictures_do_not_leave_in_the_clear_or_without_consent(complete, service, monkeypatch):
     with pytest.raises(MachineError, match="`hunyuan3d` would receive a photograph"):
         complete(terms=Terms.read(written({}, None, "", [])))
-    monkeypatch.setenv("DXB_HUNYUAN3D_URL", "http://192.0.2.1")
+    monkeypatch.setenv("DXB_HUNYUAN_URL", "http://192.0.2.1")
     with pytest.raises(MachineError, match="would be sent in the clear") as caught:
         complete()
     assert caught.value.code == "DXB-E363"
