@@ -44,14 +44,16 @@ def add_mesh(stage: Any, path: str, mesh: Mesh, origin: np.ndarray, material: st
     UsdShade.MaterialBindingAPI.Apply(prim.GetPrim()).Bind(UsdShade.Material.Get(stage, material))
 
 
-def add_surface_material(stage: Any, path: str, colour: tuple[float, float, float], texture: str | None = None) -> str:
-    """Add a matte UsdPreviewSurface: one sRGB `colour` 0..1, or the `texture` file, relative to the stage."""
+def add_surface_material(
+    stage: Any, path: str, colour: tuple[float, float, float], texture: str | None = None, roughness: float = 0.9
+) -> str:
+    """Add a UsdPreviewSurface: one sRGB `colour` 0..1, or the `texture` file, relative to the stage."""
     from pxr import Gf, Sdf, UsdShade
 
     material = UsdShade.Material.Define(stage, path)
     shader = UsdShade.Shader.Define(stage, f"{path}/Surface")
     shader.CreateIdAttr(_PREVIEW)
-    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.9)
+    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(roughness)
     diffuse = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
     if texture is None:
         # Shader colours are linear, artifacts' colours are sRGB.

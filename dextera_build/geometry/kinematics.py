@@ -77,7 +77,9 @@ def link_poses(body: BodyLike, positions: Mapping[str, float] | None = None) -> 
         ready = [joint for joint in waiting if joint.parent in poses]
         if not ready:
             names = ", ".join(joint.name for joint in waiting)
-            raise ArtifactError("the joints are not a tree over the links", facts={"not reached": names})
+            raise ArtifactError(
+                "the joints are not a tree over the links", code="DXB-A422", facts={"not reached": names}
+            )
         for joint in ready:
             motion = joint_motion(joint, given.get(joint.name, joint.position))
             poses[joint.child] = poses[joint.parent] @ motion

@@ -25,9 +25,25 @@ from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose, Similarity
 from dextera_build.artifacts.pretrained import Adapter, PretrainedModel
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.scene_description import (
+    Attachment,
+    BodyNode,
+    Box,
+    CameraNode,
+    Contact,
+    Geom,
+    Inertia,
+    JointNode,
+    Light,
+    Material,
+    ObjectNode,
+    SceneDescription,
+)
 from dextera_build.artifacts.splats import Splats
 from dextera_build.artifacts.weights import Weights
 from tests.artifacts import generated_cameras
+from tests.artifacts import generated_scenes as scenes
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 LABELS = st.from_regex(r"[a-z][a-z0-9_]{0,7}", fullmatch=True)
@@ -174,6 +190,10 @@ def _adapter(draw: Draw) -> dict[str, Any]:
     return {"base": "0" * 64, "base_reference": draw(LABELS), "weights": weights, "rank": rank, "alpha": 2.0}
 
 
+def _attachment(draw: Draw) -> dict[str, Any]:
+    return {"prefix": "robot/", "robot": draw(values(RobotModel)), "pose": scenes.pose(draw, "world", "base")}
+
+
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Folder: _folder,
     Mesh: _mesh,
@@ -188,6 +208,18 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Weights: _weights,
     PretrainedModel: _pretrained,
     Adapter: _adapter,
+    Material: scenes.material,
+    Contact: scenes.contact,
+    Box: scenes.box,
+    Geom: scenes.geom,
+    Inertia: scenes.inertia,
+    BodyNode: scenes.body,
+    JointNode: scenes.joint,
+    ObjectNode: scenes.thing,
+    Light: scenes.light,
+    CameraNode: scenes.camera,
+    Attachment: _attachment,
+    SceneDescription: scenes.scene,
 }
 """Types whose fields depend on one another."""
 

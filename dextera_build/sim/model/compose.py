@@ -15,16 +15,24 @@ ROBOT = "robot/"
 """Prefix of the robot's names in a task's model."""
 
 
-def with_robot(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) -> Folder:
+def with_robot(
+    scene: Folder,
+    robot: RobotModel,
+    world_from_base: np.ndarray,
+    *,
+    prefix: str = ROBOT,
+    keeps_cameras: bool = False,
+) -> Folder:
     """The scene with the robot fixed to the world at `world_from_base`, as a new folder.
 
-    Cameras are removed, because a task does not depend on its observers (see `View`). Keyframe `home` is extended by
-    the robot's home configuration.
+    Keyframe `home` is extended by the robot's home configuration.
 
     Args:
         scene: `scene.xml` and its files.
         robot: The embodiment.
         world_from_base: (4, 4) T_world_base.
+        prefix: Begins the robot's names.
+        keeps_cameras: False removes the scene's, because a task does not depend on its observers (see `View`).
 
     Raises:
         RuleError: MuJoCo rejects the scene, the robot or the combination.
@@ -38,18 +46,19 @@ def with_robot(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) ->
         raise RuleError(
             "MuJoCo does not load the scene or the robot", code="DXB-B211", facts={"MuJoCo": error}
         ) from None
-    home = _home(spec)
-    for camera in list(spec.cameras):
+    home, targets = _home(spec)
+    for camera in [] if keeps_cameras else list(spec.cameras):
         spec.delete(camera)
     for key in list(spec.keys):
         spec.delete(key)
     frame = spec.worldbody.add_frame(pos=world_from_base[:3, 3], quat=quaternions.from_matrix(world_from_base[:3, :3]))
-    frame.attach_body(arm.body("base"), ROBOT, "")
+    frame.attach_body(arm.body("base"), prefix, "")
     # Attaching does not copy the attached spec's files.
     spec.assets = {**spec.assets, **arm.assets}
     # The arm's controller compensates the robot's own weight, not a payload.
     for body in spec.bodies:
-        body.gravcomp = float(body.name.startswith(ROBOT))
+        if body.name.startswith(prefix):
+            body.gravcomp = 1.0
     try:
         model = spec.compile()
     except ValueError as error:
@@ -58,9 +67,10 @@ def with_robot(scene: Folder, robot: RobotModel, world_from_base: np.ndarray) ->
     for name, positions in home.items():
         data.joint(name).qpos[:] = positions
     for name, target in robot.followed(robot.home).items():
-        data.joint(ROBOT + name).qpos[0] = target
-    for name, target in robot.home.items():
-        data.actuator(ROBOT + name).ctrl[0] = target
+        data.joint(prefix + name).qpos[0] = target
+    targets |= {prefix + name: target for name, target in robot.home.items()}
+    for name, target in targets.items():
+        data.actuator(name).ctrl[0] = target
     spec.add_key(name="home", qpos=data.qpos.copy(), ctrl=data.ctrl.copy())
     files = {name: data for name, data in scene.files.items() if name != "scene.xml"}
     others = {f"assets/{name}": data for name, data in robot.model.files.items() if name != "robot.xml"}
@@ -75,12 +85,13 @@ def load(model: Folder, main: str) -> Any:
     return mujoco.MjSpec.from_string(model.files[main].decode(), assets=files)
 
 
-def _home(spec: Any) -> dict[str, np.ndarray]:
-    """Joint -> positions in keyframe `home` of a spec, or in its reference configuration."""
+def _home(spec: Any) -> tuple[dict[str, np.ndarray], dict[str, float]]:
+    """Joint -> positions and actuator -> target in keyframe `home` of a spec, or in its reference configuration."""
     import mujoco
 
     model = spec.compile()
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
-    return {model.joint(number).name: data.joint(number).qpos.copy() for number in range(model.njnt)}
+    joints = {model.joint(number).name: data.joint(number).qpos.copy() for number in range(model.njnt)}
+    return joints, {model.actuator(number).name: float(data.ctrl[number]) for number in range(model.nu)}

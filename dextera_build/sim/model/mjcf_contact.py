@@ -61,9 +61,9 @@ def bounce(damping_ratio: float) -> float:
     return math.exp(-z / root * math.log((z + root) / (z - root)))
 
 
-def friction(physics: Physics) -> tuple[float, float, float]:
+def friction(sliding: float) -> tuple[float, float, float]:
     """Sliding (no unit), torsional [m] and rolling [m] friction of a MuJoCo geom."""
-    return physics.friction, TORSION_M, ROLLING_M
+    return sliding, TORSION_M, ROLLING_M
 
 
 def joint_friction(joint: Joint, body: Body, physics: Physics) -> tuple[float, float]:

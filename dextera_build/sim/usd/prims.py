@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.mesh_usd import add_triangles
-from dextera_build.artifacts.object import Physics
-from dextera_build.artifacts.scene import SupportBox
+from dextera_build.artifacts.scene_description import Contact
 from dextera_build.geometry import quaternions
 
 APERTURE = 0.36
@@ -36,21 +34,24 @@ def add_piece(stage: Any, path: str, vertices: np.ndarray, faces: np.ndarray) ->
     return mesh.GetPrim()
 
 
-def bind_physics(stage: Any, path: str, physics: Physics) -> Callable[[Any], None]:
-    """Write a physics material at `path` and return a function that binds it to a collider."""
+def add_contact(stage: Any, path: str, contact: Contact) -> Any:
+    """Write a physics material at `path`."""
     from pxr import UsdPhysics, UsdShade
 
     material = UsdShade.Material.Define(stage, path)
     api = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
-    api.CreateStaticFrictionAttr(physics.friction)
-    api.CreateDynamicFrictionAttr(physics.friction)
-    api.CreateRestitutionAttr(physics.restitution)
+    api.CreateStaticFrictionAttr(contact.friction)
+    api.CreateDynamicFrictionAttr(contact.friction)
+    api.CreateRestitutionAttr(contact.restitution)
+    return material
 
-    def bind(prim: Any) -> None:
-        binding = UsdShade.MaterialBindingAPI.Apply(prim)
-        binding.Bind(material, UsdShade.Tokens.weakerThanDescendants, "physics")
 
-    return bind
+def bind_contact(prim: Any, material: Any) -> None:
+    """Let a collider touch others as a physics material says."""
+    from pxr import UsdShade
+
+    binding = UsdShade.MaterialBindingAPI.Apply(prim)
+    binding.Bind(material, UsdShade.Tokens.weakerThanDescendants, "physics")
 
 
 def add_camera(stage: Any, path: str, camera: Camera, pose: np.ndarray) -> None:
@@ -68,11 +69,3 @@ def add_camera(stage: Any, path: str, camera: Camera, pose: np.ndarray) -> None:
     prim.CreateHorizontalApertureOffsetAttr(((camera.width - 1) / 2 - camera.cx) * focal / camera.fx)
     prim.CreateVerticalApertureOffsetAttr((camera.cy - (camera.height - 1) / 2) * focal / camera.fy)
     prim.CreateClippingRangeAttr(Gf.Vec2f(0.01, 100.0))
-
-
-def box_points(box: SupportBox) -> np.ndarray:
-    """Corners (8, 3) of a box in the world frame [m]."""
-    signs = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], np.float64)
-    c, s = np.cos(box.yaw), np.sin(box.yaw)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(signs * box.half_size @ turn.T + box.centre)

@@ -1,4 +1,4 @@
-"""Write a twin as USD with UsdPhysics: Z up, metres, kilograms; textures alongside, all paths relative.
+"""Write a scene description as USD with UsdPhysics: Z up, metres, kilograms; textures alongside, paths relative.
 
     /World                      assembly
       PhysicsScene, Capture     gravity; the photograph's camera
@@ -8,50 +8,65 @@
         Joints/<joint>          between sibling links
         Looks                   surface and physics materials
 
-A link's body is placed as in MJCF: at its joint's origin with the object's axes, moved by the observed joint positions;
-joint angle 0 is `Joint` position 0. USD has no dry joint friction: a drive holds the observed position with at most the
-friction torque of the MJCF joint.
+A link's body is placed as in MJCF: at its joint's origin with the object's axes, moved by the positions of the home
+keyframe; joint angle 0 is `JointNode` position 0. USD has no dry joint friction: a drive holds the home position with
+at most the friction torque of the MJCF joint. Lights are left to the viewer, as textures have that of the photograph.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import png
 from dextera_build.artifacts.mesh_usd import add_mesh, add_surface_material
-from dextera_build.artifacts.object import Asset, Inertial, Joint
+from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Background
-from dextera_build.geometry import convex, kinematics, quaternions, transforms
+from dextera_build.artifacts.scene_description import (
+    Contact,
+    Geom,
+    Inertia,
+    JointNode,
+    Material,
+    ObjectNode,
+    SceneDescription,
+)
+from dextera_build.errors import RuleError
+from dextera_build.geometry import convex, quaternions, transforms
 from dextera_build.geometry.cameras import GL_FROM_CV
 from dextera_build.sim.model import mjcf_contact, names
-from dextera_build.sim.usd.prims import (
-    add_camera,
-    add_piece,
-    bind_physics,
-    box_points,
-    place,
-)
+from dextera_build.sim.model.description import describe
+from dextera_build.sim.usd.prims import add_camera, add_contact, add_piece, bind_contact, place
 
 SAG_RAD = 0.01
 """Maximum deflection of a held joint by gravity from its observed position [rad]."""
 
 
 def scene(assets: Mapping[str, Asset], background: Background, camera: Camera, world_from_camera: np.ndarray) -> Folder:
-    """Write `scene.usda` and `textures/*.png` of a complete twin; byte-identical for the same twin.
+    """Write the USD of a complete twin; the arguments are those of `describe`."""
+    return write(describe(assets, background, camera, world_from_camera))
 
-    Args:
-        assets: Label -> placed asset.
-        background: Static surface and boxes in the world frame.
-        camera: Intrinsics of the photograph [px].
-        world_from_camera: (4, 4) T_world_camera, OpenCV axes.
+
+def write(description: SceneDescription) -> Folder:
+    """Write `scene.usda` and `textures/*.png` of a scene; byte-identical for the same scene.
+
+    Raises:
+        RuleError: It has robots.
     """
     from pxr import Gf, Kind, Usd, UsdGeom, UsdPhysics
 
+    if description.attachments:
+        raise RuleError(
+            "a scene with robots cannot be written as USD",
+            code="DXB-B215",
+            facts={"robots": ", ".join(each.prefix for each in description.attachments)},
+            hint="write the scene without them, or as MJCF",
+        )
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
@@ -62,93 +77,113 @@ def scene(assets: Mapping[str, Asset], background: Background, camera: Camera, w
     physics = UsdPhysics.Scene.Define(stage, "/World/PhysicsScene")
     physics.CreateGravityDirectionAttr(Gf.Vec3f(0, 0, -1))
     physics.CreateGravityMagnitudeAttr(mjcf_contact.GRAVITY)
-    add_camera(stage, "/World/Capture", camera, world_from_camera @ GL_FROM_CV)
+    for node in description.cameras:
+        add_camera(stage, f"/World/{node.label.capitalize()}", node.camera, node.pose.matrix @ GL_FROM_CV)
     files: dict[str, bytes] = {}
-    _background(stage, background, files)
-    link_names = names.link_names(assets)
-    for label in sorted(assets):
-        _object(stage, assets[label], {link: link_names[label, link] for link in assets[label].body.links}, files)
+    _static(stage, description.static, files)
+    for thing in description.objects:
+        _object(stage, f"/World/{thing.label}", thing, files)
     text: str = stage.GetRootLayer().ExportToString()
     return Folder(files={"scene.usda": text.encode(), **dict(sorted(files.items()))})
 
 
-def _background(stage: Any, background: Background, files: dict[str, bytes]) -> None:
+def _static(stage: Any, geoms: tuple[Geom, ...], files: dict[str, bytes]) -> None:
     from pxr import Kind, Usd, UsdGeom, UsdPhysics
 
     path = "/World/background"
     Usd.ModelAPI(UsdGeom.Xform.Define(stage, path)).SetKind(Kind.Tokens.component)
-    if len(background.mesh.faces):
-        look = _look(stage, path, "surface", "background", background.mesh, files)
-        add_mesh(stage, f"{path}/Surface", background.mesh, np.zeros(3), look)
+    for own, geom, mesh in _visuals(geoms, "Surface"):
+        look = _look(stage, path, own.lower(), geom, mesh, files)
+        _mesh(stage, f"{path}/{own}", geom, mesh, look)
     UsdGeom.Scope.Define(stage, f"{path}/Boxes")
-    for box in background.boxes:
-        points = box_points(box)
-        prim = add_piece(stage, f"{path}/Boxes/{names.plain(box.name)}", *convex.surface(points))
-        UsdPhysics.CollisionAPI.Apply(prim)
+    for geom in geoms:
+        if geom.role == "collision":
+            own = names.plain(geom.label.removeprefix("static_"))
+            UsdPhysics.CollisionAPI.Apply(add_piece(stage, f"{path}/Boxes/{own}", *convex.surface(geom.vertices())))
 
 
-def _object(stage: Any, asset: Asset, link_names: dict[str, str], files: dict[str, bytes]) -> None:
+def _visuals(geoms: tuple[Geom, ...], name: str) -> Iterator[tuple[str, Geom, Mesh]]:
+    """Prim names `name`, `name_2`, ... of what is seen."""
+    number = 0
+    for geom in geoms:
+        if isinstance(geom.shape, Mesh):
+            number += 1
+            yield name if number == 1 else f"{name}_{number}", geom, geom.shape
+
+
+def _object(stage: Any, path: str, thing: ObjectNode, files: dict[str, bytes]) -> None:
     from pxr import Kind, Usd, UsdGeom, UsdPhysics
 
-    root = names.root_link(asset.body)
-    path = f"/World/{link_names[root]}"
     Usd.ModelAPI(UsdGeom.Xform.Define(stage, path)).SetKind(Kind.Tokens.component)
-    incoming = {joint.child: joint for joint in asset.body.joints}
-    poses = kinematics.link_poses(asset.body)
     UsdGeom.Scope.Define(stage, f"{path}/Looks")
-    contact = f"{path}/Looks/contact"
-    bind = bind_physics(stage, contact, asset.physics)
-    for link in sorted(asset.body.links):
-        origin = np.asarray(incoming[link].origin) if link in incoming else np.zeros(3)
-        frame = transforms.rigid(np.eye(3), origin)
-        own = f"{path}/{names.plain(link)}"
+    contacts = _contacts(stage, path, thing)
+    poses = thing.world_poses()
+    for part in sorted(thing.links):
+        node, own = thing.links[part], f"{path}/{names.plain(part)}"
         body = UsdGeom.Xform.Define(stage, own)
-        place(body, asset.pose.matrix @ poses[link] @ frame)
+        place(body, poses[part])
         UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
-        _mass(body.GetPrim(), asset.physics.links[link], origin)
-        mesh = asset.body.links[link].mesh
-        look = _look(stage, path, names.plain(link), link_names[link], mesh, files)
-        add_mesh(stage, f"{own}/Visual", mesh, origin, look)
+        _mass(body.GetPrim(), node.inertia)
+        for name, geom, mesh in _visuals(node.geoms, "Visual"):
+            look = _look(stage, path, f"{names.plain(part)}{name.removeprefix('Visual')}", geom, mesh, files)
+            _mesh(stage, f"{own}/{name}", geom, mesh, look)
         UsdGeom.Scope.Define(stage, f"{own}/Collision")
-        for number, hull in enumerate(asset.collision.links[link].hulls):
-            piece = add_piece(stage, f"{own}/Collision/piece_{number}", *convex.surface(hull.vertices - origin))
+        solid = [geom for geom in node.geoms if geom.role == "collision"]
+        for number, geom in enumerate(solid):
+            piece = add_piece(stage, f"{own}/Collision/piece_{number}", *convex.surface(geom.vertices()))
             UsdPhysics.CollisionAPI.Apply(piece)
-            bind(piece)
-    if asset.body.joints:
-        UsdPhysics.ArticulationRootAPI.Apply(stage.GetPrimAtPath(f"{path}/{names.plain(root)}"))
+            if geom.contact is not None:
+                bind_contact(piece, contacts[geom.contact])
+    if thing.joints:
+        UsdPhysics.ArticulationRootAPI.Apply(stage.GetPrimAtPath(f"{path}/{names.plain(thing.root)}"))
         UsdGeom.Scope.Define(stage, f"{path}/Joints")
-    for joint in asset.body.joints:
-        outer = np.asarray(incoming[joint.parent].origin) if joint.parent in incoming else np.zeros(3)
-        _joint(stage, path, joint, outer, asset)
+    for joint in thing.joints:
+        _joint(stage, path, joint, thing.origin(joint.parent))
 
 
-def _look(stage: Any, path: str, own: str, file: str, mesh: Any, files: dict[str, bytes]) -> str:
-    """Write the mesh's material below `path` and return its prim path."""
+def _contacts(stage: Any, path: str, thing: ObjectNode) -> dict[Contact, Any]:
+    """Physics materials `contact`, `contact_2`, ... of an object."""
+    geoms = [geom for part in sorted(thing.links) for geom in thing.links[part].geoms]
+    different = dict.fromkeys(geom.contact for geom in geoms if geom.contact is not None)
+    return {
+        contact: add_contact(stage, f"{path}/Looks/contact{f'_{number}' if number > 1 else ''}", contact)
+        for number, contact in enumerate(different, start=1)
+    }
+
+
+def _mesh(stage: Any, path: str, geom: Geom, mesh: Mesh, look: str) -> None:
+    moved = mesh.model_copy(update={"vertices": geom.vertices().astype(np.float32)})
+    add_mesh(stage, path, moved, np.zeros(3), look)
+
+
+def _look(stage: Any, path: str, own: str, geom: Geom, mesh: Mesh, files: dict[str, bytes]) -> str:
+    """Write the material of a visual geom below `path` and return its prim path."""
     from pxr import UsdGeom
 
     UsdGeom.Scope.Define(stage, f"{path}/Looks")
     texture = None
     if mesh.texture is not None:
-        texture = f"textures/{file}.png"
+        texture = f"textures/{geom.label}.png"
         files[texture] = png(mesh.texture.pixels)
-    return add_surface_material(stage, f"{path}/Looks/{own}", mesh.colour, texture)
+    roughness = (geom.material or Material()).roughness
+    return add_surface_material(stage, f"{path}/Looks/{own}", mesh.colour, texture, roughness)
 
 
-def _mass(prim: Any, inertial: Inertial, origin: np.ndarray) -> None:
+def _mass(prim: Any, inertia: Inertia) -> None:
     from pxr import Gf, UsdPhysics
 
-    xx, yy, zz, xy, xz, yz = inertial.inertia
+    xx, yy, zz, xy, xz, yz = inertia.moments
     moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
     if np.linalg.det(axes) < 0:
         axes[:, 0] = -axes[:, 0]
     api = UsdPhysics.MassAPI.Apply(prim)
-    api.CreateMassAttr(inertial.mass_kg)
-    api.CreateCenterOfMassAttr(Gf.Vec3f(*(np.asarray(inertial.centre) - origin).tolist()))
+    api.CreateMassAttr(inertia.mass_kg)
+    api.CreateCenterOfMassAttr(Gf.Vec3f(*inertia.centre))
     api.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments.tolist()))
     api.CreatePrincipalAxesAttr(Gf.Quatf(*quaternions.from_matrix(axes).tolist()))
 
 
-def _joint(stage: Any, path: str, joint: Joint, outer: np.ndarray, asset: Asset) -> None:
+def _joint(stage: Any, path: str, joint: JointNode, outer: np.ndarray) -> None:
     """Write a joint with x along its axis; `outer` is the parent's origin in the object frame [m]."""
     from pxr import Gf, Sdf, UsdPhysics
 
@@ -164,12 +199,11 @@ def _joint(stage: Any, path: str, joint: Joint, outer: np.ndarray, asset: Asset)
     prim.CreateLocalRot1Attr(Gf.Quatf(*turn.tolist()))
     prim.CreateAxisAttr("X")
     unit = float(np.degrees(1.0)) if turns else 1.0
-    prim.CreateLowerLimitAttr(min(joint.lower, joint.position) * unit)
-    prim.CreateUpperLimitAttr(max(joint.upper, joint.position) * unit)
-    dry, viscous = mjcf_contact.joint_friction(joint, asset.body, asset.physics)
+    prim.CreateLowerLimitAttr(joint.lower * unit)
+    prim.CreateUpperLimitAttr(joint.upper * unit)
     drive = UsdPhysics.DriveAPI.Apply(prim.GetPrim(), "angular" if turns else "linear")
     drive.CreateTypeAttr("force")
     drive.CreateTargetPositionAttr(joint.position * unit)
-    drive.CreateStiffnessAttr(dry / SAG_RAD / unit)
-    drive.CreateDampingAttr(viscous / unit)
-    drive.CreateMaxForceAttr(dry)
+    drive.CreateStiffnessAttr(joint.friction / SAG_RAD / unit)
+    drive.CreateDampingAttr(joint.damping / unit)
+    drive.CreateMaxForceAttr(joint.friction)

@@ -1,0 +1,313 @@
+"""A scene as simulators need it, in the terms of none of them; MJCF and USD are written from it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
+
+from dextera_build.artifacts.base import Artifact, Value
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.frames import Frames
+from dextera_build.artifacts.geometry import Hull, Mesh
+from dextera_build.artifacts.image import png
+from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.errors import ArtifactError, listing
+from dextera_build.geometry import kinematics, transforms
+from dextera_build.geometry.thumbnail import Paint, thumbnail
+
+Name = Annotated[str, Field(pattern="^[A-Za-z_][A-Za-z0-9_]*$")]
+"""A name that MJCF and USD both take."""
+Vector = tuple[float, float, float]
+WORLD = "world"
+"""What static geoms belong to."""
+
+
+class Material(Value):
+    """How a surface looks, beyond the colour or the texture of its mesh."""
+
+    unlit: bool = False
+    """Whether its texture already has the light of the photograph: it is shown as it is."""
+    roughness: float = Field(0.9, ge=0, le=1)
+    """Of a microfacet model; USD only."""
+    gloss: float = Field(0.0, ge=0, le=1)
+    """Strength of highlights; MJCF only."""
+
+
+class Contact(Value):
+    """How a surface touches others."""
+
+    friction: NonNegativeFloat
+    """Sliding friction coefficient."""
+    restitution: float = Field(ge=0, le=1)
+    """Coefficient of restitution."""
+
+
+class Box(Value):
+    """A box around the origin of its geom."""
+
+    half_size: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
+    """Half edge lengths [m]."""
+
+
+class Geom(Artifact):
+    """A shape that is fixed to a body, or to the world: either seen or touched."""
+
+    label: Name
+    """Unique in the scene."""
+    role: Literal["visual", "collision"]
+    """Visual shapes touch nothing, and shapes for collision are hidden."""
+    shape: Mesh | Hull | Box
+    """In the frame `geom`; a visual shape is a `Mesh`, one for collision a `Hull` or `Box`."""
+    pose: Annotated[Pose, Frames("body", "geom")]
+    """T_body_geom; of a static geom T_world_geom."""
+    material: Material | None = None
+    """Of a visual shape."""
+    contact: Contact | None = None
+    """Of a shape for collision; None: the simulator's own, as static geoms have it."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if (self.role == "visual") != isinstance(self.shape, Mesh):
+            raise ArtifactError(
+                f"geom `{self.label}` is for {self.role}, but it is a {type(self.shape).__name__}",
+                code="DXB-A421",
+                hint="a visual geom is a Mesh, one for collision a Hull or a Box",
+            )
+        return self
+
+    def vertices(self) -> np.ndarray:
+        """Corners (V, 3) float64 of its mesh, hull or box in the body's frame [m]."""
+        if isinstance(self.shape, Box):
+            signs = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], np.float64)
+            return transforms.apply(self.pose.matrix, signs * self.shape.half_size)
+        turn, shift = self.pose.matrix[:3, :3], self.pose.matrix[:3, 3]
+        if np.array_equal(turn, np.eye(3)):
+            return np.asarray(self.shape.vertices + shift)
+        return transforms.apply(self.pose.matrix, self.shape.vertices.astype(np.float64))
+
+
+class Inertia(Value):
+    """Mass properties of a body, in its frame."""
+
+    mass_kg: PositiveFloat
+    """[kg]"""
+    centre: Vector
+    """Centre of mass [m]."""
+    moments: tuple[float, float, float, float, float, float]
+    """ixx, iyy, izz, ixy, ixz, iyz about the centre of mass [kg m^2]."""
+
+
+class BodyNode(Artifact):
+    """One rigid part of an object. Its frame is at its joint, with the axes of the object."""
+
+    label: Name
+    """Unique in the scene; that of a root is the object's."""
+    inertia: Inertia
+    """Always explicit, because simulators estimate it wrongly from thin and open meshes."""
+    geoms: tuple[Geom, ...]
+    """Shapes fixed to it."""
+
+
+class JointNode(Value):
+    """One joint between two parts, in the object frame with every joint at 0."""
+
+    name: str
+    """Unique in the object."""
+    type: Literal["revolute", "prismatic"]
+    """Kind of motion."""
+    parent: str
+    """Part nearer to the root."""
+    child: str
+    """Part that moves."""
+    origin: Vector
+    """A point on the axis [m]; the frame of the child is there."""
+    axis: Vector
+    """Direction; positive motion follows the right-hand rule."""
+    lower: float
+    """Lower limit [rad or m]; not above `position`."""
+    upper: float
+    """Upper limit [rad or m]; not below `position`."""
+    position: float
+    """Position in the home keyframe [rad or m]."""
+    friction: NonNegativeFloat
+    """Dry friction [N m or N]."""
+    damping: NonNegativeFloat
+    """Viscous damping [N m s/rad or N s/m]."""
+
+
+class ObjectNode(Artifact):
+    """A free object: a tree of parts."""
+
+    pose: Annotated[Pose, Frames("world", "object")]
+    """T_world_object in the home keyframe."""
+    links: dict[str, BodyNode]
+    """Part -> its body."""
+    joints: tuple[JointNode, ...] = ()
+    """A tree over the parts."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        ends = [end for joint in self.joints for end in (joint.parent, joint.child)]
+        if unknown := sorted(set(ends) - self.links.keys()):
+            raise ArtifactError(
+                f"a joint names the part `{unknown[0]}`, which the object does not have",
+                code="DXB-A422",
+                facts={"parts": listing(self.links)},
+            )
+        roots = self.links.keys() - {joint.child for joint in self.joints}
+        if len(roots) != 1 or len(self.joints) != len(self.links) - 1:
+            raise ArtifactError(
+                f"the parts of an object are not one tree: {len(self.links)} parts, {len(self.joints)} joints",
+                code="DXB-A422",
+                facts={"parts without a joint above them": listing(roots)},
+            )
+        for joint in self.joints:
+            if not joint.lower <= joint.position <= joint.upper:
+                raise ArtifactError(
+                    f"joint `{joint.name}` is at {joint.position:g}, outside {joint.lower:g} to {joint.upper:g}",
+                    code="DXB-A423",
+                    hint="widen its limits, or move it",
+                )
+        kinematics.link_poses(self)  # refuses joints in a circle
+        return self
+
+    @property
+    def label(self) -> str:
+        """Its name: that of its root body."""
+        return self.links[self.root].label
+
+    @property
+    def root(self) -> str:
+        """The part without a joint above it."""
+        moved = {joint.child for joint in self.joints}
+        return next(part for part in self.links if part not in moved)
+
+    def origin(self, part: str) -> np.ndarray:
+        """Origin (3,) of a part's frame in the object frame, with every joint at 0 [m]."""
+        above = next((joint for joint in self.joints if joint.child == part), None)
+        return np.zeros(3) if above is None else np.asarray(above.origin)
+
+    def world_poses(self) -> dict[str, np.ndarray]:
+        """Part -> (4, 4) T_world_body in the home keyframe."""
+        poses = kinematics.link_poses(self)
+        return {
+            part: self.pose.matrix @ poses[part] @ transforms.rigid(np.eye(3), self.origin(part)) for part in self.links
+        }
+
+
+class Light(Value):
+    """A light that shines on everything from one direction."""
+
+    label: Name
+    """Unique in the scene."""
+    direction: Vector
+    """Direction in which the light travels."""
+    place: Vector
+    """Where it is drawn, and where its shadows begin [m]."""
+    diffuse: Vector
+    """Red, green, blue of its light, 0..1."""
+
+
+class CameraNode(Artifact):
+    """A camera that stands still."""
+
+    label: Name
+    """Unique in the scene."""
+    camera: Camera
+    """Intrinsics."""
+    pose: Annotated[Pose, Frames("world", "camera")]
+    """T_world_camera, OpenCV axes."""
+
+
+class Attachment(Artifact):
+    """A robot that is fixed to the world."""
+
+    prefix: str = Field(pattern="^[a-z][a-z0-9_]*/$")
+    """Begins every name of the robot in the scene: `robot/`."""
+    robot: RobotModel
+    """The robot, at its home position."""
+    pose: Annotated[Pose, Frames("world", "base")]
+    """T_world_base."""
+
+
+class SceneDescription(Artifact):
+    """A scene: world frame z up; poses and joint positions of the nodes are the home keyframe."""
+
+    objects: tuple[ObjectNode, ...]
+    """Things that are free to move."""
+    static: tuple[Geom, ...]
+    """Shapes that never move, in the world frame."""
+    cameras: tuple[CameraNode, ...]
+    """The first one is that of the photograph."""
+    lights: tuple[Light, ...] = ()
+    """Lights besides the viewer's own."""
+    backdrop: Vector = (0.5, 0.5, 0.5)
+    """SRGB 0..1 of what is behind everything."""
+    exclude: tuple[tuple[str, str], ...] = ()
+    """Pairs of bodies that never touch one another."""
+    attachments: tuple[Attachment, ...] = ()
+    """Robots in the scene."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for kind, names in self._names().items():
+            if double := [name for name, times in Counter(names).items() if times > 1]:
+                raise ArtifactError(
+                    f"two {kind} of a scene are called `{double[0]}`", code="DXB-A424", hint="rename one of them"
+                )
+        bodies = self._names()["bodies"]
+        for pair in self.exclude:
+            if unknown := [name for name in pair if name not in bodies]:
+                raise ArtifactError(
+                    f"the scene excludes contacts of `{unknown[0]}`, which is no body of it",
+                    code="DXB-A424",
+                    facts={"bodies": listing(bodies)},
+                )
+        return self
+
+    def _names(self) -> dict[str, list[str]]:
+        parts = [body for thing in self.objects for body in thing.links.values()]
+        geoms = [*self.static, *(geom for body in parts for geom in body.geoms)]
+        return {
+            "bodies": [body.label for body in parts],
+            "geoms": [geom.label for geom in geoms],
+            "cameras": [camera.label for camera in self.cameras],
+            "lights": [light.label for light in self.lights],
+            "attachments": [attachment.prefix for attachment in self.attachments],
+        }
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the movable objects' root bodies."""
+        return tuple(thing.label for thing in self.objects)
+
+    def facts(self) -> Iterator[str]:
+        """Objects, joints, mass, geoms, cameras and robots."""
+        parts = [body for thing in self.objects for body in thing.links.values()]
+        geoms = [*self.static, *(geom for body in parts for geom in body.geoms)]
+        listed = f" ({', '.join(self.bodies)})" if 0 < len(self.objects) < 7 else ""
+        yield f"{len(self.objects)} objects{listed}"
+        yield f"{sum(len(thing.joints) for thing in self.objects)} joints"
+        yield f"{sum(body.inertia.mass_kg for body in parts):.3g} kg"
+        yield f"{sum(geom.role == 'collision' for geom in geoms)} collision geoms"
+        yield f"{len(self.cameras)} cameras"
+        yield from (f"robot {attachment.prefix}" for attachment in self.attachments)
+
+    def picture(self) -> bytes:
+        """All objects in the home keyframe; of static geoms only those for collision are left out."""
+        return png(thumbnail(list(self._seen())))
+
+    def _seen(self) -> Iterator[tuple[np.ndarray, Paint]]:
+        placed = [(np.eye(4), self.static)]
+        for thing in self.objects:
+            poses = thing.world_poses()
+            placed += [(poses[part], body.geoms) for part, body in thing.links.items()]
+        for pose, geoms in placed:
+            for geom in geoms:
+                if isinstance(geom.shape, Mesh):
+                    yield transforms.apply(pose, geom.vertices())[geom.shape.faces], geom.shape.paint

@@ -1,0 +1,19 @@
+"""Write a scene description with its robots as MJCF; MuJoCo itself puts them in."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.scene_description import SceneDescription
+from dextera_build.sim.model import compose, mjcf
+
+
+def write(description: SceneDescription) -> Folder:
+    """`scene.xml` and its files, every robot fixed to the world at its place; keyframe `home` has its home position.
+
+    Raises:
+        RuleError: MuJoCo rejects a robot or the combination.
+    """
+    made = mjcf.write(description.model_copy(update={"attachments": ()}))
+    for each in description.attachments:
+        made = compose.with_robot(made, each.robot, each.pose.matrix, prefix=each.prefix, keeps_cameras=True)
+    return made
