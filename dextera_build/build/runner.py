@@ -239,8 +239,8 @@ class _Calls:
     def __call__(self, *words: Any, **manner: Any) -> bytes:
         """The answer of a service, in the mode set by `DXB_CALLS`; profile `stub` never calls."""
         if self._recorder is None:
-            from dextera_build.calls.gate import Terms
             from dextera_build.calls.recorder import Recorder
+            from dextera_build.calls.terms import Terms
 
             wanted = "off" if self._task.get("profile") == "stub" else os.environ.get("DXB_CALLS") or "record"
             fetch = _fetcher(self._task, self._store)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import socket
+import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from email.utils import parsedate_to_datetime
+from functools import partial
 from http.client import HTTPException
 from typing import NoReturn, TypeAlias, TypeVar
 
@@ -23,6 +25,8 @@ T = TypeVar("T")
 MOST_RETRY_AFTER_S = 300.0
 """A service that asks to be left alone for longer is given up [s]."""
 _NEVER_SENT = {"httpx.ConnectError", "httpx.ConnectTimeout", "httpx.PoolTimeout", "httpx.UnsupportedProtocol"}
+_PATIENCE = 10.0
+"""A request whose answer is still coming in after so many timeouts is given up."""
 _SHOWN = 200
 _TOLD = 4000
 """Most of an error's text that goes back to a model [characters]."""
@@ -175,6 +179,33 @@ def _sent(asked: Question, send: Callable[[float], T], manner: Manner) -> T:
         raise RuleError(
             f"the call of `{asked.shown}` failed: {why.splitlines()[0][:_SHOWN]}", code="DXB-B344", facts=asked.facts()
         ) from None
+
+
+def within(timeout_s: float, send: Callable[[float], T]) -> T:
+    """What `send` returns, given its timeout [s]; timeouts of sockets start again with every byte.
+
+    Raises:
+        TimeoutError: The answer is not complete after ten timeouts.
+    """
+    ends: list[Callable[[], T]] = []
+
+    def run() -> None:
+        try:
+            value = send(timeout_s)
+            ends.append(lambda: value)
+        except BaseException as error:
+            ends.append(partial(_raise, error))
+
+    thread = threading.Thread(target=run, name="request", daemon=True)
+    thread.start()
+    thread.join(_PATIENCE * timeout_s)
+    if not ends:
+        raise TimeoutError(f"the answer is not complete after {_PATIENCE * timeout_s:.0f} s")
+    return ends[0]()
+
+
+def _raise(error: BaseException) -> NoReturn:
+    raise error
 
 
 def was_never_sent(error: Exception) -> bool:

@@ -2,58 +2,23 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from dextera_build.calls import Job, JobState, Response
-from dextera_build.calls.asking import MOST_RETRY_AFTER_S, Manner, Send, amounts, retry_after, was_never_sent
-from dextera_build.calls.consent import EVERY, refuse
+from dextera_build.calls.asking import MOST_RETRY_AFTER_S, Manner, Send, amounts, retry_after, was_never_sent, within
+from dextera_build.calls.consent import refuse
 from dextera_build.calls.limits import Limits
 from dextera_build.calls.question import Question
-from dextera_build.calls.services import Service, parse, usd
-from dextera_build.calls.spending import Bill, Spending
+from dextera_build.calls.services import Service, usd
+from dextera_build.calls.spending import Bill
+from dextera_build.calls.terms import Terms
 
 Emit = Callable[[str, Mapping[str, object]], None]
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Terms:
-    """The terms on which one command calls services, the same in all its worker processes."""
-
-    services: Mapping[str, Service] = field(default_factory=dict)
-    spending: Spending | None = None
-    """None: no limit of costs."""
-    consents: Sequence[tuple[str, str]] = ((EVERY, EVERY),)
-    """(service, kind of data) of what may be sent."""
-
-    @classmethod
-    def read(cls, text: str) -> Terms:
-        """The terms that `written` spelled; "" for none."""
-        told = json.loads(text or "{}")
-        most = told.get("max_cost")
-        spending = Spending(Path(told["ledger"]), float(most)) if most is not None else None
-        consents = [(service, kind) for service, kind in told.get("consents", ())]
-        return cls(parse(told.get("services", {}), "the build's settings"), spending, consents)
-
-
-def written(
-    services: Mapping[str, Any], max_cost: float | None, ledger: str, consents: Sequence[tuple[str, str]]
-) -> str:
-    """Terms as text for `Terms.read`.
-
-    Args:
-        services: The table of the settings.
-        max_cost: The most that the command may spend [USD]; None: no limit.
-        ledger: See `spending.open_ledger`.
-        consents: See `consent.Consents.here`.
-    """
-    limit = {"max_cost": max_cost, "ledger": ledger} if max_cost is not None else {}
-    return json.dumps({"services": services, "consents": consents, **limit})
 
 
 class Gate:
@@ -107,7 +72,7 @@ class Gate:
 
         def gated(timeout_s: float) -> T:
             self._limits.wait_for_turn()
-            answer = send(timeout_s)
+            answer = within(timeout_s, send)
             self._rest(answer)
             return answer
 
@@ -146,7 +111,7 @@ class Gate:
 
     def _sent(self, send: Callable[[float], T], timeout_s: float, bill: Bill) -> T:
         try:
-            return send(timeout_s)
+            return within(timeout_s, send)
         except Exception as error:
             if was_never_sent(error):
                 bill.amount = 0.0

@@ -16,10 +16,11 @@ from typing_extensions import Unpack
 
 from dextera_build.calls import Job, JobManner, Response
 from dextera_build.calls.asking import Manner, Send, amounts, ask
-from dextera_build.calls.gate import Emit, Gate, Terms
+from dextera_build.calls.gate import Emit, Gate
 from dextera_build.calls.jobs import Run
 from dextera_build.calls.question import Question, question
 from dextera_build.calls.services import usd
+from dextera_build.calls.terms import Terms
 from dextera_build.errors import RuleError, StoreError
 from dextera_build.store import headers
 from dextera_build.store.blobs import MissingBlob

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from weakref import WeakKeyDictionary
 
-from dextera_build.calls import gate, spending
+from dextera_build.calls import spending
 from dextera_build.calls.consent import Consents
+from dextera_build.calls.terms import written
 from dextera_build.project import settings
 from dextera_build.project.project import Project
 
@@ -14,10 +15,10 @@ _ledgers: WeakKeyDictionary[Project, str] = WeakKeyDictionary()
 
 
 def terms(project: Project) -> str:
-    """The terms for worker processes; see `calls.gate.Terms`."""
+    """The terms for worker processes; see `calls.terms.Terms`."""
     limit = project.max_cost
     account = _ledger(project) if limit is not None else ""
-    return gate.written(project.config["services"].value, limit, account, consents(project).here())
+    return written(project.config["services"].value, limit, account, consents(project).here())
 
 
 def consents(project: Project) -> Consents:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from dextera_build.calls.consent import Consents, refuse
-from dextera_build.calls.gate import Terms, written
 from dextera_build.calls.question import question
 from dextera_build.calls.recorder import Recorder
+from dextera_build.calls.terms import Terms, written
 from dextera_build.errors import MachineError, UsageError
 from dextera_build.store.store import Store
 

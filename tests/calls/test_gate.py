@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import os
+import socket
+import threading
 import time
+import urllib.request
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from dextera_build.calls import Response, asking, limits
-from dextera_build.calls.gate import Terms, written
 from dextera_build.calls.recorder import Recorder
 from dextera_build.calls.spending import Spending, open_ledger
+from dextera_build.calls.terms import Terms, written
 from dextera_build.errors import MachineError, RuleError
 from dextera_build.store.store import Store
 from tests.calls.jobs_service import Client, serving_jobs
@@ -174,3 +178,37 @@ def test_waiting_for_a_turn_takes_nothing_from_the_timeout(store, monkeypatch):
     Recorder(store, "record", terms=terms)("s", {}, lambda seconds: seen.append(seconds) or b"yes", timeout_s=3.0)
     assert seen == [3.0]
     assert time.monotonic() - began < 3.0
+
+
+@pytest.fixture
+def dripping():
+    """The address of a server that sends a byte each 20 ms, of an answer that is never complete."""
+    server, stop = socket.create_server(("127.0.0.1", 0)), threading.Event()
+
+    def serve(client):
+        with client, suppress(OSError):
+            client.recv(4096)
+            client.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 100000\r\n\r\n")
+            while not stop.wait(0.02):
+                client.sendall(b"x")
+
+    def accept():
+        with suppress(OSError):
+            while True:
+                threading.Thread(target=serve, args=server.accept()[:1], daemon=True).start()
+
+    threading.Thread(target=accept, daemon=True).start()
+    yield f"http://127.0.0.1:{server.getsockname()[1]}"
+    stop.set()
+    server.close()
+
+
+def test_an_answer_that_drips_is_given_up(store, dripping):
+    def send(seconds):
+        with urllib.request.urlopen(dripping, timeout=seconds) as answer:
+            return answer.read()  # each byte comes within the timeout
+
+    began = time.monotonic()
+    with pytest.raises(MachineError, match="TimeoutError: the answer is not complete after 2 s"):
+        Recorder(store, "record")("s", {}, send, timeout_s=0.2, tries=2, wait_s=0.01)
+    assert 4.0 <= time.monotonic() - began < 15.0
