@@ -22,6 +22,11 @@ def pose(old: str, new: str, parent: str, child: str) -> Reader:
     return read
 
 
+def unchanged(fields: Fields) -> Fields:
+    """The next version only added fields, whose defaults are what held before."""
+    return fields
+
+
 def from_depth(fields: Fields) -> Fields:
     """Version 1 did not say what it was made from: then every rule read depth."""
     return {**fields, "asset_source": "rgbd"}

@@ -63,8 +63,11 @@ class Support(Artifact):
     right projected onto the plane, y = z cross x (away from the camera).
     """
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.pose("world_from_camera", "camera_pose", "world", "camera")}
+    type_version: ClassVar[int] = 3
+    readers: ClassVar[former.Readers] = {
+        1: former.pose("world_from_camera", "camera_pose", "world", "camera"),
+        2: former.unchanged,
+    }
 
     camera_pose: Annotated[Pose, Frames("world", "camera")]
     """T_world_camera, camera in OpenCV axes."""
@@ -191,6 +194,9 @@ class Inertial(Value):
 class Physics(Artifact):
     """Mass, inertia and contact properties of every link."""
 
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.unchanged}
+
     links: dict[str, Inertial]
     """Link -> mass properties."""
     friction: float
@@ -203,6 +209,8 @@ class Physics(Artifact):
     """Standard deviation of `restitution`."""
     material: str
     """Key of the material table."""
+    weighed: bool = False
+    """Whether the masses are weighed, so that scaling leaves them as they are, or follow from a density."""
 
 
 class Pieces(Artifact):
@@ -226,9 +234,10 @@ class Collision(Artifact):
 class Placement(Artifact):
     """Pose and scale of a body."""
 
-    type_version: ClassVar[int] = 2
+    type_version: ClassVar[int] = 3
     readers: ClassVar[former.Readers] = {
-        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.from_depth)
+        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.from_depth),
+        2: former.unchanged,
     }
 
     pose: Annotated[Pose, Frames("world", "object")]
@@ -250,9 +259,10 @@ class Placement(Artifact):
 class Asset(Artifact):
     """A simulation-ready object, scaled to metres and placed."""
 
-    type_version: ClassVar[int] = 2
+    type_version: ClassVar[int] = 3
     readers: ClassVar[former.Readers] = {
-        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.from_depth)
+        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.from_depth),
+        2: former.unchanged,
     }
 
     body: Body

@@ -51,8 +51,11 @@ class Background(Artifact):
 class Scene(Artifact):
     """A simulated scene that loads in MuJoCo."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.pose("world_from_camera", "camera_pose", "world", "camera")}
+    type_version: ClassVar[int] = 3
+    readers: ClassVar[former.Readers] = {
+        1: former.pose("world_from_camera", "camera_pose", "world", "camera"),
+        2: former.unchanged,
+    }
 
     model: Folder
     """`scene.xml` and the files that it names, relative."""

@@ -62,6 +62,7 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
         restitution=material.restitution,
         restitution_sigma=material.restitution_sigma,
         material=name,
+        weighed=options.mass_kg is not None,
     )
 
 

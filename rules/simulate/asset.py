@@ -34,8 +34,8 @@ def asset(
     """Return the body with the placement's scale applied to every part, and its pose in the world [m].
 
     A uniform scale s multiplies meshes, walls, pieces, joint origins and prismatic limits by s, masses by s^3 and
-    inertias by s^5 at constant density; angles are unchanged. The pose is rigid, as simulators do not scale bodies.
-    `support` says in which unit the world is, see `align.scale`.
+    inertias by s^5 at constant density; angles are unchanged. A weighed mass stays, and its inertia goes with s^2. The
+    pose is rigid, as simulators do not scale bodies. `support` says in which unit the world is, see `align.scale`.
     """
     names = set(body.links)
     for what, links in (("physics", set(physics.links)), ("collision", set(collision.links))):
@@ -43,7 +43,8 @@ def asset(
     factor, known = (1.0, "depth") if support is None else (support.factor, support.scale)
     s = placement.scale * factor
     ctx.check(bool(np.isfinite(s)) and s > 0.0, f"the scale is {s}, but it is positive")
-    mass = sum(link.mass_kg for link in physics.links.values()) * s**3
+    scaled = scale_physics(physics, s)
+    mass = sum(link.mass_kg for link in scaled.links.values())
     pieces = sum(len(link.hulls) for link in collision.links.values())
     ctx.metric("mass", mass, "kg")
     counts = f"{_count(pieces, 'collision piece')}, {_count(len(body.joints), 'joint')}"
@@ -51,7 +52,7 @@ def asset(
     ctx.say(f"{mass:.3f} kg, scale {s:.4f}, {counts}, {body.asset_source}{unknown}")
     return Asset(
         body=scale_body(body, s),
-        physics=scale_physics(physics, s),
+        physics=scaled,
         collision=Collision(
             links={
                 name: link.model_copy(update={"hulls": tuple(scale_hull(hull, s) for hull in link.hulls)})
@@ -94,13 +95,15 @@ def scale_joint(joint: Joint, s: float) -> Joint:
 
 
 def scale_physics(physics: Physics, s: float) -> Physics:
-    """Mass properties after scaling by `s` at constant density."""
-    return physics.model_copy(update={"links": {name: _inertial(link, s) for name, link in physics.links.items()}})
+    """Mass properties after scaling by `s` at constant density, or at constant mass if that was weighed."""
+    grows = 1.0 if physics.weighed else s**3
+    links = {name: _inertial(link, s, grows) for name, link in physics.links.items()}
+    return physics.model_copy(update={"links": links})
 
 
-def _inertial(link: Inertial, s: float) -> Inertial:
-    masses = {name: getattr(link, name) * s**3 for name in ("mass_kg", "mass_low_kg", "mass_high_kg")}
-    vectors = {"centre": tuple(v * s for v in link.centre), "inertia": tuple(v * s**5 for v in link.inertia)}
+def _inertial(link: Inertial, s: float, grows: float) -> Inertial:
+    masses = {name: getattr(link, name) * grows for name in ("mass_kg", "mass_low_kg", "mass_high_kg")}
+    vectors = {"centre": tuple(v * s for v in link.centre), "inertia": tuple(v * (grows * s**2) for v in link.inertia)}
     return link.model_copy(update={**masses, **vectors})
 
 

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from dextera_build.artifacts.identity import spelled
+from dextera_build.artifacts.object import Support
 from dextera_build.runs.history import History
 from dextera_build.store.store import Store
 from tests.e2e.space import Space
@@ -64,7 +66,7 @@ def test_its_artifact_is_read(space: Space) -> None:
 
 def test_it_is_compared_with_a_run_of_today(space: Space) -> None:
     assert space.dxb("build", "lab/scene").code == 0
-    assert "type\tSupport@2\n" in space.dxb("show", "lab/scene:look").out
+    assert f"type\t{spelled(Support)}\n" in space.dxb("show", "lab/scene:look").out
     rows = space.dxb("diff", "0001", "0002", "--json").out
     assert "world_from_camera" in rows
     assert "residual_m" in rows

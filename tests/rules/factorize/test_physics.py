@@ -65,7 +65,9 @@ def test_a_weighed_mass_is_shared_out_by_volume(runner):
     assert found.links["base"].mass_kg == pytest.approx(1.5, rel=1e-6)
     assert found.links["lid"].mass_kg == pytest.approx(0.5, rel=1e-6)
     assert found.links["lid"].source == "weighed"
+    assert found.weighed
     assert runner.outcome.line.startswith("2.00 kg (1.94 kg to 2.07 kg), weighed")
+    assert not weigh(runner, body).weighed
 
 
 def test_contact_comes_from_the_table_and_an_option_overrides_the_proposal(runner):

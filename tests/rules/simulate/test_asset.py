@@ -97,6 +97,15 @@ def test_the_pose_is_the_placement_and_scale_one_changes_nothing(runner):
     assert runner.outcome.line == "1.300 kg, scale 1.0000, 2 collision pieces, 1 joint, rgb"
 
 
+def test_a_weighed_mass_is_that_of_the_scaled_body(runner):
+    made = factories.laptop_asset()
+    weighed = made.physics.model_copy(update={"weighed": True})
+    found = build(runner, made, place(scale=0.5), physics=weighed)
+    for name, before in made.physics.links.items():
+        assert found.physics.links[name].mass_kg == before.mass_kg
+        assert found.physics.links[name].inertia == pytest.approx(np.array(before.inertia) / 4)
+
+
 def test_a_world_of_another_unit_scales_body_and_place(runner):
     made = factories.laptop_asset()
     table = factories.support().model_copy(update={"factor": 0.5, "scale": "size"})
