@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import json
 import os
+import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -114,6 +115,8 @@ def pretrained(task: Mapping[str, Any], program: Outside | None = None) -> Pretr
     weights = tuple(task.get("weights", ()))
     if weights:
         unload(but=weights)
+        if program is None:
+            _end_server()
     folders = [Path(folder) for folder in os.environ.get("DXB_MODELS", "").split(os.pathsep) if folder]
 
     def find(pinned: str) -> Path:
@@ -122,6 +125,12 @@ def pretrained(task: Mapping[str, Any], program: Outside | None = None) -> Pretr
         return folder_of(folders, pinned)
 
     return Pretrained(weights, find, "cuda" if task.get("devices") else "cpu", program)
+
+
+def _end_server() -> None:
+    """End the program that this process keeps, if there is one: it may hold a model, too."""
+    if (servers := sys.modules.get("dextera_build.outside.servers")) is not None:
+        servers.end()
 
 
 @contextmanager

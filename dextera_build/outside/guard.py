@@ -21,6 +21,7 @@ import selectors
 import shutil
 import signal
 import socket
+import stat
 import subprocess
 import sys
 import time
@@ -193,8 +194,8 @@ class Guard:
             self._output.read(self._program.stdout.fileno())
 
     def _written(self) -> int:
-        """Disk space below its temporary folder, without the requests [bytes]."""
-        return _size(self._spec["root"], without="request")
+        """Disk space below its temporary folder without the requests, and of files without a name [bytes]."""
+        return _size(self._spec["root"], without="request") + _unnamed_below(os.getpid())
 
     def _end(self, why: str, **facts: Any) -> bool:
         """Report the end of the task; True if the program goes on."""
@@ -292,8 +293,8 @@ def below(pid: int) -> list[int]:
     children: dict[int, list[int]] = {}
     for name in os.listdir("/proc"):
         if name.isdigit():
-            with contextlib.suppress(OSError), open(f"/proc/{name}/stat", "rb") as stat:
-                state, parent = stat.read().rpartition(b")")[2].split()[:2]
+            with contextlib.suppress(OSError), open(f"/proc/{name}/stat", "rb") as told:
+                state, parent = told.read().rpartition(b")")[2].split()[:2]
                 children.setdefault(int(parent), []).append(-int(name) if state in b"ZX" else int(name))
     found, todo = [], [pid]
     while todo:
@@ -301,17 +302,6 @@ def below(pid: int) -> list[int]:
             todo.append(abs(child))
             if child > 0:
                 found.append(child)
-    return found
-
-
-def marked(mark: str) -> list[int]:
-    """Process ids of all processes whose environment holds `MARKER` with this value."""
-    found, wanted = [], f"{MARKER}={mark}".encode()
-    for name in os.listdir("/proc"):
-        if name.isdigit():
-            with contextlib.suppress(OSError), open(f"/proc/{name}/environ", "rb") as environ:
-                if wanted in environ.read().split(b"\0"):
-                    found.append(int(name))
     return found
 
 
@@ -357,6 +347,19 @@ def _size(root: str, without: str = "") -> int:
                     elif entry.name != without:
                         todo.append(entry.path)
     return total
+
+
+def _unnamed_below(pid: int) -> int:
+    """Disk space of deleted files that descendants hold open [bytes]."""
+    found = {}
+    for child in below(pid):
+        with contextlib.suppress(OSError), os.scandir(f"/proc/{child}/fd") as entries:
+            for entry in entries:
+                with contextlib.suppress(OSError):
+                    facts = entry.stat()
+                    if stat.S_ISREG(facts.st_mode) and not facts.st_nlink:
+                        found[facts.st_dev, facts.st_ino] = facts.st_blocks * 512
+    return sum(found.values())
 
 
 def _largest(root: str) -> int:

@@ -152,7 +152,7 @@ class Running:
             self._guard.kill()
             self._guard.wait()
         if self._guard.returncode < 0:  # something killed the guard before it could kill
-            while found := guard.marked(self._mark):
+            while found := _marked(self._mark):
                 guard.kill(found)
         shutil.rmtree(self._root, ignore_errors=True)
 
@@ -271,3 +271,14 @@ def _inherited() -> dict[str, str]:
     own = ("PYTHONPATH", "PYTHONHOME", "PYTHONSAFEPATH", "VIRTUAL_ENV")
     kept = {name: value for name, value in os.environ.items() if name not in own}
     return {**kept, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"}
+
+
+def _marked(mark: str) -> list[int]:
+    """Process ids of all processes whose environment holds the marker with this value."""
+    found, wanted = [], f"{guard.MARKER}={mark}".encode()
+    for name in os.listdir("/proc"):
+        if name.isdigit():
+            with contextlib.suppress(OSError), open(f"/proc/{name}/environ", "rb") as environ:
+                if wanted in environ.read().split(b"\0"):
+                    found.append(int(name))
+    return found

@@ -78,10 +78,15 @@ class Outside:
             # The result may refer to files of the response until it is stored.
             kept = Path(shutil.move(folder / messages.RESPONSE, _free(scratch())))
             shutil.rmtree(folder, ignore_errors=True)
-        finally:
-            if not running.server:
+            answer = self._answer(kept, returns)
+        except BaseException as error:
+            # A server that refuses is well; one that failed, or answers something else, may be out of step.
+            if not (running.server and isinstance(error, RuleError) and error.code == "DXB-B378"):
                 running.end()
-        return self._answer(kept, returns)
+            raise
+        if not running.server:
+            running.end()
+        return answer
 
     def _running(self, folders: tuple[Path, ...], device: Device) -> Running:
         def start() -> Running:
