@@ -76,6 +76,8 @@ class Guard:
                 pass
         finally:
             kill_below(os.getpid())
+            while self._over and self._worker.recv(1 << 16):
+                pass  # the worker still reads the response
             if self._spec:
                 with contextlib.suppress(OSError, subprocess.TimeoutExpired):
                     if self._spec["last"]:

@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ _LOG = 1 << 20
 """How much output of a program is passed on as it comes [bytes]; of the rest, the end is kept."""
 _TAIL_LINES = 12
 _END_S = 15.0
+_SPARE_S = 5.0
 _GIB = 1 << 30
 
 
@@ -67,6 +69,7 @@ class Running:
         self.limits, self.server = limits, server
         self._mark = uuid.uuid4().hex
         self._count = 0
+        self._used = time.monotonic()
         self._buffer = b""
         self._tail: list[str] = []
         self._root = Path(tempfile.mkdtemp(prefix="dxb-outside-")).resolve()
@@ -109,12 +112,14 @@ class Running:
 
     @property
     def is_alive(self) -> bool:
-        """Whether it can take a request."""
-        return self._guard.poll() is None
+        """Whether it can take a request: it is not about to end because nobody asked for long."""
+        idle_s = time.monotonic() - self._used
+        return self._guard.poll() is None and idle_s < self.limits.idle_s - _SPARE_S
 
     def exchange(self) -> Path:
         """A new folder with empty folders for a request and a response; it vanishes with the program."""
         self._count += 1
+        self._used = time.monotonic()
         folder = self._root / str(self._count)
         for name in (REQUEST, RESPONSE):
             (folder / name).mkdir(parents=True)
@@ -142,6 +147,7 @@ class Running:
         if error is not None:
             self.end()
             raise error
+        self._used = time.monotonic()
 
     def end(self) -> None:
         """End it, with every process that it started and its folder."""

@@ -11,7 +11,8 @@ import pytest
 
 from dextera_build.build import runner
 from dextera_build.errors import RuleError
-from dextera_build.outside import servers
+from dextera_build.outside import running, servers
+from dextera_build.outside.running import Limits
 from tests.e2e.space import Space
 from tests.outside.conftest import alive
 from tests.outside.test_program import GREY
@@ -113,21 +114,32 @@ def test_the_time_of_a_call_is_limited_not_that_of_the_server(toy):
         assert run(toy, "time.sleep(0.6)", timeout_s=1.5)[1] == count + 1
 
 
-def test_an_idle_server_ends(toy, monkeypatch):
-    toy.program(text(), server=True)
-    program = toy.runner().find("toy.tint").backends["program"].program
-    object.__setattr__(program.limits, "idle_s", 0.3)
-    running = program.run({}, (), gpu=False)
-    folder = running.exchange()
-    (folder / "request" / "request.json").write_text("{}")
-    with pytest.raises(RuleError):
-        running.ask(folder, lambda kind, data: None)
-    waiting = program.run({}, (), gpu=False)
-    deadline = time.monotonic() + 10
-    while waiting.is_alive and time.monotonic() < deadline:
+def test_an_idle_server_ends_and_the_next_call_starts_another(toy, monkeypatch):
+    monkeypatch.setattr(Limits.__init__, "__defaults__", (0.5,))  # `idle_s`
+    monkeypatch.setattr(running, "_SPARE_S", 0.0)
+    first, _ = run(toy)
+    deadline = time.monotonic() + 20
+    while is_alive(first) and time.monotonic() < deadline:
         time.sleep(0.05)
-    assert not waiting.is_alive
-    waiting.end()
+    second, count = run(toy)
+    assert (first != second, count) == (True, 1)
+
+
+def test_a_server_that_is_about_to_end_is_not_asked(toy, monkeypatch):
+    monkeypatch.setattr(running, "_SPARE_S", 1000.0)
+    assert run(toy)[0] != run(toy)[0]
+
+
+def test_the_response_is_there_until_it_was_read(toy, monkeypatch):
+    """The guard of a program that has ended waits for the worker."""
+    ask = running.Running.ask
+
+    def slowly(*arguments):
+        ask(*arguments)
+        time.sleep(1.0)
+
+    monkeypatch.setattr(running.Running, "ask", slowly)
+    assert (toy.run().pixels == toy.image.pixels).all()
 
 
 def test_it_makes_room_for_a_model(toy):
