@@ -29,6 +29,11 @@ def dimensions(ctx: Context, assets: Collection[Asset], support: Support, *, opt
 
     Sizes are the edges of the smallest upright box around the placed surface [m], sorted if the truth is unordered.
     """
+    ctx.check(
+        support.scale != "unknown",
+        "the scale of this twin is unknown, so its sizes cannot be compared with a ruler",
+        hint="lay a marker on the support, or measure depth",
+    )
     ctx.check(bool(assets.items), "no object was found", hint="look at the masks: `dxb report`")
     name = min(assets.items, key=lambda label: _distance(assets.items[label], support))
     asset = assets.items[name]

@@ -74,6 +74,11 @@ def objects(
             truth=truth.camera,
             hint="take `camera` from the capture of this world",
         )
+    if support.scale == "unknown":
+        ctx.fail(
+            "the scale of this twin is unknown, so it cannot be compared with the truth",
+            hint="state one size (`object` and `size_m` of `align.scale`), or lay a marker on the support",
+        )
     known = true_objects(truth)
     found, rgb, depth = render_assets(assets, support, camera)
     overlaps = np.array([[metrics.mask_iou(f.mask, t.mask) for f in found.values()] for t in known.values()])

@@ -53,6 +53,8 @@ def settle(ctx: Context[SettleBackend], scene: Scene, *, options: SettleOptions)
     ctx.metric("resting", sum(body.resting for body in report.bodies), f"of {len(report.bodies)}")
     restless = [body.name for body in report.bodies if not body.resting]
     verdict = f"does not rest: {', '.join(restless)}" if restless else "settles"
+    if scene.scale == "unknown":
+        verdict += ", scale unknown"
     ctx.say(f"{verdict}, drift {drift * 1000:.1f} mm, penetration {depth * 1000:.1f} mm")
     ctx.preview(settle_picture(report), verdict)
     return report

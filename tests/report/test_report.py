@@ -19,6 +19,8 @@ from dextera_build.artifacts.image import Image, png
 from dextera_build.artifacts.scene import Settled, SettleReport
 from dextera_build.artifacts.table import Column, Table
 from dextera_build.report import build as report
+from dextera_build.report import result
+from dextera_build.report.run import Node, Run
 from dextera_build.runs.events import NodeFinished, RunFinished, RunStarted
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
@@ -301,3 +303,19 @@ def test_real_artifacts_in_a_real_store(tmp_path: Path) -> None:
         assert shown.size == (60, 40)
         red, green, _ = shown.convert("RGB").getpixel((10, 20))  # type: ignore[misc]
     assert red > 150 > green
+
+
+def test_the_title_says_what_assets_were_made_from_and_warns_of_an_unknown_scale():
+    def node(number: int, artifact: str, **fields: str) -> Node:
+        made = Node(number, f"n{number}", "a.b", None, "ran", None, None, 0.0, 1.0)
+        made.artifact, made.fields = artifact, fields
+        return made
+
+    assets = [node(1, "Asset", asset_source="rgb"), node(2, "Asset", asset_source="rgbd")]
+    known = result.title(Run(nodes=[*assets, node(3, "Scene", scale="size")]))
+    assert "<dt>assets made from</dt><dd>rgb and rgbd</dd>" in known
+    assert "scale unknown" not in known
+    unknown = result.title(Run(nodes=[assets[0], node(3, "Scene", scale="unknown")]))
+    assert '<span class="verdict warn">scale unknown</span>' in unknown
+    assert "<dt>assets made from</dt><dd>rgb</dd>" in unknown
+    assert "assets made from" not in result.title(Run())

@@ -76,7 +76,7 @@ def truth() -> Truth:
 
 
 def evaluate(
-    tmp_path: Path, truth: Truth, assets: dict[str, Asset], camera: Camera = CAMERA
+    tmp_path: Path, truth: Truth, assets: dict[str, Asset], camera: Camera = CAMERA, scale: str = "depth"
 ) -> tuple[Table, RuleRunner]:
     runner = RuleRunner(tmp_path)
     support = Support(
@@ -84,6 +84,7 @@ def evaluate(
         polygon=np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]]),
         residual_m=0.0,
         inlier_fraction=1.0,
+        scale=scale,
     )
     table = runner.run(
         "evaluate.objects", truth=truth, assets=Collection[Asset](items=assets), support=support, camera=camera
@@ -202,3 +203,9 @@ def test_the_table_says_what_the_assets_were_made_from(tmp_path: Path, truth: Tr
     assert made["mean"] == "1 asset, rgb; 1 asset, rgbd"
     assert made["paper, Ours: mean"] == "86 instances, rgb"
     assert any("rgbd: made with the help of the photograph's depth" in note for note in table.notes)
+
+
+def test_a_twin_of_unknown_scale_is_not_compared(tmp_path: Path, truth: Truth) -> None:
+    with pytest.raises(RuleError, match="the scale of this twin is unknown, so it cannot be compared") as caught:
+        evaluate(tmp_path, truth, {name: asset(box(low)) for name, low in PLACES.items()}, scale="unknown")
+    assert "`size_m` of `align.scale`" in str(caught.value.hint)

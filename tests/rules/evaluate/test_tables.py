@@ -42,6 +42,9 @@ def test_dimensions_are_those_of_the_nearest_body(runner):
 def test_dimensions_of_nothing_are_refused(runner):
     with pytest.raises(RuleError, match="no object was found"):
         runner.run("evaluate.dimensions", assets=Collection[Asset](items={}), support=factories.support())
+    unknown = factories.support().model_copy(update={"scale": "unknown"})
+    with pytest.raises(RuleError, match="cannot be compared with a ruler"):
+        runner.run("evaluate.dimensions", assets=Collection[Asset](items={}), support=unknown)
 
 
 def table(*rows: tuple[float, ...], column: str = "a") -> Table:

@@ -43,6 +43,12 @@ def test_a_standing_scene_passes(backend: ModuleType, tmp_path: Path) -> None:
     assert context.outcome.previews
 
 
+def test_a_scene_of_unknown_scale_says_so(tmp_path: Path) -> None:
+    twin = placed(tmp_path, box=factories.box_asset()).model_copy(update={"scale": "unknown"})
+    _, context = judge(twin, tmp_path, settle_stub)
+    assert context.outcome.line.startswith("settles, scale unknown, drift")
+
+
 def test_what_falls_is_named_and_the_report_is_still_made(tmp_path: Path) -> None:
     beside = factories.box_asset(factories.pose(0.9))
     report, context = judge(placed(tmp_path, box=factories.box_asset(), lost=beside), tmp_path)
