@@ -16,17 +16,18 @@ from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, Generic, Self, TypeVa
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
 
 from dextera_build import digest
-from dextera_build.artifacts import describe, fields
+from dextera_build.artifacts import describe, fields, trees
 from dextera_build.artifacts.arrays import Array as Array
 from dextera_build.artifacts.arrays import is_array, save_arrays
 from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, Stored
 from dextera_build.artifacts.formats import suffix_among
 from dextera_build.artifacts.forms import NOTHING, form_of, forms
 from dextera_build.artifacts.identity import check, spelled, unreadable
-from dextera_build.artifacts.labels import check_labels, check_paths, path_fault
+from dextera_build.artifacts.labels import check_labels, check_paths
+from dextera_build.artifacts.lazy import Lazy, contents, sizes
 from dextera_build.artifacts.schema import array_specs
 from dextera_build.artifacts.value import Value as Value
-from dextera_build.errors import ArtifactError, StoreError
+from dextera_build.errors import ArtifactError
 
 
 class Artifact(BaseModel):
@@ -195,6 +196,17 @@ class Collection(Artifact, Generic[T]):
         kinds = sorted({item.name() for item in self.items.values()})
         yield from describe.facts({" or ".join(kinds) or "items": self.items}, {})
 
+    @classmethod
+    def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
+        """The value; from a store, each item is loaded when it is first used."""
+        if not hasattr(get, "place"):
+            return super()._from_header(header, get)
+        check(cls, header["artifact"])
+        form = forms(cls)["items"].labelled or NOTHING
+        stored = header["fields"]["items"]["$map"]
+        items: Any = Lazy(stored, lambda raw: fields.decode(raw, form, get), keep=True)
+        return cls.model_construct(items=items)  # type: ignore[return-value]  # of this very class
+
 
 _FILE = re.compile(
     rb'\{"artifact":"File","fields":\{"data":\{"\$bytes":\["([0-9a-f]{64})",(0|[1-9][0-9]{0,17})\]\}\}\}'
@@ -320,45 +332,45 @@ class Folder(Artifact):
     def facts(self) -> Iterator[str]:
         """Number of files, and their size."""
         yield from describe.facts({"files": self.files}, {})
-        yield describe.size(sum(map(len, self.files.values())))
+        yield describe.size(sum(sizes(self.files)))
+
+    @classmethod
+    def of(cls, folder: str | Path) -> Self:
+        """All files below a folder that no longer changes; each is read when it is used or stored."""
+        paths = sorted(path for path in Path(folder).rglob("*") if path.is_file())
+        found = {path.relative_to(folder).as_posix(): OnDisk(path) for path in paths}
+        check_paths(cls.name(), found)
+        return cls.model_construct(files=contents(found))  # type: ignore[return-value]  # of this very class
+
+    def encode(self, put: Put) -> str:
+        """Store this value; files that are not in memory are stored in pieces."""
+        if type(self) is not Folder or not isinstance(self.files, Lazy):
+            return super().encode(put)
+        stored = {name: {"$bytes": list(self.files.source(name).store(put))} for name in self.files}
+        return put(digest.canonical({"artifact": spelled(Folder), "fields": {"files": {"$map": stored}}}))
+
+    @classmethod
+    def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
+        """The value; from a store, each file is read when it is used."""
+        if cls is not Folder or not hasattr(get, "place"):
+            return super()._from_header(header, get)
+        check(cls, header["artifact"])
+        stored = header["fields"]["files"]["$map"]
+        found = {name: Stored(get, *raw["$bytes"]) for name, raw in stored.items()}
+        return cls.model_construct(files=contents(found))  # type: ignore[return-value]  # of this very class
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write the tree below `folder`; the first path is the topmost file, first by name."""
-        folder = Path(folder)
-        written = []
-        for name in sorted(self.files, key=_depth):
-            path = _inside(folder, name)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(self.files[name])
-            written.append(path)
-        return written
+        return trees.write(self.files, Path(folder))
 
     @classmethod
     def restore(cls, key: str, get: Get, folder: Path, stem: str) -> list[Path]:
         """Write the tree from the store, file by file and in parallel, without holding it in memory."""
-        place = getattr(get, "place", None)
-        if place is None:
+        copy = getattr(get, "place", None)
+        if copy is None:
             return super().restore(key, get, folder, stem)
         tree = json.loads(get(key))["fields"]["files"]["$map"]
-        paths = {name: _inside(folder, name) for name in sorted(tree, key=_depth)}
-        for parent in dict.fromkeys(path.parent for path in paths.values()):
-            parent.mkdir(parents=True, exist_ok=True)
-        from concurrent.futures import ThreadPoolExecutor  # slow to load
-
-        with ThreadPoolExecutor() as pool:
-            list(pool.map(lambda name: place(tree[name]["$bytes"][0], paths[name]), paths))
-        return list(paths.values())
-
-
-def _depth(name: str) -> tuple[int, str]:
-    return name.count("/"), name
-
-
-def _inside(folder: Path, name: str) -> Path:
-    wrong = path_fault(name)
-    if wrong:
-        raise StoreError(f"`{name}` cannot be written below `{folder}`: {wrong}", code="DXB-S404")
-    return folder / name
+        return trees.restore({name: raw["$bytes"][0] for name, raw in tree.items()}, copy, folder)
 
 
 def _parts(value: Any) -> dict[str, Any]:

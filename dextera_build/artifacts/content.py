@@ -31,6 +31,10 @@ class Content(Protocol):
         """All bytes."""
         ...
 
+    def length(self) -> int:
+        """Number of bytes."""
+        ...
+
     def place(self, target: Path) -> None:
         """Write them to `target`, which belongs to the caller."""
         ...
@@ -53,6 +57,10 @@ class OnDisk:
     def read(self) -> bytes:
         """All of it."""
         return self.file.read_bytes()
+
+    def length(self) -> int:
+        """Size of the file."""
+        return self.file.stat().st_size
 
     def place(self, target: Path) -> None:
         """Copy it."""
@@ -85,6 +93,10 @@ class Stored:
         """All of it."""
         data: bytes = self.get(self.digest)
         return data
+
+    def length(self) -> int:
+        """Size of the blob."""
+        return self.size
 
     def place(self, target: Path) -> None:
         """Copy it, sharing its blocks if the file system can."""
