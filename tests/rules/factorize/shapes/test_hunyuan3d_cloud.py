@@ -12,6 +12,7 @@ from PIL import Image
 from dextera_build import redact
 from dextera_build.artifacts import mesh_files
 from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.object import Body, Link
 from dextera_build.calls.recorder import Recorder
 from dextera_build.calls.terms import Terms, written
 from dextera_build.errors import DxbError, MachineError, RuleError
@@ -226,3 +227,17 @@ def test_an_empty_mask_is_refused(complete, service, mug):
     with pytest.raises(RuleError, match="the mask is empty"):
         complete(view=empty)
     assert service.seen == []
+
+
+@pytest.mark.slow
+def test_the_measurements_find_its_scale_and_place(complete, service, mug, tmp_path):
+    shape = complete()
+    body = Body(links={"base": Link(mesh=shape.mesh)}, hollow=shape.hollow, asset_source=shape.asset_source)
+    placed = RuleRunner(tmp_path).run("align.object", backend="icp", body=body, **object_views.sights(mug))
+    assert placed.scale == pytest.approx(1.0 / SCALE, rel=0.03)
+    assert placed.residual_m < 0.003
+    assert placed.asset_source == "rgb"
+    # The mug stands in the origin of the world, on the table; its handle shifts the middle of its extent.
+    vertices = object_views.mug().vertices
+    middle = (vertices[:, :2].min(axis=0) + vertices[:, :2].max(axis=0)) / 2
+    assert placed.pose.matrix[:3, 3] == pytest.approx([*middle, 0.0], abs=0.006)
