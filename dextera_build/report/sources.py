@@ -89,7 +89,7 @@ def blob(store: Store, digest: str | None) -> bytes | None:
 
 
 def header(store: Store, digest: str | None) -> tuple[str, dict[str, Any]]:
-    """Type name and fields of an artifact; ("", {}) if they cannot be read."""
+    """Type, without its version, and fields of an artifact; ("", {}) if they cannot be read."""
     raw = blob(store, digest)
     try:
         data = json.loads(raw or b"null")
@@ -97,7 +97,7 @@ def header(store: Store, digest: str | None) -> tuple[str, dict[str, Any]]:
         return "", {}
     if not isinstance(data, dict) or not isinstance(data.get("fields"), dict):
         return "", {}
-    return str(data.get("artifact", "")), data["fields"]
+    return str(data.get("artifact", "")).partition("@")[0], data["fields"]
 
 
 def plain(value: Any) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 import re
 import zlib
 from collections import Counter
@@ -19,7 +20,7 @@ from dextera_build.artifacts.image import Image, png
 from dextera_build.artifacts.scene import Settled, SettleReport
 from dextera_build.artifacts.table import Column, Table
 from dextera_build.report import build as report
-from dextera_build.report import result
+from dextera_build.report import result, sources
 from dextera_build.report.run import Node, Run
 from dextera_build.runs.events import NodeFinished, RunFinished, RunStarted
 from dextera_build.store.entry import ActionResult
@@ -319,3 +320,9 @@ def test_the_title_says_what_assets_were_made_from_and_warns_of_an_unknown_scale
     assert '<span class="verdict warn">scale unknown</span>' in unknown
     assert "<dt>assets made from</dt><dd>rgb</dd>" in unknown
     assert "assets made from" not in result.title(Run())
+
+
+def test_the_version_of_a_type_is_not_part_of_its_name():
+    store = FakeStore()
+    stored = store.blobs.put(json.dumps({"artifact": "Scene@3", "fields": {"scale": "unknown"}}).encode())
+    assert sources.header(store, stored) == ("Scene", {"scale": "unknown"})
