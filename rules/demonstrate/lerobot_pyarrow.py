@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.h264 import Clip, Encoder
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 
 from . import lerobot_features, lerobot_meta, lerobot_stats, lerobot_tables, rolling
-from .video import Clip, Encoder
 
 if TYPE_CHECKING:
     from .lerobot import LerobotOptions

@@ -20,6 +20,7 @@ from dextera_build.artifacts.rig import Rig
 from dextera_build.artifacts.stream import Channel, Joints, Stream
 from dextera_build.artifacts.track import Track
 from dextera_build.artifacts.trajectory import Trajectory
+from dextera_build.artifacts.video import Video
 from dextera_build.artifacts.views import Views, encoded
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
@@ -160,6 +161,13 @@ def _stream(draw: Draw) -> dict[str, Any]:
     return {"file": File(data=draw(st.binary(max_size=9))), "channels": (channel,), "start_ns": 1, "end_ns": 2}
 
 
+def _video(draw: Draw) -> dict[str, Any]:
+    count = draw(st.integers(1, 5))
+    is_key = np.array([True, *(draw(st.booleans()) for _ in range(count - 1))])
+    file = File(data=draw(st.binary(max_size=9)))
+    return _size(draw) | {"file": file, "stamps": 0.1 * np.arange(count), "is_key": is_key}
+
+
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     BrownConrady: _brown_conrady,
     KannalaBrandt: _kannala_brandt,
@@ -172,4 +180,5 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Calibration: _calibration,
     Joints: _joints,
     Stream: _stream,
+    Video: _video,
 }

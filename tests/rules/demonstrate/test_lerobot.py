@@ -14,11 +14,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dextera_build.artifacts import h264
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
-from rules.demonstrate import lerobot_stats, rolling, video
+from rules.demonstrate import lerobot_stats, rolling
 from tests import episodes
 
 KEY = "observation.images.workspace"
@@ -255,7 +256,7 @@ def test_files_are_filled_in_order_and_not_beyond_their_limit(sizes: list[float]
 @pytest.mark.parametrize("colour", [(255, 0, 0), (0, 255, 0), (0, 0, 255), (250, 250, 250), (0, 0, 0), (90, 120, 30)])
 def test_colours_come_back(colour: tuple[int, int, int]) -> None:
     pixels = np.tile(np.array(colour, np.uint8), (1, 8, 12, 1))
-    frame = av.VideoFrame.from_ndarray(video.yuv420(pixels)[0], format="yuv420p")
+    frame = av.VideoFrame.from_ndarray(h264.yuv420(pixels)[0], format="yuv420p")
     np.testing.assert_allclose(frame.to_ndarray(format="rgb24"), pixels[0], atol=4)
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterable
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,6 +35,7 @@ class Encoder:
         rate: Frames per second.
         crf: Quality.
         keyframe_every: Key frame interval.
+        preset: Effort of x264, which trades time for size.
     """
 
     width: int
@@ -40,6 +43,20 @@ class Encoder:
     rate: Fraction
     crf: int
     keyframe_every: int
+    preset: str = "medium"
+
+    def write(self, path: Path, frames: Iterable[np.ndarray]) -> None:
+        """Encode frames (H, W, 3) uint8 sRGB into an MP4 file, holding one at a time."""
+        import av
+
+        with av.open(str(path), "w", format="mp4", options={"fflags": "+bitexact"}) as out:
+            stream: Any = out.add_stream("libx264", rate=self.rate)
+            self._set(stream.codec_context)
+            for number, pixels in enumerate(frames):
+                frame = av.VideoFrame.from_ndarray(yuv420(pixels[None])[0], format="yuv420p")
+                frame.pts, frame.time_base = number, 1 / self.rate
+                out.mux(stream.encode(frame))
+            out.mux(stream.encode(None))
 
     def encode(self, pixels: np.ndarray) -> Clip:
         """Encode frames (T, H, W, 3) uint8 sRGB at constant frame rate."""
@@ -49,8 +66,8 @@ class Encoder:
         self._set(coder)
         coder.framerate = self.rate
         packets = []
-        for number, planes in enumerate(yuv420(pixels)):
-            frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
+        for number, picture in enumerate(pixels):
+            frame = av.VideoFrame.from_ndarray(yuv420(picture[None])[0], format="yuv420p")
             frame.pts, frame.time_base = number, 1 / self.rate
             packets += coder.encode(frame)
         packets += coder.encode(None)
@@ -80,7 +97,7 @@ class Encoder:
         coder.time_base, coder.thread_count = 1 / self.rate, 1
         coder.flags |= Flags.global_header | Flags.bitexact
         # Without B-frames, coding order and display order are the same.
-        coder.options = {"crf": str(self.crf), "g": str(self.keyframe_every), "bf": "0", "preset": "medium"}
+        coder.options = {"crf": str(self.crf), "g": str(self.keyframe_every), "bf": "0", "preset": self.preset}
 
 
 def yuv420(pixels: np.ndarray) -> np.ndarray:
@@ -89,11 +106,12 @@ def yuv420(pixels: np.ndarray) -> np.ndarray:
     ffmpeg's conversion gives different bytes on different processors.
     """
     steps, height, width, _ = pixels.shape
-    r, g, b = np.moveaxis(pixels.astype(np.int32), -1, 0)
-    luma = (66 * r + 129 * g + 25 * b + 128) // 256 + 16
-    quads = pixels.reshape(steps, height // 2, 2, width // 2, 2, 3).sum(axis=(2, 4), dtype=np.int32)
-    r, g, b = np.moveaxis(quads, -1, 0)
+    r, g, b = (pixels[..., channel].astype(np.uint16) for channel in range(3))
+    luma = (66 * r + 129 * g + 25 * b + 128) // 256 + 16  # at most 56,228 before the division
+    wide = pixels.astype(np.uint16).reshape(steps, height // 2, 2, width, 3)
+    rows = wide[:, :, 0] + wide[:, :, 1]
+    r, g, b = np.moveaxis((rows[:, :, 0::2] + rows[:, :, 1::2]).astype(np.int32), -1, 0)
     blue = (-38 * r - 74 * g + 112 * b + 512) // 1024 + 128
     red = (112 * r - 94 * g - 18 * b + 512) // 1024 + 128
-    flat = [plane.reshape(steps, -1) for plane in (luma, blue, red)]
-    return np.concatenate(flat, axis=1).reshape(steps, 3 * height // 2, width).astype(np.uint8)
+    flat = [plane.reshape(steps, -1).astype(np.uint8) for plane in (luma, blue, red)]
+    return np.concatenate(flat, axis=1).reshape(steps, 3 * height // 2, width)

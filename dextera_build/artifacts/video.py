@@ -1,0 +1,182 @@
+"""Encoded pictures over time, any of which can be read by its number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+from pydantic import PositiveInt, model_validator
+
+from dextera_build.artifacts.base import Array, Artifact, File
+from dextera_build.artifacts.formats import suffix_among, unreadable
+from dextera_build.artifacts.h264 import Encoder
+from dextera_build.artifacts.image import png, smaller
+from dextera_build.errors import ArtifactError
+
+
+class Video(Artifact):
+    """A video file and its index. Frames are decoded when they are asked for; the file is not loaded as a whole."""
+
+    saves: ClassVar[tuple[str, ...]] = (".mp4",)
+
+    file: File
+    """The file, with one picture stream that counts."""
+    width: PositiveInt
+    """Width of a frame [px]."""
+    height: PositiveInt
+    """Height of a frame [px]."""
+    stamps: Annotated[np.ndarray, Array("N", "float64", unit="s")]
+    """Time of each frame from the beginning of the stream, increasing."""
+    is_key: Annotated[np.ndarray, Array("N", "bool")]
+    """Whether decoding can begin with this frame; the first one is such."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if not len(self.stamps) or not self.is_key[0] or (np.diff(self.stamps) <= 0).any():
+            raise ArtifactError(
+                "Video: its index does not begin with a key frame, or its times do not increase",
+                code="DXB-A521",
+                hint="encode it again: `ffmpeg -i OLD -c:v libx264 NEW.mp4`",
+            )
+        return self
+
+    @classmethod
+    def of(cls, file: File, name: str = "video.mp4") -> Video:
+        """The video in a file; its packets are read once for the index, and nothing is decoded.
+
+        Args:
+            file: The file.
+            name: Its name, for errors.
+
+        Raises:
+            ArtifactError: It is no video, or its first frame is not a key frame.
+        """
+        with _opened(file, name) as (container, stream):
+            found = sorted((packet.pts, packet.is_keyframe) for packet in container.demux(stream) if packet.size)
+            unit, size = float(stream.time_base), (stream.width, stream.height)
+        stamps = np.array([time * unit for time, _ in found], np.float64)
+        is_key = np.array([key for _, key in found], bool)
+        return cls(file=file, width=size[0], height=size[1], stamps=stamps, is_key=is_key)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Video:
+        """Open an `.mp4`, `.mkv` or `.mov` file, which must no longer change.
+
+        Raises:
+            ArtifactError: It is no video.
+        """
+        suffix_among(cls.name(), Path(path), (".mp4", ".mkv", ".mov"))
+        return cls.of(File.of(path), Path(path).name)
+
+    @classmethod
+    def write(cls, path: str | Path, frames: Iterable[np.ndarray], encoder: Encoder) -> Video:
+        """Encode frames (H, W, 3) uint8 sRGB, one by one, into the `.mp4` file `path`, and open it."""
+        encoder.write(Path(path), frames)
+        return cls.load(path)
+
+    def frames(self, numbers: Sequence[int]) -> np.ndarray:
+        """Frames by number, (len(numbers), H, W, 3) uint8 sRGB, in the order asked for.
+
+        At most the frames from the key frame before each are decoded.
+
+        Raises:
+            ArtifactError: There is no such frame, or the file is damaged.
+        """
+        wanted = np.asarray(numbers, np.int64).reshape(-1)
+        wrong = wanted[(wanted < 0) | (wanted >= len(self.stamps))]
+        if len(wrong):
+            raise ArtifactError(
+                f"the video has no frame {wrong[0]}", code="DXB-A522", facts={"frames": f"0 to {len(self.stamps) - 1}"}
+            )
+        found = np.empty((len(wanted), self.height, self.width, 3), np.uint8)
+        for number, pixels in self._decoded(np.unique(wanted)):
+            found[wanted == number] = pixels
+        return found
+
+    def every(self) -> Iterator[np.ndarray]:
+        """All frames (H, W, 3) uint8 sRGB in order, one at a time."""
+        for _, pixels in self._decoded(np.arange(len(self.stamps))):
+            yield pixels
+
+    def packets(self) -> Iterator[tuple[bytes, bool]]:
+        """Coded data of each frame in order of decoding, and whether it is a key frame."""
+        with _opened(self.file, "video.mp4") as (container, stream):
+            for packet in container.demux(stream):
+                if packet.size:
+                    yield bytes(packet), bool(packet.is_keyframe)
+
+    def facts(self) -> Iterator[str]:
+        """Size, number of frames, duration and distance of key frames."""
+        yield f"{self.width} x {self.height} px"
+        yield f"{len(self.stamps):,} frames"
+        yield f"{self.stamps[-1] - self.stamps[0]:.2f} s"
+        yield f"a key frame every {len(self.stamps) / self.is_key.sum():.3g}"
+
+    def picture(self) -> bytes:
+        """The first, the middle and the last frame."""
+        last = len(self.stamps) - 1
+        shown = [smaller(frame, 320) for frame in self.frames([0, last // 2, last])]
+        return png(np.hstack(shown))
+
+    def _decoded(self, numbers: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+        """Number and pixels of frames, whose numbers increase."""
+        keys = np.flatnonzero(self.is_key)
+        with _opened(self.file, "video.mp4") as (container, stream):
+            middles = (self.stamps[1:] + self.stamps[:-1]) / 2
+            decoder: Iterator[Any] = iter(())
+            at = -2  # the last frame that was decoded
+            for number in numbers:
+                key = keys[np.searchsorted(keys, number, side="right") - 1]
+                if key > at + 1 or at > number or at == -2:
+                    container.seek(round(self.stamps[key] / stream.time_base), stream=stream)
+                    decoder = container.decode(stream)
+                while True:
+                    frame = next(decoder, None)
+                    if frame is None:
+                        raise unreadable("video.mp4", "a video", f"frame {number} of its index is missing")
+                    at = int(np.searchsorted(middles, float(frame.pts * stream.time_base)))
+                    if at >= number:
+                        break
+                yield int(number), frame.to_ndarray(format="rgb24")
+
+    def _write(self, path: Path) -> list[Path]:
+        self.file.place(path)
+        return [path]
+
+
+@contextmanager
+def _opened(file: File, name: str) -> Iterator[tuple[Any, Any]]:
+    """The container and its first video stream, on one thread.
+
+    Raises:
+        ArtifactError: The file is no video, or is damaged where it is read.
+    """
+    import av
+
+    try:
+        with file.open() as raw, av.open(raw) as container:
+            if not container.streams.video:
+                raise unreadable(name, "a video", "it has no picture stream")
+            stream = container.streams.video[0]
+            stream.thread_count = 1
+            yield container, stream
+    except av.FFmpegError as error:
+        raise unreadable(name, "a video", error) from None
+
+
+def encoder(width: int, height: int, rate_hz: float, *, crf: int = 20, keyframe_every: int = 10) -> Encoder:
+    """An encoder for `Video.write`, fast and of high quality.
+
+    Args:
+        width: Even width of a frame [px].
+        height: Even height of a frame [px].
+        rate_hz: Frames per second.
+        crf: Quality; lower is better.
+        keyframe_every: Key frame interval: how many frames are decoded to read one, at most.
+    """
+    rate = Fraction(rate_hz).limit_denominator(1001)
+    return Encoder(width, height, rate, crf, keyframe_every, preset="veryfast")
