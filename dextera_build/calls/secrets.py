@@ -20,6 +20,8 @@ _FORMS = re.compile(
 """Keys of OpenAI, Tencent Cloud, AWS, Google, GitHub, Hugging Face and Slack, and private keys in PEM."""
 _BEGINS = ("sk-", "AKI", "AIza", "ghp_", "gho_", "ghu_", "ghs_", "ghr_", "hf_", "xox", "PRIVATE KEY")
 """Each key contains one of these; looking for them is faster than the pattern."""
+_PUBLIC = re.compile(r"PUBLIC|TRUSTED", re.IGNORECASE)
+"""Keys in variables with such a name are no secrets: `DXB_TRUSTED_KEYS`."""
 _PATHS = ("/", "./", "../", "~")
 _LEAST_WRITTEN = 12
 """Shorter values of variables may occur in a file by chance [characters]."""
@@ -87,7 +89,9 @@ def _of_variables() -> Iterator[tuple[str, str]]:
     """Variables with the name of a secret and a value that is neither a word nor a path."""
     for name, value in os.environ.items():
         is_mixed = re.search(r"\d", value) and re.search(r"[A-Za-z]", value)
-        if NAMES.search(name) and is_mixed and len(value) >= _LEAST_WRITTEN and not value.startswith(_PATHS):
+        if not (NAMES.search(name) and is_mixed and len(value) >= _LEAST_WRITTEN) or _PUBLIC.search(name):
+            continue
+        if not value.startswith(_PATHS) and not os.path.exists(value):
             yield name, value
 
 

@@ -149,8 +149,7 @@ class LocalExecutor:
                 if kind == "grace":
                     process.grace_s = float(data["seconds"])
                 elif kind == "secret":
-                    with contextlib.suppress(MachineError):
-                        secrets.get(data["name"])  # hidden here, too: the log of a dead worker is read as it is
+                    process.secrets.add(data["name"])
                 else:
                     reports.append(Said(process.task.ticket, kind, data))
             else:
@@ -209,6 +208,8 @@ class Process:
         """Whether it has loaded the runner."""
         self.began = time.monotonic()
         """Start of its task or of loading, by `time.monotonic`."""
+        self.secrets: set[str] = set()
+        """Names of secrets that its tasks asked for; a dead worker's log is read without its help."""
         self.grace_s = _GRACE_S
         """How long it may take to clean up when a build is cut short [s]."""
         self.peak = 0
@@ -322,6 +323,9 @@ class Process:
 
     def log(self) -> bytes:
         """Output of the node so far."""
+        for name in self.secrets:
+            with contextlib.suppress(MachineError):
+                secrets.get(name)
         log: bytes = redact_plain(printed(self._log.fileno()))
         return log
 

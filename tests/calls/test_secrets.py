@@ -119,3 +119,18 @@ def test_words_paths_and_numbers_in_variables_are_no_secrets(monkeypatch, value)
 )
 def test_ordinary_text_is_no_key(text):
     secrets.refuse_written(text, "recipe.yaml")
+
+
+@pytest.mark.parametrize("name", ["DXB_TRUSTED_KEYS", "COSIGN_PUBLIC_KEY"])
+def test_public_keys_are_no_secrets(monkeypatch, name):
+    monkeypatch.setenv(name, "lab-keys-2026-a")
+    secrets.refuse_written("trusted_keys = 'lab-keys-2026-a'", "dxb.toml")
+
+
+def test_a_path_that_exists_is_no_secret(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("LAB_KEYS", "keys-of-lab-7")
+    with pytest.raises(RecipeError):
+        secrets.refuse_written("keys: keys-of-lab-7", "recipe.yaml")
+    (tmp_path / "keys-of-lab-7").mkdir()
+    secrets.refuse_written("keys: keys-of-lab-7", "recipe.yaml")

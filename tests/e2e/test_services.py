@@ -49,6 +49,9 @@ class Oracle:
         self.asked = 0
         self.now = 0
         self.most = 0
+        self.waits_for = 1
+        """The first requests are answered once so many are there."""
+        self.enough = threading.Event()
 
 
 @pytest.fixture
@@ -61,6 +64,9 @@ def oracle(monkeypatch: pytest.MonkeyPatch) -> Iterator[Oracle]:
                 made.asked += 1
                 made.now += 1
                 made.most = max(made.most, made.now)
+                if made.now >= made.waits_for:
+                    made.enough.set()
+            made.enough.wait(60)
             time.sleep(0.2)
             with lock:
                 made.now -= 1
@@ -95,6 +101,7 @@ def failed(answer: Answer) -> list[str]:
 
 
 def test_worker_processes_share_the_slots_of_a_service(asking: Space, oracle: Oracle) -> None:
+    oracle.waits_for = 2  # workers may take longer to start than an answer
     answer = asking.dxb("build", "say/ask", "-j", "4", "--console", "plain")
     assert answer.code == 0, answer.err
     assert (oracle.asked, oracle.most) == (6, 2)
@@ -115,10 +122,11 @@ def test_a_limit_of_costs_holds_over_worker_processes(asking: Space, oracle: Ora
     assert oracle.asked == 6
 
 
-def test_the_report_tells_what_calls_cost(asking: Space, oracle: Oracle) -> None:
+def test_the_report_and_the_log_tell_what_calls_cost(asking: Space, oracle: Oracle) -> None:
     assert asking.dxb("build", "say/ask").code == 0
     assert asking.dxb("report", "--out", "report.html").code == 0
     assert "0.1200 USD for 6 requests to oracle" in (asking.root / "report.html").read_text()
+    assert "cost: 0.1200 USD for 6 requests to oracle" in asking.dxb("log").err
 
 
 def test_a_service_without_a_price_is_not_asked_under_a_limit(asking: Space, oracle: Oracle) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options, table
@@ -34,7 +34,9 @@ def run(args: argparse.Namespace) -> int:
             {"node": node, "status": event["status"], "time": f"{event['seconds']:.1f} s", "line": event["line"]}
             for node, event in finished.items()
         ]
-        return table.give(events, as_json=args.json, cells=cells)
+        code = table.give(events, as_json=args.json, cells=cells)
+        _tell_costs(events)
+        return code
     if args.node not in finished:
         raise UsageError(
             f"run {run} has no node `{args.node}`",
@@ -48,6 +50,18 @@ def run(args: argparse.Namespace) -> int:
     else:
         print("no output: the node printed nothing, or the store no longer holds its log", file=sys.stderr)
     return 0
+
+
+def _tell_costs(events: Iterable[Mapping[str, Any]]) -> None:
+    """Print on standard error what the calls of a run cost, if anything."""
+    from dextera_build.runs.costs import Costs
+
+    costs = Costs()
+    for event in events:
+        if event["event"] == "node_paid":
+            costs.add(event["service"], event["usd"], sure=event["sure"])
+    if str(costs):
+        print(f"cost: {costs}", file=sys.stderr)
 
 
 def _printed(project: Project, finished: Mapping[str, Any]) -> str:
