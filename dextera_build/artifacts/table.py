@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from pathlib import Path
+from typing import ClassVar
 
 from dextera_build.artifacts import describe
 from dextera_build.artifacts.base import Artifact, Value
@@ -29,6 +30,8 @@ Cell = str | float | int | bool | None
 class Table(Artifact):
     """A table with typed columns; None is printed as a dash."""
 
+    saves: ClassVar[tuple[str, ...]] = (".csv",)
+
     title: str
     """One line."""
     columns: tuple[Column, ...]
@@ -49,14 +52,10 @@ class Table(Artifact):
         rows = [[self.text(cell, column) for cell, column in zip(row, self.columns, strict=True)] for row in self.rows]
         return describe.page(repr(self), None, describe.table(headings, rows))
 
-    def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write `stem.csv`."""
-        folder = Path(folder)
+    def _write(self, path: Path) -> list[Path]:
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow([f"{c.name} [{c.unit}]" if c.unit else c.name for c in self.columns])
         writer.writerows(self.rows)
-        folder.mkdir(parents=True, exist_ok=True)
-        path = folder / f"{stem}.csv"
         path.write_text(buffer.getvalue())
         return [path]

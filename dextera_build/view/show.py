@@ -15,6 +15,7 @@ from dextera_build.artifacts.object import Asset, Body, Collision, Shape, Suppor
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.scene_description import Box, Geom, SceneDescription
 from dextera_build.artifacts.splats import Splats
 from dextera_build.artifacts.view import Instance, ObjectView, Segmentation
 from dextera_build.errors import UsageError
@@ -115,6 +116,21 @@ def _(background: Background, server: Any, name: str) -> Any:
             position=box.centre,
             visible=False,
         )
+    return frame
+
+
+@show.register
+def _(scene: SceneDescription, server: Any, name: str) -> Any:
+    """All bodies in the home keyframe; shapes for collision are hidden."""
+    frame = add_frame(server, name, np.eye(4))
+    for geom in scene.static:
+        add_geom(server, f"{name}/static/{geom.label}", geom)
+    for thing in scene.objects:
+        for part, pose in thing.world_poses().items():
+            body = thing.links[part]
+            add_frame(server, f"{name}/{body.label}", pose)
+            for geom in body.geoms:
+                add_geom(server, f"{name}/{body.label}/{geom.label}", geom)
     return frame
 
 
@@ -237,6 +253,14 @@ def add_piece(server: Any, name: str, hull: Hull, colour: tuple[int, int, int], 
     return server.scene.add_mesh_simple(
         name, vertices, faces, color=colour, opacity=0.5, flat_shading=True, visible=visible
     )
+
+
+def add_geom(server: Any, name: str, geom: Geom) -> Any:
+    """A shape of a scene in the frame of its body."""
+    if isinstance(geom.shape, Mesh):
+        return show(geom.shape.model_copy(update={"vertices": geom.vertices().astype(np.float32)}), server, name)
+    colour = PIECE_COLOURS[1 if isinstance(geom.shape, Box) else 0]
+    return add_piece(server, name, Hull(vertices=geom.vertices().astype(np.float32)), colour, visible=False)
 
 
 def add_points(server: Any, name: str, points: np.ndarray, colours: np.ndarray, where: np.ndarray) -> Any:

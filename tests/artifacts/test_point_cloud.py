@@ -101,6 +101,7 @@ def test_a_file_that_does_not_fit_is_refused(tmp_path, data, why):
         (lambda: cloud(attributes={"a": UNIT[:3, 0].copy()}), "DXB-A105", "axis N is 3, but points says 50"),
         (lambda: cloud(frame="two\nlines"), "DXB-A101", "PointCloud.frame: String should match pattern"),
         (lambda: cloud().save("a.obj"), "DXB-A401", "`a.obj` names no file format of a PointCloud"),
+        (lambda: PointCloud.load("absent.ply"), "DXB-A402", "`absent.ply` cannot be read as PLY"),
         (lambda: PointCloud.load("a.las"), "DXB-A401", "`a.las` names no file format of a PointCloud"),
         (
             lambda: cloud().moved(Pose(parent="world", child="camera", matrix=np.eye(4))),

@@ -101,6 +101,12 @@ def test_a_ply_of_something_else_is_refused(tmp_path, data, why):
     assert why in caught.value.facts["why"]
 
 
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    for load, name in ((Splats.load, "a.ply"), (splats_usd.load, "a.usda")):
+        with pytest.raises(ArtifactError, match=f"`{name}` cannot be read as"):
+            load(tmp_path / name)
+
+
 def test_scales_that_overflow_are_refused(tmp_path):
     (tmp_path / "a.ply").write_bytes(changed(scale_0=1e4))
     with pytest.raises(ArtifactError, match=r"Splats\.scales: 2 of 6 numbers are not finite"):

@@ -17,6 +17,7 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.errors import UsageError
 from dextera_build.geometry import kinematics, quaternions
+from dextera_build.sim.model.description import describe
 from dextera_build.view import scene, server
 from dextera_build.view.show import show
 from tests import factories
@@ -128,6 +129,7 @@ def test_the_frustum_is_the_cameras(shown: Recorder) -> None:
         factories.capture().photograph.rgb,
         PointCloud(points=np.eye(3, dtype=np.float32)),
         factories.splats(5),
+        describe({"box": factories.box_asset()}, factories.background(), factories.camera(), np.eye(4)),
         Collection[Mesh](items={"a": factories.box_mesh((0, 0, 0), (1, 1, 1))}),
     ],
     ids=lambda artifact: artifact.name(),

@@ -1,0 +1,25 @@
+"""simulate.describe: the twin in the terms of no simulator."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.object import Asset, Support
+from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.scene_description import SceneDescription
+from dextera_build.rule import Context, rule
+from dextera_build.sim.model import description
+
+
+@rule(version=1)
+def describe(
+    ctx: Context, assets: Collection[Asset], background: Background, support: Support, camera: Camera
+) -> SceneDescription:
+    """Return bodies, joints, geoms, lights and the camera of the twin in the world frame [m, kg, rad].
+
+    It is what `simulate.scene` and `simulate.usd` write; a rule of a project may change it and write its own.
+    """
+    made = description.describe(assets.items, background, camera, support.camera_pose.matrix)
+    ctx.metric("bodies", len(made.objects))
+    ctx.say(", ".join(made.facts()))
+    return made
