@@ -40,6 +40,7 @@ OTHERS = {
     "DXB_NODE_STORE": "the store's folder of a Ray worker",
     "DXB_HUNYUAN_URL": "address of the service of backend `hunyuan3d_cloud`, if another",
     "DXB_HUNYUAN_REGION": "region of Tencent Cloud for backend `hunyuan3d_cloud`",
+    "DXB_OUTSIDE": "set by dxb: by it all processes of an outside program are known",
     "DXB_VLM_URL": "address of the service of backend `vlm`",
     "DXB_VLM_API_KEY": "API key of backend `vlm`",
     "DXB_FAILPOINT": "for tests: the step at which a process stops",

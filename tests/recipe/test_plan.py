@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.engine import missing
 from dextera_build.engine.graph import Gather, Group, Item, Leaf, Output
-from dextera_build.errors import DxbError, MachineError, RecipeError, UsageError, install_extra
-from dextera_build.recipe import profiles, settings
+from dextera_build.errors import DxbError, RecipeError, UsageError
+from dextera_build.recipe import settings
 from dextera_build.recipe.plan import Request, plan
 
 PAIR = '''
@@ -345,61 +344,6 @@ def test_a_near_name_is_offered(space):
 def test_a_cycle_is_shown(space):
     error = refused(space, "nodes:\n  a: {rule: toy.shout, text: $b}\n  b: {rule: toy.shout, text: $a}")
     assert error.facts["cycle"] == "`a` -> `b` -> `a`"
-
-
-def test_a_backend_that_is_not_installed_stands_in_the_plan_and_is_the_machines_fault(space):
-    space.write("recipes/say/b.yaml", "nodes: {s: {rule: toy.start}, t: {rule: toy.spoken, text: $s, backend: cloud}}")
-    rule = dict(planned(space, "say/b").calls())["t",].rule
-    assert (rule.backend, rule.chosen, len(rule.missing)) == ("cloud", "recipe", 1)
-    with pytest.raises(MachineError) as caught:
-        missing.refuse([rule])
-    assert caught.value.exit_code == 4
-    assert caught.value.message == "backend `cloud` of toy.spoken is missing"
-    assert caught.value.hint == install_extra("models")
-    for verb in ("build", "plan"):
-        answer = space.dxb(verb, "say/b")
-        assert answer.code == 4
-        assert "error[DXB-E301]: backend `cloud` of toy.spoken is missing" in answer.err
-    assert "t\tmissing\ttoy.spoken\tcloud" in space.dxb("plan", "say/b").out
-    assert space.dxb("build", "say/b:s").code == 0  # which needs no such backend
-
-
-def test_the_next_in_line_is_taken_only_where_the_recipe_says_so(space):
-    text = "nodes: {s: {rule: toy.start}, t: {rule: toy.spoken, text: $s, backend: [cloud, quiet]}}"
-    space.write("recipes/say/b.yaml", text)
-    rule = dict(planned(space, "say/b").calls())["t",].rule
-    assert (rule.backend, rule.passed, rule.missing) == ("quiet", ("cloud",), ())
-    assert rule.chosen.startswith("recipe; cloud is missing: needs ")
-    space.write("recipes/profile/lab.yaml", "extends: cpu\nbackends: {toy.spoken: [cloud, quiet]}")
-    text = "nodes: {s: {rule: toy.start}, t: {rule: toy.spoken, text: $s}}"
-    for head, taken in (("", "cloud"), ("fallback: true\n", "quiet")):
-        space.write("recipes/say/b.yaml", head + text)
-        profile = profiles.read("lab", space.root)
-        assert dict(planned(space, "say/b", profile=profile).calls())["t",].rule.backend == taken
-    built = space.dxb("build", "say/b", "--profile", "lab")
-    assert built.code == 0
-    assert "toy.spoken runs on quiet (profile lab; cloud is missing: needs " in built.err
-    assert "toy.spoken runs on quiet" in space.dxb("log", "say/b", "--profile", "lab", "--json").out
-    assert space.dxb("report", "say/b", "--profile", "lab", "-o", "page.html").code == 0
-    assert "cloud is missing" in (space.root / "page.html").read_text()
-    assert "lab\ttoy.spoken\tcloud,quiet\tlab" in space.dxb("ls", "profiles").out
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("extends: lab", "the profile extends itself"),
-        ("extends: nothing", "no profile is called `nothing`"),
-        ("backends: {toy.spoken: []}", "backends of `toy.spoken`` is empty"),
-        ("backends: 3", "`backends` is a mapping, this is number"),
-        ("back: 3", "a profile has no `back`"),
-    ],
-)
-def test_a_wrong_profile_says_where(space, text, message):
-    space.write("recipes/profile/lab.yaml", text)
-    answer = space.dxb("plan", "say/words", "--profile", "lab")
-    assert answer.code == 2
-    assert message in answer.err
 
 
 def test_a_missing_input_says_how_to_give_it(space):
