@@ -10,7 +10,8 @@ from typing import Any
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
-from dextera_build.build.runner import ProjectReads, outside, parted
+from dextera_build.build import examples
+from dextera_build.build.runner import ProjectReads, others, outside, parted
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.code.machine import Machine
 from dextera_build.engine import missing
@@ -101,6 +102,7 @@ class RuleRunner:
                 facts.weights,
                 partial(folder_of, [self._scratch / _MODELS]),
                 program=outside(found, facts.backend, facts.program),
+                others=others(found, facts.backend),
             ),
         )
         keyword = {"options": common} if rule.takes_options else {}
@@ -109,6 +111,21 @@ class RuleRunner:
         self.reads = reads.finish() if reads is not None else []
         shutil.rmtree(self._keep, ignore_errors=True)
         return type(result).decode(self.encode(result), self._blobs.__getitem__)
+
+    def example(self, path: str) -> tuple[dict[str, Artifact], dict[str, Any]]:
+        """Inputs and options of a rule, as the first recipe that calls it gives them with the profile `stub`.
+
+        Recipes of the project come first, then those of dxb; a recipe that needs inputs of its own is passed over. The
+        nodes before the call are built in the scratch folder, which takes seconds to minutes.
+
+        Returns:
+            Slot -> artifact, and the options of the rule without those of its backends.
+
+        Raises:
+            UsageError: No recipe calls the rule.
+            DxbError: The build of the example failed.
+        """
+        return examples.of(self.find(path), self._library.project, self._scratch / "example")
 
     def _machine(self, project: Path | None, weights: Mapping[str, str | Path]) -> Machine:
         """A machine that has the given weights, with their licences accepted."""

@@ -22,7 +22,7 @@ import stat
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from pydantic import BaseModel, TypeAdapter, ValidationError
@@ -66,6 +66,22 @@ def read(raw: Any, hint: Any, folder: Path) -> Any:
         ArtifactError: It is no such value, or one of its files is missing, damaged or outside the folder.
     """
     return _Reader(folder).get(raw, hint, "output")
+
+
+def has_form(hint: Any) -> bool:
+    """Whether values of a type can be written and read: data, not objects that do something."""
+    if hint in (Any, None, type(None), np.ndarray, bytes, Path, bool, int, float, str) or _is(hint, File | Folder):
+        return True
+    origin = get_origin(hint)
+    if origin is Literal or origin is np.ndarray:
+        return True
+    if origin is Annotated:
+        return any(isinstance(each, Array) for each in get_args(hint)[1:]) or has_form(get_args(hint)[0])
+    if origin is not None:
+        known = origin in (Union, types.UnionType) or _is(origin, Mapping) or _is(origin, Iterable)
+        return known and all(has_form(inner) for inner in get_args(hint) if inner is not Ellipsis)
+    fields = _fields(hint)
+    return fields is not None and all(map(has_form, fields.values()))
 
 
 class _Writer:

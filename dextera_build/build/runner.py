@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 from dextera_build import digest as digests
 from dextera_build.code.importer import IMPORTER
 from dextera_build.code.loader import Library, RuleFile, version_of
-from dextera_build.errors import DxbError, MachineError, RuleError
+from dextera_build.errors import DxbError, MachineError, RuleError, listing
 from dextera_build.redact import hidden, redact_plain
 from dextera_build.rule import Context, Options
-from dextera_build.rule.pretrained import Pretrained, out_of_memory, unload
+from dextera_build.rule.pretrained import Device, Pretrained, out_of_memory, unload
 from dextera_build.store import disk_full, headers
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.questions import Look, Recording
@@ -81,7 +81,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
             keep=_keep(task, store, reads),
             calls=calls,
             reads=reads,
-            pretrained=pretrained(task, outside(found, task["backend"], task.get("program", {}))),
+            pretrained=pretrained(task, found),
         )
         keyword = {"options": options} if rule.takes_options else {}
         if reads is not None:
@@ -110,9 +110,14 @@ def parted(found: RuleFile, backend: str | None, given: Mapping[str, Any]) -> tu
     )
 
 
-def pretrained(task: Mapping[str, Any], program: Outside | None = None) -> Pretrained:
-    """Weights, device and program of a task; models of other weights, which the process keeps, are freed."""
+def pretrained(task: Mapping[str, Any], found: RuleFile | None = None) -> Pretrained:
+    """What the backend of a task has: weights, device and, if its rule is given, its program and the backends it uses.
+
+    Models of other weights, which the process keeps, are freed.
+    """
     weights = tuple(task.get("weights", ()))
+    backend = task.get("backend")
+    program = outside(found, backend, task.get("program", {})) if found else None
     if weights:
         unload(but=weights)
         if program is None:
@@ -124,7 +129,8 @@ def pretrained(task: Mapping[str, Any], program: Outside | None = None) -> Pretr
 
         return folder_of(folders, pinned)
 
-    return Pretrained(weights, find, "cuda" if task.get("devices") else "cpu", program)
+    device: Device = "cuda" if task.get("devices") else "cpu"
+    return Pretrained(weights, find, device, program, others(found, backend) if found else None)
 
 
 def _end_server() -> None:
@@ -160,7 +166,27 @@ def outside(found: RuleFile, backend: str | None, key: Mapping[str, str]) -> Out
         return None
     from dextera_build.rule.outside import Outside
 
-    return Outside(program, found.path, str(backend), key)
+    return Outside(program, found.path, str(backend), key, found.rule.protocol)
+
+
+def others(found: RuleFile, backend: str | None) -> Callable[[str], tuple[Any, Options]] | None:
+    """Returns the module and the default options of a backend that another one uses; None for a rule without any."""
+    if backend is None:
+        return None
+    uses = found.backends[backend].facts.uses
+
+    def other(name: str) -> tuple[Any, Options]:
+        if name not in uses:
+            raise RuleError(
+                f"backend `{backend}` of {found.path} does not declare that it uses `{name}`",
+                code="DXB-B381",
+                facts={"declared": listing(uses)},
+                hint=f'`BACKEND = Backend(..., uses=("{name}",))`',
+            )
+        file = found.backends[name]
+        return file.module, (file.options or Options)()
+
+    return other
 
 
 def _refuse_other_versions(packages: Mapping[str, str]) -> None:

@@ -71,7 +71,7 @@ def choose(
                 hint=f"name one: `backend: {next(iter(found.backends))}`",
             )
     line = [_backend(found, name, origin, where) for name in names]
-    lacks = {backend.name: backend.lacks(machine) for backend in line[: None if fallback or wish else 1]}
+    lacks = {backend.name: _lacks(found, backend, machine) for backend in line[: None if fallback or wish else 1]}
     chosen = next((backend for backend in line if not lacks.get(backend.name, True)), line[0])
     passed = line[: line.index(chosen)]
     told = [origin, *(f"{other.name} is missing: needs {listing(lacks[other.name])}" for other in passed)]
@@ -79,6 +79,21 @@ def choose(
     missing = tuple(lacks[chosen.name])
     hint = _next_step(lacks[chosen.name], chosen, line, machine) if missing else None
     return Choice(chosen, "; ".join(told), missing, hint, tuple(other.name for other in passed))
+
+
+def with_used(found: RuleFile, backend: BackendFile) -> list[BackendFile]:
+    """A backend, and those that it uses.
+
+    Raises:
+        RecipeError: The rule has no such backend.
+    """
+    where, origin = Place(str(backend.file)), f"`uses` of backend `{backend.name}`"
+    return [backend, *(_backend(found, name, origin, where) for name in backend.facts.uses)]
+
+
+def _lacks(found: RuleFile, backend: BackendFile, machine: Machine) -> dict[str, str]:
+    """What a backend, or one that it uses, needs and the machine does not have -> the next step."""
+    return {what: step for each in with_used(found, backend) for what, step in each.lacks(machine).items()}
 
 
 def _backend(found: RuleFile, name: str, origin: str, where: Place) -> BackendFile:

@@ -22,7 +22,7 @@ from dextera_build.errors import (
     listing,
 )
 from dextera_build.recipe import matrix
-from dextera_build.recipe.backends import Choice, Wish, choose
+from dextera_build.recipe.backends import Choice, Wish, choose, with_used
 from dextera_build.recipe.kinds import fits, parameters, type_name
 from dextera_build.recipe.profiles import Profile
 from dextera_build.recipe.schema import CallDecl, listed
@@ -234,7 +234,8 @@ def facts_of(library: Library, found: RuleFile, choice: Choice | None) -> RuleFa
         MachineError: A package that the rule declares is not installed.
     """
     rule, backend = found.rule, choice.backend if choice else None
-    names = sorted({*rule.packages, *(backend.facts.packages if backend else ())})
+    used = with_used(found, backend) if backend else []
+    names = sorted({*rule.packages, *(package for each in used for package in each.facts.packages)})
     versions = {name: version_of(name) for name in names}
     if missing := [name for name in rule.packages if versions[name] is None]:
         raise MachineError(
@@ -244,8 +245,7 @@ def facts_of(library: Library, found: RuleFile, choice: Choice | None) -> RuleFa
         )
     program = backend.program if backend else None
     # How values look outside is part of the result, although no backend imports it.
-    files = [found.file] + ([backend.file] if backend else []) + ([EXCHANGE] if program else [])
-    code = library.code.of(*files)
+    code = library.code.of(found.file, *(each.file for each in used), *([EXCHANGE] if program else []))
     own = program.digests() if program else {}
     library.warn_of_undeclared(found, code, names)
     declared = {**{name: slot.annotation for name, slot in rule.slots.items()}, "return": rule.returns}

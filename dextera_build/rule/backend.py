@@ -28,6 +28,8 @@ class Backend:
     """Whether it also runs, slower, on a machine without such a GPU; see `Context.device`."""
     weights: tuple[str, ...] = ()
     """Models described by `recipes/model/NAME.yaml`; digests of their weights enter the key. See `Context.weights`."""
+    uses: tuple[str, ...] = ()
+    """Other backends of the rule that it asks by `Context.other`; their code and packages enter the key."""
     command: tuple[str, ...] = ()
     """The program that answers `Context.outside`, see docs/outside.md; `{python}` is the Python of `environment`."""
     server: bool = False

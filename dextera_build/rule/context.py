@@ -49,6 +49,17 @@ class Reads(Protocol):
         ...
 
 
+class _Other:
+    """A backend whose functions take neither context nor options."""
+
+    def __init__(self, ctx: Context[Any], module: Any, options: Options) -> None:
+        self._ctx, self._module, self._options = ctx, module, options
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        function = getattr(self._module, name)
+        return lambda *inputs: function(self._ctx, *inputs, self._options)
+
+
 class Context(Calling, Generic[B]):
     """Services for a running rule; `Context[MeshBackend]` for a rule whose backends follow that `Protocol`.
 
@@ -131,11 +142,25 @@ class Context(Calling, Generic[B]):
         """
         return self._pretrained.load(load, names)
 
+    def other(self, name: str) -> Any:
+        """Another backend of the rule, which this one declares in `BACKEND.uses`.
+
+        Its functions are called without `ctx` and options: `ctx.other("stub").complete(seen, common)`. It is given this
+        context and the defaults of its own options.
+
+        Raises:
+            RuleError: The backend does not declare it.
+        """
+        others = self._pretrained.others
+        if others is None:
+            raise RuleError("a call without a backend uses one", code="DXB-B381", hint="declare `Context[...]`")
+        return _Other(self, *others(name))
+
     @overload
-    def outside(self, function: str, returns: type[M], **inputs: object) -> M: ...
+    def outside(self, function: str, returns: type[M], /, **inputs: object) -> M: ...
     @overload
-    def outside(self, function: str, returns: Any, **inputs: object) -> Any: ...
-    def outside(self, function: str, returns: Any, **inputs: object) -> Any:
+    def outside(self, function: str, returns: Any = None, /, **inputs: object) -> Any: ...
+    def outside(self, function: str, returns: Any = None, /, **inputs: object) -> Any:
         """The answer of the backend's program, which runs in a process and an environment of its own.
 
         The program is given the inputs as files, the backend's options, its weights and the device; it is killed with
@@ -143,7 +168,8 @@ class Context(Calling, Generic[B]):
 
         Args:
             function: Name of a function of the program.
-            returns: Type of the answer: an artifact, a named tuple or dataclass of artifacts and arrays, a dict, ...
+            returns: Type of the answer: an artifact, a named tuple or dataclass of artifacts and arrays, a dict, ...;
+                left out, that of the function of this name in the rule's `Protocol`.
             inputs: Name -> value: artifacts, arrays, `Options`, plain data.
 
         Raises:

@@ -6,7 +6,9 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
+
+import numpy as np
 
 from dextera_build.artifacts import exchange
 from dextera_build.errors import ArtifactError, RuleError
@@ -26,6 +28,7 @@ class Outside:
         rule: `factorize.mesh`.
         backend: `trellis`.
         key: Digest of each of its files, as in the key of the call.
+        protocol: What the backends of the rule define.
         environment: Variables for the program.
     """
 
@@ -33,6 +36,7 @@ class Outside:
     rule: str
     backend: str
     key: Mapping[str, str]
+    protocol: type[Any] | None = None
     environment: Mapping[str, str] = field(default_factory=dict)
 
     def ask(
@@ -53,6 +57,7 @@ class Outside:
             RuleError: The program refused, failed, exceeded a limit, or answered in another form.
             MachineError: Something that it needs is missing here.
         """
+        returns = self._declared(function) if returns is None else returns
         self.program.check(self.key)
         running = self._running(tuple(weights.values()), device)
         try:
@@ -87,6 +92,18 @@ class Outside:
         if not running.server:
             running.end()
         return answer
+
+    def _declared(self, function: str) -> Any:
+        """What the rule's `Protocol` says that a function returns."""
+        found = getattr(self.protocol, function, None)
+        if found is None:
+            raise RuleError(
+                f"`{function}` is no function of the backends of {self.rule}",
+                code="DXB-B382",
+                hint=f'name the type of the answer: `ctx.outside("{function}", Mesh, ...)`',
+            )
+        # Rules import NumPy for a type checker only.
+        return get_type_hints(found, localns={"np": np}, include_extras=True)["return"]
 
     def _running(self, folders: tuple[Path, ...], device: Device) -> Running:
         def start() -> Running:

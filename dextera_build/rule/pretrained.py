@@ -54,6 +54,7 @@ class Pretrained:
         find: Returns the folder of a `name@digest`; raises a `MachineError` if this machine does not have it.
         device: `cuda` is the GPU granted to the call, the only visible one.
         program: What `Context.outside` asks; None for a backend without a program.
+        others: Returns the module of a backend that this one uses, with that backend's default options.
     """
 
     def __init__(
@@ -62,11 +63,13 @@ class Pretrained:
         find: Callable[[str], Path] | None = None,
         device: Device = "cpu",
         program: Program | None = None,
+        others: Callable[[str], tuple[Any, Options]] | None = None,
     ) -> None:
         self._declared = {entry.partition("@")[0]: entry for entry in weights}
         self._find = find
         self.device = device
         self.program = program
+        self.others = others
 
     def folder(self, name: str) -> Path:
         """See `Context.weights`."""

@@ -195,3 +195,20 @@ def test_a_folder_with_a_link_is_refused(tmp_path):
     (tmp_path / "tree" / "b").symlink_to("/etc/passwd")
     with pytest.raises(ArtifactError, match="no plain file"):
         exchange.read({"type": "Folder", "folder": "tree"}, Folder, tmp_path)
+
+
+def test_only_data_has_a_form():
+    known = [
+        Mesh | None,
+        Pair,
+        Both,
+        dict[str, tuple[int, ...]],
+        Iterator[Image],
+        Literal["a"],
+        Any,
+        Collection[File],
+        Look,
+    ]
+    assert [hint for hint in known if not exchange.has_form(hint)] == []
+    strange = [object, dict[str, object], os.stat_result, tuple[Image, type]]
+    assert [hint for hint in strange if exchange.has_form(hint)] == []

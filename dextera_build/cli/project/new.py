@@ -56,36 +56,47 @@ _NAMES = {
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument("kind", choices=tuple(_NAMES), help="kind of file")
+    parser.add_argument(
+        "--kind",
+        dest="backend_kind",
+        choices=new_backend.KINDS,
+        help="how a backend works: in dxb's process, by a service, by a program per call, or by one that stays",
+    )
     parser.add_argument("name", help="twin/my_scene, factorize.my_rule, or factorize.my_rule=my_backend")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write one file and print its path."""
+    """Write the files and print their paths."""
     form, example = _NAMES[args.kind]
     if not re.fullmatch(form, args.name):
         raise UsageError(f"`{args.name}` is not a valid name; one looks like `{example}`", code="DXB-U192")
     project = options.project(args)
-    path, text = _file(project, args.kind, args.name)
-    if path.exists():
-        raise UsageError(f"`{path}` exists already", code="DXB-U191")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
-    print(project.shown(path))
+    files = _files(project, args.kind, args.name, args.backend_kind)
+    for path in files:
+        if path.exists():
+            raise UsageError(f"`{path}` exists already", code="DXB-U191")
+    for path, text in files.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        print(project.shown(path))
     return 0
 
 
-def _file(project: Project, kind: str, named: str) -> tuple[Path, str]:
-    """The path and the text of the file."""
+def _files(project: Project, kind: str, named: str, backend_kind: str | None) -> dict[Path, str]:
+    """Path -> text of each file."""
+    if backend_kind is not None and kind != "backend":
+        raise UsageError(f"a {kind} has no kind", code="DXB-U197", hint=f"`dxb new {kind} {named}`")
     if kind == "recipe":
-        return project.root / "recipes" / f"{named}.yaml", _RECIPE
+        return {project.root / "recipes" / f"{named}.yaml": _RECIPE}
     path, _, backend = named.partition("=")
     stage, _, name = path.partition(".")
     if kind == "rule":
         camel = "".join(part.capitalize() for part in name.split("_"))
-        return project.root / "rules" / stage / f"{name}.py", _RULE.format(path=path, name=name, kind=camel)
+        return {project.root / "rules" / stage / f"{name}.py": _RULE.format(path=path, name=name, kind=camel)}
     found = project.library.find(path)
     own = found.file.is_relative_to((project.root / "rules").resolve())
     # A backend of a rule from elsewhere lies in the same stage of the project.
     folder = found.file.parent if own else project.root / "rules" / stage
     file = folder / f"{found.file.stem}_{backend}.py"
-    return file, new_backend.text(found, backend, project.shown(file), beside=own)
+    wanted = new_backend.Wanted(found, backend, backend_kind or "in-process", file, project.shown(file), own)
+    return new_backend.files(wanted, project.root / "tests")

@@ -1,4 +1,4 @@
-"""The file that `dxb new backend` writes: the functions of the rule's `Protocol`, to be filled in."""
+"""The files that `dxb new backend` writes: a backend that answers as another one does, its program, and its test."""
 
 from __future__ import annotations
 
@@ -6,20 +6,23 @@ import ast
 import builtins
 import inspect
 import sys
-import textwrap
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_type_hints
 
 from dextera_build.code.loader import RuleFile
+from dextera_build.outside import dxb_backend
 
-_TEXT = '''"""Backend `{backend}` of {path}."""
+KINDS = ("in-process", "call", "command", "server")
+_HEAD = '''"""Backend `{backend}` of {path}."""
 
 from __future__ import annotations
 
 {imports}
 
 # Read without importing this file: literals only.
-BACKEND = Backend(summary="what it does, in one line", profiles=(), packages=())
+BACKEND = Backend({words})
 
 
 class {kind}Options(Options):
@@ -32,45 +35,176 @@ _FUNCTION = '''
 
 def {name}({parameters}) -> {returns}:
     """{doc}"""
-    ctx.fail("`{name}` of backend `{backend}` is not written yet", hint="fill it in: {file}")
+{body}
 '''
+_UNWRITTEN = '    ctx.fail("`{name}` of backend `{backend}` is not written yet", hint="fill it in: {file}")'
+_IN_PROCESS = """    # Write your own method here, and leave out `uses`.
+    return ctx.other("{other}").{name}({arguments})"""
+_CALL = """    _ask(ctx, "{name}", options)  # make the result from this answer, and leave out `uses`
+    return ctx.other("{other}").{name}({arguments})"""
+_ASK = '''
+
+def _ask(ctx: Context, function: str, options: {kind}Options) -> bytes:
+    """The recorded answer of the service to all that it depends on; bytes enter the request by their digest."""
+    request = {{"function": function, "seed": options.seed}}
+    return ctx.call("{backend}", request, lambda timeout_s: _send(request, timeout_s))
 
 
-def text(found: RuleFile, backend: str, file: str, *, beside: bool) -> str:
-    """A backend whose functions have the right form and fail.
+def _send(request: dict[str, Any], timeout_s: float) -> bytes:
+    """The host is not part of the request."""
+    asked = urllib.request.Request(os.environ["{variable}"], json.dumps(request).encode())
+    with urllib.request.urlopen(asked, timeout=timeout_s) as answer:
+        return bytes(answer.read())
+'''
+_OUTSIDE = """    # What the program is sent and what it returns is up to you; it begins by returning `example`.
+    example = ctx.other("{other}").{name}({arguments})
+    return ctx.outside("{name}", example=example{inputs})"""
+_PROGRAM = '''"""The program of backend `{backend}` of {path}: runs in an environment of its own, without dxb."""
+
+import dxb_backend
+
+{functions}
+
+dxb_backend.serve({served})
+'''
+_ANSWER = '''
+def {name}(request):
+    """Answer with `dxb_backend.value(type, file=...)`, plain values, dicts or lists."""
+    print("inputs:", ", ".join(request.inputs), "on", request.device)
+    return request.inputs["example"]
+'''
+_TEST = '''"""Backend `{backend}` of {path}."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dextera_build.testing import RuleRunner
+
+PROJECT = Path(__file__).parents[1]
+
+
+def test_{backend}_answers_and_passes_the_checks_of_the_rule(tmp_path: Path) -> None:
+    runner = RuleRunner(tmp_path, PROJECT{calls})
+    inputs, options = runner.example("{path}")
+    assert runner.run("{path}", backend="{backend}", options=options, **inputs) is not None
+'''
+_STANDARD_ANSWER = ', calls=lambda service, request, send, **manner: b"{}"'
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is to be written.
 
     Args:
-        found: Its rule.
-        backend: Its name.
-        file: The file to write, as messages show it.
+        found: The rule.
+        backend: Name of the backend.
+        kind: One of `KINDS`.
+        file: The file of the backend.
+        shown: The same, as messages show it.
         beside: Whether it lies beside the rule, so that it can import what the rule's file defines.
     """
-    kind = "".join(part.capitalize() for part in backend.split("_"))
-    protocol = found.rule.protocol
-    methods = [each for each in vars(protocol).values() if inspect.isfunction(each)] if protocol is not None else []
-    imports = _imports(ast.parse(found.file.read_text()), found.file.stem) if methods else {}
-    known = {name: line for name, line in imports.items() if beside or not line.startswith("from .")}
-    used = {"from dextera_build.rule import Backend, Context, Options"}
-    parts = []
-    for method in methods:
-        if method.__name__.startswith("_"):
-            continue
-        signature = inspect.signature(method)
-        inner = [each for name, each in signature.parameters.items() if name not in ("self", "options")]
-        parameters = [f"{each.name}: {_known(each.annotation, known, used)}" for each in inner]
-        parts.append(
-            _FUNCTION.format(
-                name=method.__name__,
-                parameters=", ".join([*parameters, f"options: {kind}Options"]),
-                returns=_known(signature.return_annotation, known, used),
-                doc=inspect.getdoc(method) or "",
-                backend=backend,
-                path=found.path,
-                file=file,
-            )
+
+    found: RuleFile
+    backend: str
+    kind: str
+    file: Path
+    shown: str
+    beside: bool
+
+    @property
+    def program(self) -> Path:
+        """The folder of its program."""
+        return self.file.with_suffix("")
+
+    @property
+    def other(self) -> str | None:
+        """The backend that it begins as."""
+        known = [name for name, each in self.found.backends.items() if not each.missing() and name != self.backend]
+        return "stub" if "stub" in known else next(iter(known), None)
+
+    @property
+    def methods(self) -> list[Any]:
+        """Functions of the rule's `Protocol`."""
+        protocol = self.found.rule.protocol
+        each = [method for method in vars(protocol).values() if inspect.isfunction(method)] if protocol else []
+        return [method for method in each if not method.__name__.startswith("_")]
+
+
+def files(wanted: Wanted, tests: Path) -> dict[Path, str]:
+    """Path -> text of every file; the backend first.
+
+    Args:
+        wanted: The backend.
+        tests: The folder of the project's tests.
+    """
+    made = {wanted.file: _backend(wanted)}
+    if wanted.other is None:
+        return made  # nothing to begin with: its functions fail until they are written
+    if wanted.kind in ("command", "server"):
+        names = [method.__name__ for method in wanted.methods]
+        made[wanted.program / "program.py"] = _PROGRAM.format(
+            backend=wanted.backend,
+            path=wanted.found.path,
+            functions="\n".join(_ANSWER.format(name=name) for name in names),
+            served=", ".join(f"{name}={name}" for name in names),
         )
-    head = _TEXT.format(backend=backend, path=found.path, kind=kind, imports=_sorted(used))
-    return textwrap.dedent(head) + "".join(parts)
+        made[wanted.program / Path(dxb_backend.__file__).name] = Path(dxb_backend.__file__).read_text()
+    calls = _STANDARD_ANSWER if wanted.kind == "call" else ""
+    test = _TEST.format(backend=wanted.backend, path=wanted.found.path, calls=calls)
+    return made | {tests / f"test_{wanted.found.path.replace('.', '_')}_{wanted.backend}.py": test}
+
+
+def _backend(wanted: Wanted) -> str:
+    found, other = wanted.found, wanted.other
+    kind = "".join(part.capitalize() for part in wanted.backend.split("_"))
+    imports = _imports(ast.parse(found.file.read_text()), found.file.stem) if wanted.methods else {}
+    known = {name: line for name, line in imports.items() if wanted.beside or not line.startswith("from .")}
+    used = {"from dextera_build.rule import Backend, Context, Options"}
+    parts = [_function(wanted, method, f"{kind}Options", known, used) for method in wanted.methods]
+    if wanted.kind == "call" and other:
+        used |= {"import json", "import os", "import urllib.request", "from typing import Any"}
+        parts.append(_ASK.format(variable=f"{wanted.backend.upper()}_URL", kind=kind, backend=wanted.backend))
+    words = ['summary="what it does, in one line"', "profiles=()", "packages=()"]
+    words += [f'uses=("{other}",)'] if other else []
+    if wanted.kind in ("command", "server") and other:
+        folder = wanted.program.name
+        words += [f'command=("{{python}}", "{folder}/program.py")', f'files=("{folder}/*.py",)']
+        words += ["server=True"] if wanted.kind == "server" else []
+    text = "\n    " + ",\n    ".join(words) + ",\n" if len(", ".join(words)) > 90 else ", ".join(words)
+    head = _HEAD.format(backend=wanted.backend, path=found.path, kind=kind, imports=_sorted(used), words=text)
+    return head + "".join(parts)
+
+
+def _function(wanted: Wanted, method: Any, options: str, known: dict[str, str], used: set[str]) -> str:
+    signature = inspect.signature(method)
+    inner = [each for name, each in signature.parameters.items() if name not in ("self", "options")]
+    parameters = [f"{each.name}: {_known(each.annotation, known, used)}" for each in inner]
+    names = [each.name for each in inner if each.name != "ctx"]
+    body = {"in-process": _IN_PROCESS, "call": _CALL}.get(wanted.kind, _OUTSIDE) if wanted.other else _UNWRITTEN
+    return _FUNCTION.format(
+        name=method.__name__,
+        parameters=", ".join([*parameters, f"options: {options}"]),
+        returns=_known(signature.return_annotation, known, used),
+        doc=inspect.getdoc(method) or "",
+        body=body.format(
+            name=method.__name__,
+            backend=wanted.backend,
+            file=wanted.shown,
+            other=wanted.other,
+            arguments=", ".join(names),
+            inputs="".join(f", {name}={name}" for name in names if _is_data(method, name)),
+        ),
+    )
+
+
+def _is_data(method: Any, name: str) -> bool:
+    """Whether a program can be sent this input; objects that measure something for their backend cannot."""
+    import numpy as np
+
+    from dextera_build.artifacts.exchange import has_form
+
+    return has_form(get_type_hints(method, localns={"np": np}, include_extras=True)[name])
 
 
 def _imports(tree: ast.Module, stem: str) -> dict[str, str]:
@@ -89,7 +223,9 @@ def _imports(tree: ast.Module, stem: str) -> dict[str, str]:
 
 def _known(annotation: Any, known: dict[str, str], used: set[str]) -> str:
     """An annotation, with its imports added to `used`; `Any` if a name of it cannot be imported."""
-    words = [node.id for node in ast.walk(ast.parse(str(annotation))) if isinstance(node, ast.Name)]
+    if not isinstance(annotation, str):  # the rule's file does not postpone annotations
+        annotation = getattr(annotation, "__name__", "Any")
+    words = [node.id for node in ast.walk(ast.parse(annotation)) if isinstance(node, ast.Name)]
     lines = set(_lines(words, known))
     if None in lines:
         used.add("from typing import Any")

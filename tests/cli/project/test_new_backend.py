@@ -1,0 +1,273 @@
+"""`dxb new backend`: what it writes works at once, together with its test, for any rule of dxb."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import json
+import os
+import re
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+from typing import get_type_hints
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.exchange import has_form
+from dextera_build.cli.project import new_backend
+from dextera_build.code.loader import Library
+from dextera_build.errors import RuleError, UsageError
+from dextera_build.testing import RuleRunner
+from tests.e2e.space import Space
+
+RULES = [found for found in Library().rules() if found.backends and found.rule.protocol is not None]
+
+
+@pytest.fixture
+def space(tmp_path):
+    made = Space(tmp_path / "project")
+    made.write("dxb.toml", 'cache = "cache"\n')
+    return made
+
+
+def written(space: Space, rule: str, kind: str) -> list[Path]:
+    answer = space.dxb("new", "backend", f"{rule}=mine", "--kind", kind)
+    assert answer.code == 0, answer.err
+    return [space.root / line for line in answer.out.splitlines()]
+
+
+def pytest_of(space: Space, count: int = 1) -> None:
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:dash", "tests"]
+    done = subprocess.run(command, cwd=space.root, env=space.environment(), capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    assert f"{count} passed" in done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", new_backend.KINDS)
+def test_the_backend_and_its_test_pass_at_once(space, kind):
+    files = written(space, "factorize.segment", kind)
+    assert len(files) == {"in-process": 2, "call": 2}.get(kind, 4)
+    pytest_of(space)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("found", RULES, ids=lambda found: found.path)
+def test_a_server_of_any_rule_returns_what_it_was_sent(space, found):
+    """Values of every type that a backend may take or return pass through the formats of the field."""
+    if found.path == "simulate.mesh_robot":
+        pytest.importorskip("robosuite")
+    written(space, found.path, "server")
+    pytest_of(space)
+
+
+@pytest.mark.parametrize("kind", new_backend.KINDS)
+@pytest.mark.parametrize("found", RULES, ids=lambda found: found.path)
+def test_what_is_written_is_short_python_that_lacks_nothing(found, kind, tmp_path):
+    wanted = new_backend.Wanted(found, "mine", kind, tmp_path / "x_mine.py", "x_mine.py", False)
+    assert wanted.other == "stub"
+    for path, text in new_backend.files(wanted, tmp_path / "tests").items():
+        ast.parse(text)
+        if path.name != "dxb_backend.py":
+            assert len(text.splitlines()) <= 60
+            assert max(map(len, text.splitlines())) <= 200
+        assert "\n\n\n\n" not in text
+
+
+@pytest.mark.parametrize("found", RULES, ids=lambda found: found.path)
+def test_every_function_of_a_backend_returns_data(found):
+    for method in vars(found.rule.protocol).values():
+        if inspect.isfunction(method) and method.__name__[0] != "_":
+            assert has_form(get_type_hints(method, localns={"np": np}, include_extras=True)["return"])
+
+
+def test_a_program_is_sent_data_only(tmp_path):
+    found = next(found for found in RULES if found.path == "factorize.mesh")
+    wanted = new_backend.Wanted(found, "mine", "server", tmp_path / "x_mine.py", "x_mine.py", False)
+    text = new_backend.files(wanted, tmp_path)[wanted.file]
+    assert 'ctx.outside("complete", example=example, view=view, common=common)' in text
+
+
+def test_a_kind_belongs_to_a_backend(space):
+    answer = space.dxb("new", "rule", "toy.thing", "--kind", "server")
+    assert "error[DXB-U197]: a rule has no kind" in answer.err
+    assert "dxb new rule toy.thing" in answer.err
+
+
+def test_nothing_is_overwritten(space):
+    space.write("rules/factorize/mesh_mine/program.py", "# my own\n")
+    answer = space.dxb("new", "backend", "factorize.mesh=mine", "--kind", "command")
+    assert "exists already" in answer.err
+    assert not (space.root / "rules/factorize/mesh_mine.py").exists()
+
+
+RULE = '''
+"""toy.say: says a word."""
+from typing import Any, Protocol
+
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, rule
+
+class SayBackend(Protocol):
+    """A voice."""
+    def say(self, ctx: Context, word: File, options: Any) -> File:
+        """The word as said."""
+        ...
+
+@rule(version=1)
+def say(ctx: Context[SayBackend], word: File) -> File:
+    """Return the word as said."""
+    return ctx.backend.say(ctx, word, ctx.backend_options)
+'''
+STUB = '''
+"""Quiet."""
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Backend, Context, Options
+
+BACKEND = Backend(summary="quietly", profiles=("stub", "cpu"))
+
+class StubOptions(Options):
+    """Options."""
+    end: str = "."
+    """The last character."""
+
+def say(ctx: Context, word: File, options: StubOptions) -> File:
+    """The word."""
+    return File(data=word.data + options.end.encode())
+'''
+WORD = '''
+"""toy.word: a word."""
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, Options, rule
+
+class WordOptions(Options):
+    """Options."""
+    text: str = "hello"
+    """The word."""
+
+@rule(version=1)
+def word(ctx: Context, *, options: WordOptions) -> File:
+    """Return a word."""
+    return File(data=options.text.encode())
+'''
+
+
+@pytest.fixture
+def toy(space):
+    space.write("rules/toy/say.py", RULE.lstrip())
+    space.write("rules/toy/say_stub.py", STUB.lstrip())
+    space.write("rules/toy/word.py", WORD.lstrip())
+    space.write("recipes/say/word.yaml", "nodes: {a: {rule: toy.word}, b: {rule: toy.say, word: $a}}\n")
+    return space
+
+
+def runner(space: Space, tmp_path: Path) -> RuleRunner:
+    scratch = tmp_path / "scratch"
+    scratch.mkdir(exist_ok=True)
+    return RuleRunner(scratch, space.root, calls=lambda *words, **manner: b"{}")
+
+
+@pytest.mark.parametrize("kind", new_backend.KINDS)
+def test_a_backend_of_a_rule_of_the_project_answers_as_its_stub(toy, tmp_path, kind):
+    written(toy, "toy.say", kind)
+    made = runner(toy, tmp_path)
+    inputs, options = made.example("toy.say")
+    assert made.run("toy.say", backend="mine", options=options, **inputs).data == b"hello."
+
+
+def test_the_code_of_a_used_backend_enters_the_key(toy):
+    written(toy, "toy.say", "in-process")
+    words = ("say/word:b", "--backend", "toy.say=mine")
+    assert toy.dxb("build", *words).code == 0
+    toy.edit("rules/toy/say_stub.py", "+ options.end", "+ b'!' + options.end")
+    planned = json.loads(toy.dxb("plan", *words, "--json").out)
+    assert "stale" in json.dumps(planned)
+
+
+def test_a_backend_that_is_not_declared_is_not_used(toy, tmp_path):
+    file = written(toy, "toy.say", "in-process")[0]
+    file.write_text(file.read_text().replace('uses=("stub",)', "uses=()"))
+    made = runner(toy, tmp_path)
+    with pytest.raises(RuleError, match="does not declare that it uses `stub`") as caught:
+        made.run("toy.say", backend="mine", **made.example("toy.say")[0])
+    assert caught.value.code == "DXB-B381"
+    file.write_text(file.read_text().replace("uses=()", 'uses=("loud",)'))
+    answer = toy.dxb("build", "say/word", "--backend", "toy.say=mine")
+    assert "`toy.say` has no backend `loud`" in answer.err
+
+
+def test_an_answer_without_a_type_needs_a_function_of_the_rule(toy, tmp_path):
+    file = written(toy, "toy.say", "command")[0]
+    file.write_text(file.read_text().replace('ctx.outside("say"', 'ctx.outside("shout"'))
+    made = runner(toy, tmp_path)
+    with pytest.raises(RuleError, match=r"`shout` is no function of the backends of toy.say") as caught:
+        made.run("toy.say", backend="mine", **made.example("toy.say")[0])
+    assert caught.value.code == "DXB-B382"
+
+
+def test_a_rule_that_no_recipe_calls_has_no_example(toy, tmp_path):
+    (toy.root / "recipes/say/word.yaml").unlink()
+    with pytest.raises(UsageError, match=r"no recipe calls `toy.say`") as caught:
+        runner(toy, tmp_path).example("toy.say")
+    assert caught.value.code == "DXB-U198"
+
+
+def test_an_example_leaves_the_projects_store_and_lock_file_alone(toy, tmp_path):
+    assert toy.dxb("build", "--lock", "say/word").code == 0
+    runs = os.listdir(toy.root / "cache" / "runs")
+    before = (toy.root / "dxb.lock").read_text()
+    runner(toy, tmp_path).example("toy.say")
+    assert (toy.root / "dxb.lock").read_text() == before
+    assert os.listdir(toy.root / "cache" / "runs") == runs
+
+
+PAGE = Path(__file__).parents[3] / "dextera_build" / "docs" / "writing_rules.md"
+SMOOTH_STUB = '''
+"""Nothing moves."""
+from typing import Any
+
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.rule import Backend, Context, Options
+
+BACKEND = Backend(summary="nothing moves", profiles=("stub", "cpu"))
+
+def smooth(ctx: Context, mesh: Mesh, rounds: int, options: Options) -> Mesh:
+    """The mesh."""
+    return mesh
+'''
+CUBE = '''
+"""toy.cube: a cube."""
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.rule import Context, rule
+
+@rule(version=1, packages=("numpy",))
+def cube(ctx: Context) -> Mesh:
+    """Return a tetrahedron."""
+    import numpy as np
+
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], np.int32)
+    return Mesh(vertices=np.eye(4, 3, dtype=np.float32), faces=faces)
+'''
+
+
+def test_the_page_shows_what_is_written(space):
+    """The commands of the section, what they print, the pieces of code it shows, and the tests that they write."""
+    page = PAGE.read_text()
+    space.write("rules/factorize/smooth.py", re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[0])
+    space.write("rules/factorize/smooth_stub.py", SMOOTH_STUB.lstrip())
+    space.write("rules/toy/cube.py", CUBE.lstrip())
+    space.write("recipes/toy/a.yaml", "nodes: {a: {rule: toy.cube}, b: {rule: factorize.smooth, mesh: $a}}\n")
+    section = page.partition("## Kinds of backends\n")[2].partition("\n## ")[0]
+    parts = section.split("\n### ")[1:]
+    assert len(parts) == len(new_backend.KINDS)
+    for part in parts:
+        command, printed = re.findall(r"```console\n\$ dxb (.*?)\n(.*?)```", part, re.DOTALL)[0]
+        answer = space.dxb(*command.split())
+        assert answer.out == printed, answer.err
+        code = "\n".join((space.root / line).read_text() for line in printed.splitlines())
+        for block in re.findall(r"```python\n(.*?)```", part, re.DOTALL):
+            assert block in code or textwrap.indent(block, "    ") in code
+    pytest_of(space, 4)
