@@ -204,7 +204,7 @@ class Collection(Artifact, Generic[T]):
         check(cls, header["artifact"])
         form = forms(cls)["items"].labelled or NOTHING
         stored = header["fields"]["items"]["$map"]
-        items: Any = Lazy(stored, lambda raw: fields.decode(raw, form, get), keep=True)
+        items: Any = Lazy(stored, lambda raw: fields.decode_item(raw, form, get), keep=True)
         return cls.model_construct(items=items)  # type: ignore[return-value]  # of this very class
 
 

@@ -109,3 +109,16 @@ def decode(raw: Any, form: Form, get: Get) -> Any:
     kind = form.values[name]
     inner = forms(kind)
     return kind(**{each: decode(body[each], inner.get(each, NOTHING), get) for each in body if each != "$type"})
+
+
+def decode_item(raw: Any, form: Form, get: Get) -> Any:
+    """A value of a dict that is decoded when it is used, long after the header of the dict.
+
+    Raises:
+        ArtifactError: Its header is malformed, or its type is not among the declared ones.
+    """
+    try:
+        return decode(raw, form, get)
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        why = f"{type(error).__name__}: {error}"
+        raise ArtifactError("the stored header of an item is malformed", code="DXB-A111", facts={"why": why}) from None

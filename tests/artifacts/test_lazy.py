@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Collection, File, Folder
+from dextera_build.artifacts.identity import spelled
 from dextera_build.artifacts.lazy import Lazy
 from dextera_build.artifacts.trials import Trials
+from dextera_build.errors import ArtifactError
 
 
 class Store:
@@ -79,6 +81,19 @@ def test_items_of_another_type_are_refused_when_they_are_used():
     found = Collection[Trials].decode(key, store)
     with pytest.raises(Exception, match="a Trials is needed here, but a File came"):
         found.items["one"]
+
+
+@pytest.mark.parametrize(
+    "header", [b"[]", b"{}", b'{"artifact": "File"}', b'{"artifact": "File", "fields": 3}', b"\xff"]
+)
+def test_an_item_with_a_malformed_header_is_refused_when_it_is_used(header: bytes) -> None:
+    store = Store()
+    items = {"$map": {"one": {"$ref": store.put(header)}}}
+    key = store.put(digest.canonical({"artifact": spelled(Collection[File]), "fields": {"items": items}}))
+    found = Collection[File].decode(key, store)
+    with pytest.raises(ArtifactError) as caught:
+        found.items["one"]
+    assert caught.value.code in {"DXB-A102", "DXB-A111"}
 
 
 def test_a_folder_on_disk_is_stored_in_pieces_and_exported(tmp_path):
