@@ -1,0 +1,228 @@
+"""Masks by models, from the photograph alone: Grounding DINO finds what a phrase names, SAM 3 cuts it out."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.object import Element, Elements
+from dextera_build.rule import Backend, Context, Fraction, Options
+
+from ..measured import Measurements, Workspace
+from .overlap import Box, box_iou
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+BACKEND = Backend(
+    summary="Grounding DINO boxes and SAM 3 masks; nothing measured is read",
+    profiles=("gpu",),
+    packages=("torch", "transformers"),
+    extra="models",
+    gpu_gb=6.0,
+    cpu=True,
+    weights=("grounding_dino", "sam3"),
+    licence="Apache-2.0 (Grounding DINO), SAM License (SAM 3)",
+)
+
+
+class Sam3Options(Options):
+    """Options of backend `sam3` of factorize.segment."""
+
+    box_score: Fraction = 0.25
+    """Boxes with a lower score are no answer to a phrase."""
+    mask_score: Fraction = 0.3
+    """Masks with a lower score are no answer to a phrase."""
+    mask_probability: Fraction = 0.5
+    """Pixels with a lower probability are not part of a mask."""
+    box_overlap: Fraction = 0.3
+    """A mask whose box overlaps the element's box by a lower IoU belongs to something else."""
+
+
+@dataclass(frozen=True)
+class Detector:
+    """Grounding DINO with its processor."""
+
+    model: Any
+    processor: Any
+
+
+@dataclass(frozen=True)
+class Segmenter:
+    """SAM 3 with its tokenizer and the numbers of its image processor, which itself needs torchvision."""
+
+    model: Any
+    tokenizer: Any
+    size: tuple[int, int]
+    """Height and width of the model's input [px]."""
+    mean: tuple[float, ...]
+    std: tuple[float, ...]
+
+
+def masks(
+    ctx: Context,
+    photograph: Photograph,
+    measured: Measurements[Workspace],
+    elements: Elements,
+    options: Sam3Options,
+) -> dict[str, np.ndarray]:
+    """Element -> mask (H, W) bool, in the elements' order; static elements too, because they hide things.
+
+    The box of an element that has none is the best one that Grounding DINO (Liu et al., 2023) gives for its phrase and
+    that no other element has. Of the masks that SAM 3 (Meta, 2025) gives for the phrase, the one whose box fits best is
+    taken.
+    """
+    pixels = photograph.rgb.pixels
+    boxes = _boxes(ctx, pixels, elements, options)
+    segmenter, found = ctx.load(load_segmenter, "sam3"), {}
+    wanted = [element for element in elements.elements if element.name in boxes]
+    sight = None
+    for done, element in enumerate(wanted):
+        ctx.progress(done, len(wanted), element.name)
+        sight = see(segmenter, pixels) if sight is None else sight
+        answers = masks_of(segmenter, sight, element.phrase, pixels.shape[:2], options)
+        if (mask := _fitting(answers, boxes[element.name], options.box_overlap)) is not None:
+            found[element.name] = mask
+    return found
+
+
+def self_test(ctx: Context) -> None:
+    """Both models answer on a grey picture."""
+    grey, options = np.full((64, 64, 3), 128, np.uint8), Sam3Options()
+    boxes_of(ctx.load(load_detector, "grounding_dino"), grey, "a mug", options.box_score)
+    segmenter = ctx.load(load_segmenter, "sam3")
+    masks_of(segmenter, see(segmenter, grey), "a mug", (64, 64), options)
+
+
+def load_detector(folder: Path, device: str) -> Detector:
+    """Grounding DINO from a folder of weights."""
+    import transformers
+    from transformers.models.grounding_dino.image_processing_pil_grounding_dino import GroundingDinoImageProcessorPil
+
+    library: Any = transformers  # partly typed
+    images = GroundingDinoImageProcessorPil.from_pretrained(folder)
+    processor = library.GroundingDinoProcessor(images, library.AutoTokenizer.from_pretrained(folder))
+    model = library.GroundingDinoForObjectDetection.from_pretrained(folder, use_safetensors=True)
+    return Detector(model.to(device).eval(), processor)
+
+
+def load_segmenter(folder: Path, device: str) -> Segmenter:
+    """SAM 3 from a folder of weights."""
+    import transformers
+
+    library: Any = transformers  # partly typed
+    names = ("processor_config.json", "preprocessor_config.json")
+    said = json.loads(next(folder / name for name in names if (folder / name).is_file()).read_text())
+    said = said.get("image_processor", said)
+    return Segmenter(
+        library.Sam3Model.from_pretrained(folder, use_safetensors=True).to(device).eval(),
+        library.AutoTokenizer.from_pretrained(folder),
+        (said["size"]["height"], said["size"]["width"]),
+        tuple(said["image_mean"]),
+        tuple(said["image_std"]),
+    )
+
+
+def boxes_of(detector: Detector, pixels: np.ndarray, phrase: str, score: float) -> list[Box]:
+    """Boxes of what a phrase names, best first; left, top, right, bottom [px]."""
+    import torch
+
+    text = f"{phrase.lower().rstrip('.')}."
+    inputs = detector.processor(images=[pixels], text=text, return_tensors="pt").to(detector.model.device)
+    with torch.inference_mode():
+        outputs = detector.model(**inputs)
+    (answer,) = detector.processor.post_process_grounded_object_detection(
+        outputs, inputs["input_ids"], threshold=score, text_threshold=score, target_sizes=[pixels.shape[:2]]
+    )
+    order = torch.argsort(answer["scores"], descending=True, stable=True).tolist()
+    height, width = pixels.shape[:2]
+    rounded = [[round(float(side)) for side in answer["boxes"][index]] for index in order]
+    clipped = [
+        (max(0, left), max(0, top), min(width, right), min(height, bottom)) for left, top, right, bottom in rounded
+    ]
+    return [box for box in clipped if box[0] < box[2] and box[1] < box[3]]
+
+
+def see(segmenter: Segmenter, pixels: np.ndarray) -> Any:
+    """What SAM 3 sees in a picture, for all phrases."""
+    import torch
+
+    with torch.inference_mode():
+        return segmenter.model.get_vision_features(model_input(segmenter, pixels).to(segmenter.model.device))
+
+
+def model_input(segmenter: Segmenter, pixels: np.ndarray) -> Tensor:
+    """The picture as SAM 3 takes it, (1, 3, h, w) float32: resized without regard to its shape, and normalised."""
+    import torch
+
+    image = torch.from_numpy(pixels.transpose(2, 0, 1).copy())[None].float()
+    image = (
+        torch.nn.functional.interpolate(image, segmenter.size, mode="bilinear", antialias=True).round().clamp(0, 255)
+    )
+    mean, std = (torch.tensor(numbers).view(1, 3, 1, 1) for numbers in (segmenter.mean, segmenter.std))
+    return (image / 255.0 - mean) / std
+
+
+def masks_of(
+    segmenter: Segmenter, sight: Any, phrase: str, shape: tuple[int, int], options: Sam3Options
+) -> list[np.ndarray]:
+    """Masks of what a phrase names, best first, (H, W) bool; the score is that of the mask times that of the phrase."""
+    import torch
+
+    length = segmenter.model.config.text_config.max_position_embeddings
+    words = segmenter.tokenizer(
+        phrase, return_tensors="pt", padding="max_length", max_length=length, truncation=True
+    ).to(segmenter.model.device)
+    with torch.inference_mode():
+        out = segmenter.model(vision_embeds=sight, input_ids=words["input_ids"], attention_mask=words["attention_mask"])
+        scores = (out.pred_logits.sigmoid() * out.presence_logits.sigmoid())[0]
+        order = [
+            index for index in torch.argsort(scores, descending=True).tolist() if scores[index] > options.mask_score
+        ]
+        if not order:
+            return []
+        likely = out.pred_masks[0, order].sigmoid()[None]
+        large = torch.nn.functional.interpolate(likely, shape, mode="bilinear", align_corners=False)[0]
+    return list((large > options.mask_probability).cpu().numpy())
+
+
+def _boxes(ctx: Context, pixels: np.ndarray, elements: Elements, options: Sam3Options) -> dict[str, Box]:
+    """Element -> box: its own, or the best for its phrase that is free."""
+    boxes = {element.name: element.box for element in elements.elements if element.box is not None}
+    unknown = [element for element in elements.elements if element.box is None and _is_thing(element)]
+    if unknown:
+        detector = ctx.load(load_detector, "grounding_dino")
+        answers: dict[str, list[Box]] = {}
+        for element in unknown:
+            if element.phrase not in answers:
+                answers[element.phrase] = boxes_of(detector, pixels, element.phrase, options.box_score)
+            taken = boxes.values()
+            free = (box for box in answers[element.phrase] if all(box_iou(box, other) < _SAME for other in taken))
+            if (box := next(free, None)) is not None:
+                boxes[element.name] = box
+    return boxes
+
+
+_SAME = 0.7
+"""Boxes with a larger IoU are one thing."""
+
+
+def _is_thing(element: Element) -> bool:
+    return element.category not in ("support", "room")
+
+
+def _fitting(answers: list[np.ndarray], box: Box, least: float) -> np.ndarray | None:
+    """The mask whose box fits best; None if none overlaps enough."""
+    fits = [(box_iou(_box(mask), box), -place, mask) for place, mask in enumerate(answers) if mask.any()]
+    best = max(fits, key=lambda fit: fit[:2], default=None)
+    return best[2] if best is not None and best[0] >= least else None
+
+
+def _box(mask: np.ndarray) -> Box:
+    rows, columns = np.nonzero(mask.any(1))[0], np.nonzero(mask.any(0))[0]
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
