@@ -53,6 +53,7 @@ import rules.factorize.joints.articulate_stub
 import rules.factorize.masks.segment
 import rules.factorize.masks.segment_depth
 import rules.factorize.masks.segment_grabcut
+import rules.factorize.masks.segment_sam3
 import rules.factorize.masks.segment_stub
 import rules.factorize.shapes.mesh
 import rules.factorize.shapes.mesh_hunyuan3d_cloud
@@ -120,6 +121,7 @@ factorize_parse_vlm: rules.factorize.elements.parse.ParseBackend = rules.factori
 factorize_parse_written: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_written
 factorize_segment_depth: rules.factorize.masks.segment.SegmentBackend = rules.factorize.masks.segment_depth
 factorize_segment_grabcut: rules.factorize.masks.segment.SegmentBackend = rules.factorize.masks.segment_grabcut
+factorize_segment_sam3: rules.factorize.masks.segment.SegmentBackend = rules.factorize.masks.segment_sam3
 factorize_segment_stub: rules.factorize.masks.segment.SegmentBackend = rules.factorize.masks.segment_stub
 learn_act_stub: rules.learn.act.ActBackend = rules.learn.act_stub
 learn_act_torch: rules.learn.act.ActBackend = rules.learn.act_torch

@@ -17,12 +17,13 @@ from pydantic import BaseModel
 
 from dextera_build.artifacts.meanings import meanings
 from dextera_build.code.loader import Library, RuleFile
+from dextera_build.project.project import Project
 from dextera_build.recipe import profiles
 from dextera_build.recipe.backends import Choice
 from dextera_build.recipe.calls import facts_of
 from dextera_build.rule import Options
 
-LIBRARY = Library()
+LIBRARY = Library(machine=Project(Path(__file__).parents[2]).machine)
 RULES = list(LIBRARY.rules())
 UNITS = re.compile(r"^seconds$|_(m|m2|m3|mm|px|rad|deg|s|hz|kg|gb|n|nm|j|ratio|fraction|factor|iou|sigma|sigmas)$")
 HEAVY = ("torch", "open3d", "mujoco", "cv2", "trimesh", "coacd", "pxr", "viser", "scipy", "manifold3d", "shapely")
