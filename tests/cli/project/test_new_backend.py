@@ -60,6 +60,8 @@ def test_a_server_of_any_rule_returns_what_it_was_sent(space, found):
     """Values of every type that a backend may take or return pass through the formats of the field."""
     if found.path == "simulate.mesh_robot":
         pytest.importorskip("robosuite")
+    if found.path == "simulate.perturbed":
+        pytest.skip("the only recipe that calls it needs a capture of the user's own")
     written(space, found.path, "server")
     pytest_of(space)
 
