@@ -44,6 +44,7 @@ import rules.factorize.contact.collision_coacd
 import rules.factorize.contact.collision_stub
 import rules.factorize.elements.parse
 import rules.factorize.elements.parse_clusters
+import rules.factorize.elements.parse_qwen3_vl
 import rules.factorize.elements.parse_stub
 import rules.factorize.elements.parse_vlm
 import rules.factorize.elements.parse_written
@@ -116,6 +117,7 @@ factorize_mesh_hunyuan3d_cloud: rules.factorize.shapes.mesh.MeshBackend = rules.
 factorize_mesh_primitives: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_primitives
 factorize_mesh_stub: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_stub
 factorize_parse_clusters: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_clusters
+factorize_parse_qwen3_vl: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_qwen3_vl
 factorize_parse_stub: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_stub
 factorize_parse_vlm: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_vlm
 factorize_parse_written: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_written

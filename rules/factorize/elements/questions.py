@@ -1,0 +1,131 @@
+"""What a vision-language model is asked about a photograph, and the check of its answer."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from dextera_build.artifacts.object import Element
+from dextera_build.errors import RuleError
+
+PROMPT = """The photograph shows a workspace: a support (a table, a desk) and what stands on it.
+Name everything that stands on the support or behind it. The picture is {width} {unit} wide and {height} {unit} high.
+- name: unique, lower case, words joined by _: red_mug
+- phrase: a short noun phrase: red mug
+- category: box, cylinder, bowl, mug, laptop, robot, room or object
+- body_type: articulated if it has joints (a laptop, a box with a lid), else rigid
+- interactive: true if a hand could pick it up or move a part of it, false for walls, furniture and robots
+- material: wood, plastic, ceramic, metal, glass, cardboard, rubber or fabric
+- box: left, top, right, bottom in {units} of this picture, tight around what is seen of it
+Do not name the support itself."""
+_TEXT = {"type": "string"}
+_FIELDS: dict[str, Any] = {
+    "name": _TEXT,
+    "phrase": _TEXT,
+    "category": {"enum": ["box", "cylinder", "bowl", "mug", "laptop", "robot", "room", "object"]},
+    "body_type": {"enum": ["rigid", "articulated"]},
+    "interactive": {"type": "boolean"},
+    "material": {"enum": ["wood", "plastic", "ceramic", "metal", "glass", "cardboard", "rubber", "fabric"]},
+    "box": {"type": "array", "items": {"type": "integer"}, "minItems": 4, "maxItems": 4},
+}
+_ITEM = {"type": "object", "properties": _FIELDS, "required": [*_FIELDS], "additionalProperties": False}
+SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "properties": {"elements": {"type": "array", "items": _ITEM}},
+    "required": ["elements"],
+    "additionalProperties": False,
+}
+"""JSON schema of the answer; `Answer` validates it."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The coordinates in which a model gives boxes: 0, 0 is the upper left corner of the picture."""
+
+    width: int
+    height: int
+    unit: str = "px"
+    units: str = "pixels"
+
+    def prompt(self) -> str:
+        """The question."""
+        return PROMPT.format(width=self.width, height=self.height, unit=self.unit, units=self.units)
+
+    def scale(self, shape: tuple[int, ...]) -> tuple[float, float]:
+        """Pixels per unit, in x and y, of a picture of (H, W, ...) pixels."""
+        return shape[1] / self.width, shape[0] / self.height
+
+
+class Thing(BaseModel):
+    """One element; its box is in units of a `Grid`."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    name: str = Field(pattern=r"^[a-z][a-z0-9]*(_[a-z0-9]+)*$", max_length=60)
+    phrase: str = Field(min_length=1, max_length=200)
+    category: Literal["box", "cylinder", "bowl", "mug", "laptop", "robot", "room", "object"]
+    body_type: Literal["rigid", "articulated"]
+    interactive: bool
+    material: Literal["wood", "plastic", "ceramic", "metal", "glass", "cardboard", "rubber", "fabric"]
+    box: list[int] = Field(min_length=4, max_length=4)
+
+
+class Answer(BaseModel):
+    """The required answer of a model."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    elements: list[Thing] = Field(min_length=1, max_length=64)
+
+
+def read(text: str, grid: Grid) -> Answer:
+    """Parse the text of an answer.
+
+    Raises:
+        RuleError: A value is impossible.
+        ValueError: The text does not match the schema.
+    """
+    answer = Answer.model_validate_json(text)
+    names = [thing.name for thing in answer.elements]
+    for thing in answer.elements:
+        left, top, right, bottom = thing.box
+        if not (0 <= left < right <= grid.width and 0 <= top < bottom <= grid.height):
+            size = f"{grid.width} × {grid.height} {grid.unit}"
+            raise RuleError(
+                f"the box of `{thing.name}` is {thing.box}, outside of the picture of {size}", code="DXB-B347"
+            )
+        if names.count(thing.name) > 1 or thing.name == "support":
+            raise RuleError(f"the name `{thing.name}` is taken", code="DXB-B347")
+    return answer
+
+
+def form() -> str:
+    """What a model is told that is not held to the schema while it answers."""
+    return "Answer with JSON alone, of this schema: " + json.dumps(SCHEMA)
+
+
+def bare(text: str) -> str:
+    """The JSON of an answer that may stand in a Markdown fence."""
+    fenced = re.fullmatch(r"```(?:json)?\s*(.*?)\s*```", text.strip(), re.DOTALL)
+    return fenced[1] if fenced else text.strip()
+
+
+def correction(why: object) -> str:
+    """What a model is told of an answer that cannot be used."""
+    return f"This answer cannot be used: {why}\nAnswer again, with all of it corrected."
+
+
+def elements(answer: Answer, grid: Grid, shape: tuple[int, ...]) -> tuple[Element, ...]:
+    """The elements of an answer, each with its box in a picture of (H, W, ...) pixels [px]."""
+    x, y = grid.scale(shape)
+    return tuple(_element(thing, x, y) for thing in answer.elements)
+
+
+def _element(thing: Thing, x: float, y: float) -> Element:
+    left, top, right, bottom = thing.box
+    box = (int(left * x), int(top * y), round(right * x), round(bottom * y))
+    return Element(**{**thing.model_dump(), "box": box})
