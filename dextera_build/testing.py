@@ -39,6 +39,7 @@ class RuleRunner:
         calls: Answers `ctx.call`: a `Recorder` with a store, or a function that returns a service's answer.
         files: The folder that `ctx.read`, `ctx.glob` and `ctx.exists` search; None for that of `project`.
         weights: Model -> folder with its files, copied to the scratch folder as if they had been installed.
+        gpu_gb: Memory of the GPU that this machine is taken to have [GiB]; a backend that wants one is told `cuda`.
     """
 
     def __init__(
@@ -49,12 +50,13 @@ class RuleRunner:
         calls: Callable[..., bytes] | None = None,
         files: str | Path | None = None,
         weights: Mapping[str, str | Path] | None = None,
+        gpu_gb: float = 0.0,
     ) -> None:
         self._scratch = Path(scratch)
         self._keep = Path(keep or self._scratch / "keep")
         project = Path(project) if project is not None else None
         self._calls = calls
-        self._library = Library(project, self._machine(project, weights or {}))
+        self._library = Library(project, self._machine(project, weights or {}, gpu_gb))
         self._blobs: dict[str, bytes] = {}
         self.outcome = Outcome()
         """Line, previews and metrics of the last call."""
@@ -101,6 +103,7 @@ class RuleRunner:
             pretrained=Pretrained(
                 facts.weights,
                 partial(folder_of, [self._scratch / _MODELS]),
+                "cuda" if facts.gpu_gb else "cpu",
                 program=outside(found, facts.backend, facts.program),
                 others=others(found, facts.backend),
             ),
@@ -127,7 +130,7 @@ class RuleRunner:
         """
         return examples.of(self.find(path), self._library.project, self._scratch / "example")
 
-    def _machine(self, project: Path | None, weights: Mapping[str, str | Path]) -> Machine:
+    def _machine(self, project: Path | None, weights: Mapping[str, str | Path], gpu_gb: float) -> Machine:
         """A machine that has the given weights, with their licences accepted."""
         found = Models(
             lambda name: models.read(name, project),
@@ -137,7 +140,7 @@ class RuleRunner:
         for name, folder in weights.items():
             found.folders.install(name, partial(_copied, folder))
             found.licences.accept(found.describe(name))
-        return Machine(found)
+        return Machine(found, lambda: gpu_gb)
 
     def encode(self, artifact: Artifact) -> str:
         """Digest of an artifact; equal artifacts have equal digests."""

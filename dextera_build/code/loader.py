@@ -51,10 +51,12 @@ class Root:
 
     Args:
         path: The folder.
+        base: Where environments and lock files of its programs lie; None: beside the folder.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, base: Path | None = None) -> None:
         self.path = path
+        self.base = base or path.parent
         self.name = f"dxb_rules_{digest.of_bytes(str(path).encode())[:12]}"
         install().roots[self.name] = path
         if self.name not in sys.modules:
@@ -179,7 +181,7 @@ class BackendFile:
         return Program(
             backend=f"{self.name} of {self.rule}",
             file=self.file,
-            base=self.root.path.parent,
+            base=self.root.base,
             command=facts.command,
             files=facts.files,
             environment=facts.environment,
@@ -226,7 +228,7 @@ class Library:
         ]
         folders += [] if (own := bundled(RULES).resolve()) in folders else [own]
         known = {root.path for root in self._first}
-        return [*self._first, *(Root(folder) for folder in folders if folder not in known)]
+        return [*self._first, *(Root(folder, self.project) for folder in folders if folder not in known)]
 
     @cached_property
     def _points(self) -> Sequence[EntryPoint]:

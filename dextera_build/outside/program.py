@@ -20,7 +20,7 @@ class Program:
     Args:
         backend: `trellis of factorize.mesh`, for messages.
         file: The backend's file; the program starts in its folder.
-        base: The folder that holds `rules/`; the lock file and virtual environments are named from here.
+        base: The project, or the folder that holds `rules/`; environments and the lock file are named from here.
         command: Words of the command; `{python}` is the interpreter of the environment.
         files: Patterns of further files of the program, from the folder of the backend's file.
         environment: See `environments.named`.

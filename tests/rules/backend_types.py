@@ -57,9 +57,11 @@ import rules.factorize.masks.segment_grabcut
 import rules.factorize.masks.segment_sam3
 import rules.factorize.masks.segment_stub
 import rules.factorize.shapes.mesh
+import rules.factorize.shapes.mesh_hunyuan3d_2_1
 import rules.factorize.shapes.mesh_hunyuan3d_cloud
 import rules.factorize.shapes.mesh_primitives
 import rules.factorize.shapes.mesh_stub
+import rules.factorize.shapes.mesh_trellis2
 import rules.learn.act
 import rules.learn.act_stub
 import rules.learn.act_torch
@@ -113,9 +115,11 @@ crease: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.jo
 factorize_articulate_stub: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_stub
 factorize_collision_coacd: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_coacd
 factorize_collision_stub: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_stub
+factorize_mesh_hunyuan3d_2_1: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_hunyuan3d_2_1
 factorize_mesh_hunyuan3d_cloud: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_hunyuan3d_cloud
 factorize_mesh_primitives: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_primitives
 factorize_mesh_stub: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_stub
+factorize_mesh_trellis2: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_trellis2
 factorize_parse_clusters: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_clusters
 factorize_parse_qwen3_vl: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_qwen3_vl
 factorize_parse_stub: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_stub

@@ -6,6 +6,7 @@ The environment finds the repository's modules: `hy3dshape` and `hy3dpaint` are 
 from __future__ import annotations
 
 import importlib
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,8 @@ def _paint(request: Any) -> Any:
         config.dino_ckpt_path = str(request.weights["dinov2_giant"])
         # The painter asks the hub for its weights; they are here.
         weights = str(request.weights["hunyuan3d_2_1"])
-        importlib.import_module("huggingface_hub").snapshot_download = lambda *given, **more: weights
+        hub: Any = importlib.import_module("huggingface_hub")
+        hub.snapshot_download = lambda *given, **more: weights
         _loaded[name] = module.Hunyuan3DPaintPipeline(config)
     return _loaded[name]
 

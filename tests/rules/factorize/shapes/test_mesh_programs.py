@@ -1,0 +1,77 @@
+"""Generators in environments of their own: the real programs, with stand-ins for the modules of the repositories."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.object import Shape
+from dextera_build.artifacts.view import ObjectView
+from dextera_build.errors import MachineError
+from dextera_build.outside import dxb_backend
+from dextera_build.testing import RuleRunner
+from tests import factories
+from tests.rules.factorize.shapes import generators
+
+RULES = Path(__file__).parents[4] / "rules"
+WEIGHTS = {
+    "trellis2": {"trellis2": ["pipeline.json"]},
+    "hunyuan3d_2_1": {
+        "hunyuan3d_2_1": ["hunyuan3d-dit-v2-1/config.yaml", "hunyuan3d-paintpbr-v2-1/model_index.json"],
+        "dinov2_giant": ["config.json"],
+    },
+}
+MODULES = {"trellis2": generators.TRELLIS, "hunyuan3d_2_1": generators.HUNYUAN}
+
+
+def view() -> ObjectView:
+    mask = np.zeros((60, 40), bool)
+    mask[8:52, 10:30] = True
+    pixels = np.where(mask[..., None], (200, 60, 40), 90).astype(np.uint8)
+    camera = factories.camera(40, 60)
+    return ObjectView(
+        rgb=Image(pixels=pixels), mask=mask, occluder=np.zeros_like(mask), camera=camera, phrase="red can"
+    )
+
+
+def runner(tmp_path: Path, name: str, gpu_gb: float = 80.0) -> RuleRunner:
+    weights = {}
+    for model, files in WEIGHTS[name].items():
+        weights[model] = tmp_path / "weights" / model
+        for file in files:
+            path = weights[model] / file
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(file)
+    return RuleRunner(tmp_path / "scratch", project=tmp_path, weights=weights, gpu_gb=gpu_gb)
+
+
+@pytest.mark.parametrize("name", WEIGHTS)
+def test_a_closed_standing_mesh_is_made_of_the_picture_alone(tmp_path: Path, name: str) -> None:
+    (tmp_path / "scratch").mkdir()
+    generators.environment(tmp_path, name, MODULES[name])
+    shape: Shape = runner(tmp_path, name).run("factorize.mesh", backend=name, view=view())
+    assert shape.mesh.is_closed
+    assert (shape.asset_source, shape.hypothesis, shape.pose) == ("rgb", name, None)
+    assert np.allclose(shape.mesh.extent, (0.6, 0.6, 0.9), atol=0.01)
+    assert abs(float(shape.mesh.vertices[:, 2].min())) < 1e-5
+
+
+@pytest.mark.parametrize("name", WEIGHTS)
+def test_what_the_machine_lacks_is_told_with_the_next_step(tmp_path: Path, name: str) -> None:
+    (tmp_path / "scratch").mkdir()
+    with pytest.raises(MachineError) as caught:
+        runner(tmp_path, name, gpu_gb=8.0).run("factorize.mesh", backend=name, view=view())
+    assert f"backend `{name}` of factorize.mesh is missing" in caught.value.message
+    needs = str(caught.value.facts["needs"])
+    assert "a GPU with" in needs
+    assert f".envs/{name}" in needs
+
+
+def test_the_copies_of_the_programs_side_are_those_of_this_dxb() -> None:
+    copies = list(RULES.rglob("dxb_backend.py"))
+    assert copies
+    for copy in copies:
+        assert copy.read_bytes() == Path(str(dxb_backend.__file__)).read_bytes()
