@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
+from dextera_build.code.distributions import version_of
 from dextera_build.code.importer import IMPORTER
-from dextera_build.code.loader import Library, RuleFile, version_of
+from dextera_build.code.loader import Library, RuleFile
 from dextera_build.errors import DxbError, MachineError, RuleError, listing
 from dextera_build.redact import hidden, redact_plain
 from dextera_build.rule import Context, Options

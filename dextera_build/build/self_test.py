@@ -11,7 +11,8 @@ import time
 from pathlib import Path
 
 from dextera_build.build.runner import pretrained
-from dextera_build.code.loader import Library, modules_of
+from dextera_build.code.distributions import modules_of
+from dextera_build.code.loader import Library
 from dextera_build.rule import Context
 
 TIMEOUT_S = 300.0

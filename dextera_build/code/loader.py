@@ -12,18 +12,18 @@ import glob
 import importlib
 import importlib.machinery
 import importlib.util
-import inspect
 import re
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest
 from dextera_build.code.code_digest import RULES, Code, CodeIndex
+from dextera_build.code.distributions import modules_of, version_of
 from dextera_build.code.importer import IMPORTER, install, refused, watched
 from dextera_build.code.machine import Machine
 from dextera_build.code.modules import KNOWN, read
@@ -226,9 +226,9 @@ class Library:
             Path(str(importlib.util.find_spec(point.value).submodule_search_locations[0]))  # type: ignore[union-attr,index]
             for point in self._points
         ]
-        folders += [] if (own := bundled(RULES).resolve()) in folders else [own]
-        known = {root.path for root in self._first}
-        return [*self._first, *(Root(folder, self.project) for folder in folders if folder not in known)]
+        folders.append(bundled(RULES).resolve())
+        others = [folder for folder in dict.fromkeys(folders) if folder not in {root.path for root in self._first}]
+        return [*self._first, *(Root(folder, self.project) for folder in others)]
 
     @cached_property
     def _points(self) -> Sequence[EntryPoint]:
@@ -331,30 +331,6 @@ def _among(roots: Sequence[Root], path: str) -> RuleFile | None:
         if found:
             return RuleFile(path, found[0], root, tuple(roots[: roots.index(root)]))
     return None
-
-
-def version_of(distribution: str) -> str | None:
-    """Installed version of a distribution, or None."""
-    import importlib.metadata
-
-    try:
-        return importlib.metadata.version(distribution)
-    except importlib.metadata.PackageNotFoundError:
-        return None
-
-
-@cache
-def modules_of(package: str) -> frozenset[str]:
-    """Top-level modules of an installed distribution."""
-    import importlib.metadata
-
-    try:
-        found = importlib.metadata.distribution(package)
-    except importlib.metadata.PackageNotFoundError:
-        return frozenset()
-    listed = (found.read_text("top_level.txt") or "").split()
-    tops = {file.parts[0] for file in found.files or ()}
-    return frozenset(listed or {name for top in tops if (name := inspect.getmodulename(top) or top).isidentifier()})
 
 
 def _import(root: Root, path: str, file: Path) -> ModuleType:

@@ -9,7 +9,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.code.code_digest import EXCHANGE, FILE
-from dextera_build.code.loader import BackendFile, Library, RuleFile, version_of
+from dextera_build.code.distributions import version_of
+from dextera_build.code.loader import BackendFile, Library, RuleFile
 from dextera_build.engine.graph import Call, Graph, Input, Item, Output, Pack, RuleFacts
 from dextera_build.errors import (
     ArtifactError,

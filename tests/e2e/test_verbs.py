@@ -132,7 +132,9 @@ def test_doctor_lists_findings(space):
 
 def test_a_new_backend_has_the_functions_of_its_rule(space):
     assert space.dxb("new", "backend", "toy.shout=softly").out == "rules/toy/shout_softly.py\n"
-    assert space.dxb("new", "backend", "simulate.settle=hopeful").out == "rules/simulate/settle_hopeful.py\n"
+    assert space.dxb("new", "backend", "simulate.settle=hopeful").out == (
+        "rules/simulate/settle_hopeful.py\ntests/test_simulate_settle_hopeful.py\n"
+    )
     text = (space.root / "rules/simulate/settle_hopeful.py").read_text()
     assert "def let_go(ctx: Context, scene: Scene, common: Any, options: HopefulOptions) -> SettleReport:" in text
     found = Project(space.root).library.find("simulate.settle").backends["hopeful"]

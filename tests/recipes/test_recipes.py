@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.code.loader import version_of
+from dextera_build.code.distributions import version_of
 from dextera_build.project import project
 from dextera_build.recipe import profiles
 from dextera_build.recipe.plan import Request, plan

@@ -10,7 +10,7 @@ def rgba(request: Any) -> Any:
     import numpy as np
     from PIL import Image
 
-    with Image.open(request.inputs["image"].path) as opened:
+    with Image.open(request.inputs["image"].path, formats=("PNG",)) as opened:
         pixels = np.asarray(opened.convert("RGB"))
     mask = np.load(request.inputs["mask"].path, allow_pickle=False)
     return Image.fromarray(np.dstack([pixels, mask.astype(np.uint8) * 255]), "RGBA")

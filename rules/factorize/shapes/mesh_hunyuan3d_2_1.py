@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pydantic import Field
+from pydantic import Field, NonNegativeInt
 
 from dextera_build.artifacts.base import File
 from dextera_build.artifacts.object import Shape
@@ -42,7 +42,7 @@ class Hunyuan3d21Options(Options):
     """Views that the texture is painted from; more of them need more memory."""
     view_px: int = Field(512, ge=512, le=768)
     """Side of a view [px]."""
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of the sampling."""
 
 

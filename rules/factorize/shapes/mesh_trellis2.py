@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
-from pydantic import Field
+from pydantic import Field, NonNegativeInt
 
 from dextera_build.artifacts.base import File
 from dextera_build.artifacts.object import Shape
@@ -42,7 +42,7 @@ class Trellis2Options(Options):
     """Number of faces that the mesh is reduced to."""
     texture_px: int = Field(1024, ge=256, le=4096)
     """Side of the texture that the program bakes [px]."""
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """Seed of the sampling."""
 
 
