@@ -18,12 +18,18 @@ import pytest
 
 from dextera_build.artifacts.exchange import has_form
 from dextera_build.cli.project import new_backend
-from dextera_build.code.loader import Library
+from dextera_build.code.loader import Library, RuleFile
 from dextera_build.errors import RuleError, UsageError
 from dextera_build.testing import RuleRunner
 from tests.e2e.space import Space
 
-RULES = [found for found in Library().rules() if found.backends and found.rule.protocol is not None]
+RULES = [found.path for found in Library().rules() if found.backends and found.rule.protocol is not None]
+
+
+@pytest.fixture
+def found(request: pytest.FixtureRequest) -> RuleFile:
+    """A rule, imported anew if another test had its modules forgotten."""
+    return Library().find(request.param)
 
 
 @pytest.fixture
@@ -55,7 +61,7 @@ def test_the_backend_and_its_test_pass_at_once(space, kind):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("found", RULES, ids=lambda found: found.path)
+@pytest.mark.parametrize("found", RULES, indirect=True)
 def test_a_server_of_any_rule_returns_what_it_was_sent(space, found):
     """Values of every type that a backend may take or return pass through the formats of the field."""
     if found.path == "simulate.mesh_robot":
@@ -67,7 +73,7 @@ def test_a_server_of_any_rule_returns_what_it_was_sent(space, found):
 
 
 @pytest.mark.parametrize("kind", new_backend.KINDS)
-@pytest.mark.parametrize("found", RULES, ids=lambda found: found.path)
+@pytest.mark.parametrize("found", RULES, indirect=True)
 def test_what_is_written_is_short_python_that_lacks_nothing(found, kind, tmp_path):
     wanted = new_backend.Wanted(found, "mine", kind, tmp_path / "x_mine.py", "x_mine.py", False)
     assert wanted.other == "stub"
@@ -79,16 +85,15 @@ def test_what_is_written_is_short_python_that_lacks_nothing(found, kind, tmp_pat
         assert "\n\n\n\n" not in text
 
 
-@pytest.mark.parametrize("found", RULES, ids=lambda found: found.path)
+@pytest.mark.parametrize("found", RULES, indirect=True)
 def test_every_function_of_a_backend_returns_data(found):
-    # Found anew: other tests take rules out of `sys.modules`, where type hints look for names.
-    for method in vars(Library().find(found.path).rule.protocol).values():
+    for method in vars(found.rule.protocol).values():
         if inspect.isfunction(method) and method.__name__[0] != "_":
             assert has_form(get_type_hints(method, localns={"np": np}, include_extras=True)["return"])
 
 
 def test_a_program_is_sent_data_only(tmp_path):
-    found = next(found for found in RULES if found.path == "factorize.mesh")
+    found = Library().find("factorize.mesh")
     wanted = new_backend.Wanted(found, "mine", "server", tmp_path / "x_mine.py", "x_mine.py", False)
     text = new_backend.files(wanted, tmp_path)[wanted.file]
     assert 'ctx.outside("complete", example=example, view=view, common=common)' in text
