@@ -23,7 +23,7 @@ inputs:
   capture: capture
 nodes:
   photo: {rule: capture.folder, folder: $capture}
-  bright: {rule: shade.brighten, image: $photo.rgb, gain: 1.5}
+  bright: {rule: shade.brighten, image: $photo.photograph.rgb, gain: 1.5}
 """
 
 
