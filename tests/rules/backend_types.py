@@ -60,6 +60,7 @@ import rules.factorize.shapes.mesh
 import rules.factorize.shapes.mesh_hunyuan3d_2_1
 import rules.factorize.shapes.mesh_hunyuan3d_cloud
 import rules.factorize.shapes.mesh_primitives
+import rules.factorize.shapes.mesh_sam3d_objects
 import rules.factorize.shapes.mesh_stub
 import rules.factorize.shapes.mesh_trellis2
 import rules.learn.act
@@ -118,6 +119,7 @@ factorize_collision_stub: rules.factorize.contact.collision.CollisionBackend = r
 factorize_mesh_hunyuan3d_2_1: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_hunyuan3d_2_1
 factorize_mesh_hunyuan3d_cloud: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_hunyuan3d_cloud
 factorize_mesh_primitives: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_primitives
+factorize_mesh_sam3d_objects: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_sam3d_objects
 factorize_mesh_stub: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_stub
 factorize_mesh_trellis2: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_trellis2
 factorize_parse_clusters: rules.factorize.elements.parse.ParseBackend = rules.factorize.elements.parse_clusters

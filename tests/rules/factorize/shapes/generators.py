@@ -110,6 +110,40 @@ class Hunyuan3DPaintPipeline:
         return output_mesh_path
 """,
 }
+SAM3D = {
+    "stand_in.py": MESH,
+    "huggingface_hub.py": "def hf_hub_download(repo_id, filename):\n    raise OSError('offline')\n",
+    "torch.py": """
+class hub:
+    def download_url_to_file(url, dst):
+        raise OSError("a test asked the net")
+
+    def load(repo_or_dir, model, source="github"):
+        import os
+        if os.environ.get("DXB_TEST_NO_DINO"):
+            hub.download_url_to_file("https://example.org/dinov2.zip", "/nowhere")
+""",
+    "inference.py": """
+import os
+os.environ["CUDA_HOME"] = os.environ["CONDA_PREFIX"]
+import numpy as np, torch
+from huggingface_hub import hf_hub_download
+
+class Inference:
+    def __init__(self, config_file, compile=False):
+        assert os.path.isfile(config_file) and not compile
+        torch.hub.load("facebookresearch/dinov2", "dinov2_vitl14_reg")
+        assert os.path.isfile(hf_hub_download(repo_id="Ruicheng/moge-vitl", filename="model.pt"))
+        print("weights loaded")
+
+    def __call__(self, image, mask, seed=None, pointmap=None):
+        from stand_in import standing
+        assert image.shape == (*mask.shape, 3) and image.dtype == np.uint8 and mask.dtype == bool and mask.any()
+        made = standing().subdivide().subdivide().subdivide().subdivide()
+        made.visual.vertex_colors = np.where(made.vertices[:, 1:2] > 0, (220, 30, 30, 255), (30, 30, 220, 255))
+        return {"glb": made, "gs": None, "scale": None, "rotation": None, "translation": None}
+""",
+}
 
 
 def environment(project: Path, name: str, modules: dict[str, str]) -> None:

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Shape
 from dextera_build.artifacts.view import ObjectView
-from dextera_build.errors import MachineError
+from dextera_build.errors import MachineError, RuleError
 from dextera_build.outside import dxb_backend
 from dextera_build.testing import RuleRunner
 from tests import factories
@@ -23,8 +24,9 @@ WEIGHTS = {
         "hunyuan3d_2_1": ["hunyuan3d-dit-v2-1/config.yaml", "hunyuan3d-paintpbr-v2-1/model_index.json"],
         "dinov2_giant": ["config.json"],
     },
+    "sam3d_objects": {"sam3d_objects": ["checkpoints/pipeline.yaml"], "moge_vitl": ["model.pt"]},
 }
-MODULES = {"trellis2": generators.TRELLIS, "hunyuan3d_2_1": generators.HUNYUAN}
+MODULES = {"trellis2": generators.TRELLIS, "hunyuan3d_2_1": generators.HUNYUAN, "sam3d_objects": generators.SAM3D}
 
 
 def view() -> ObjectView:
@@ -68,6 +70,42 @@ def test_what_the_machine_lacks_is_told_with_the_next_step(tmp_path: Path, name:
     needs = str(caught.value.facts["needs"])
     assert "a GPU with" in needs
     assert f".envs/{name}" in needs
+
+
+def test_the_mesh_of_sam_3d_objects_is_reduced_and_keeps_its_colours(tmp_path: Path) -> None:
+    (tmp_path / "scratch").mkdir()
+    generators.environment(tmp_path, "sam3d_objects", generators.SAM3D)
+    options = {"sam3d_objects": {"faces": 2000}}
+    shape: Shape = runner(tmp_path, "sam3d_objects").run(
+        "factorize.mesh", backend="sam3d_objects", options=options, view=view()
+    )
+    mesh = shape.mesh
+    assert mesh.is_closed
+    assert 1000 < len(mesh.faces) <= 2000
+    heights = mesh.vertices[mesh.faces].mean(axis=1)[:, 2]
+    red, _, blue = baked(mesh).T
+    # Few faces reach across the middle of the flat sides.
+    assert np.mean(red[heights > 0.5] > blue[heights > 0.5]) > 0.9
+    assert np.mean(red[heights < 0.4] < blue[heights < 0.4]) > 0.9
+
+
+def baked(mesh: Mesh) -> np.ndarray:
+    """Colours of the texture in the middle of each face, (F, 3)."""
+    assert mesh.texture is not None
+    assert mesh.uv is not None
+    pixels = mesh.texture.pixels
+    column, row = (mesh.uv.mean(axis=1) * pixels.shape[1::-1]).astype(int).T
+    return np.asarray(pixels[pixels.shape[0] - 1 - row, column]).astype(int)
+
+
+def test_sam_3d_objects_downloads_nothing_and_says_what_is_missing(tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "scratch").mkdir()
+    generators.environment(tmp_path, "sam3d_objects", generators.SAM3D)
+    monkeypatch.setenv("DXB_TEST_NO_DINO", "1")
+    with pytest.raises(RuleError) as caught:
+        runner(tmp_path, "sam3d_objects").run("factorize.mesh", backend="sam3d_objects", view=view())
+    assert "dinov2.zip is not in the folder of torch.hub" in caught.value.message
+    assert "torch.hub.load" in str(caught.value.hint)
 
 
 def test_the_copies_of_the_programs_side_are_those_of_this_dxb() -> None:
