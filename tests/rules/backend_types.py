@@ -50,6 +50,7 @@ import rules.factorize.elements.parse_vlm
 import rules.factorize.elements.parse_written
 import rules.factorize.joints.articulate
 import rules.factorize.joints.articulate_crease
+import rules.factorize.joints.articulate_particulate
 import rules.factorize.joints.articulate_stub
 import rules.factorize.masks.segment
 import rules.factorize.masks.segment_depth
@@ -113,6 +114,7 @@ evaluate_replay_stub: rules.evaluate.replay.ReplayBackend = rules.evaluate.repla
 evaluate_rollouts_mujoco: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_mujoco
 evaluate_rollouts_stub: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_stub
 crease: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_crease
+particulate: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_particulate
 factorize_articulate_stub: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_stub
 factorize_collision_coacd: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_coacd
 factorize_collision_stub: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_stub

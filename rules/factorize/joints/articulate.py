@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any, Literal, Protocol
 
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.object import Body, Link, Shape
+from dextera_build.artifacts.object import Body, Joint, Link, Shape
 from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen, Traits
 from dextera_build.rule import Context, Options, rule
 
@@ -30,13 +31,13 @@ class ArticulateOptions(Options):
     """Options of factorize.articulate."""
 
     hinge: DeclaredHinge | None = None
-    """A known hinge; None detects the crease."""
+    """A known hinge; None leaves it to the backend."""
     upper_rad: PositiveFloat = 2.29
     """Upper joint limit if nothing collides [rad]; notebooks stop near 131 degrees."""
     overlap_m: NonNegativeFloat = 0.001
     """Maximum mean penetration of the lid into the base while closing [m]."""
     without_crease: Literal["fail", "rigid"] = "fail"
-    """How to treat an articulated object without a visible crease."""
+    """How to treat an articulated object in which no joint is found."""
 
 
 class ArticulateBackend(Protocol):
@@ -45,11 +46,11 @@ class ArticulateBackend(Protocol):
     def parts(
         self, ctx: Context, shape: Shape, measured: Measurements[Seen], common: ArticulateOptions, options: Any
     ) -> Parts | None:
-        """Split the shape at its joint and close the parts; None if no joint is seen."""
+        """Split the shape at its joints and close the parts; None if no joint is found."""
         ...
 
     def picture(self, ctx: Context, body: Body, seen: Seen, options: Any) -> np.ndarray | None:
-        """Draw the joint on the crop, (H, W, 3) uint8; None for no picture."""
+        """Draw the joints on the crop, (H, W, 3) uint8; None for no picture."""
         ...
 
 
@@ -75,22 +76,23 @@ def articulate(
             hint = (
                 "set `body_type: rigid` of the element in `scene.yaml`, declare `hinge`, or set `without_crease: rigid`"
             )
-            ctx.fail("no two planes meet in a crease", hint=hint, hypothesis=shape.hypothesis)
-        ctx.say("kept rigid: no crease found")
+            ctx.fail("no joint was found", hint=hint, hypothesis=shape.hypothesis)
+        ctx.say("kept rigid: no joint found")
         return _rigid(shape)
-    for name, link in (("base", found.base), ("lid", found.lid)):
-        hint = "the mesh has to be cut into two closed solids, try another backend of `factorize.mesh`"
+    for name, link in found.links.items():
+        hint = "the mesh has to be cut into closed solids, try another backend of `factorize.mesh`"
         ctx.check(link.mesh.is_closed, f"link `{name}` is open after the cut", hint=hint)
-    ctx.check(
-        found.overlap_m <= options.overlap_m,
-        f"the lid sinks {found.overlap_m * 1000:.1f} mm into the base while it closes",
-        hint="declare `hinge`, or raise `overlap_m` where the mesh is coarse",
-        allowed_mm=options.overlap_m * 1000,
-    )
-    joint = found.joint
+    if found.overlap_m is not None:
+        ctx.check(
+            found.overlap_m <= options.overlap_m,
+            f"the lid sinks {found.overlap_m * 1000:.1f} mm into the base while it closes",
+            hint="declare `hinge`, or raise `overlap_m` where the mesh is coarse",
+            allowed_mm=options.overlap_m * 1000,
+        )
+        ctx.metric("overlap", found.overlap_m * 1000.0, "mm")
     body = Body(
-        links={"base": found.base, "lid": found.lid},
-        joints=(joint,),
+        links=found.links,
+        joints=found.joints,
         pose=shape.pose,
         hollow=shape.hollow,
         asset_source=depth.source(shape.asset_source),
@@ -98,14 +100,23 @@ def articulate(
     seen = depth.for_check()
     pixels = None if seen is None or body.pose is None else ctx.backend.picture(ctx, body, seen, ctx.backend_options)
     if pixels is not None:
-        ctx.preview(pixels, "hinge axis, and the lid swept from closed to its limit")
-    ctx.metric("position", joint.position, "rad")
-    ctx.metric("overlap", found.overlap_m * 1000.0, "mm")
+        ctx.preview(pixels, "joint axes, and what they move swept between the limits")
+    for joint in found.joints:
+        name = "position" if len(found.joints) == 1 else f"position of {joint.name}"
+        ctx.metric(name, joint.position, "rad" if joint.type == "revolute" else "m")
     for name, value, unit in found.metrics:
         ctx.metric(name, value, unit)
-    limits = f"{np.degrees(joint.lower):.0f}-{np.degrees(joint.upper):.0f} deg"
-    ctx.say(f"1 hinge, {limits}, stands at {np.degrees(joint.position):.0f} deg")
+    ctx.say(_line(found.joints))
     return body
+
+
+def _line(joints: tuple[Joint, ...]) -> str:
+    """`1 hinge, 0-131 deg, stands at 108 deg`, or `2 hinges, 1 slide`."""
+    if len(joints) == 1 and joints[0].type == "revolute":
+        lower, upper, position = np.degrees([joints[0].lower, joints[0].upper, joints[0].position])
+        return f"1 hinge, {lower:.0f}-{upper:.0f} deg, stands at {position:.0f} deg"
+    counts = Counter("hinge" if joint.type == "revolute" else "slide" for joint in joints)
+    return ", ".join(f"{number} {name}{'s' if number > 1 else ''}" for name, number in sorted(counts.items()))
 
 
 def _rigid(shape: Shape) -> Body:

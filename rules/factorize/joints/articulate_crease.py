@@ -74,13 +74,9 @@ def parts(
     seen = measured.for_check()
     if seen is not None and (angle := _seen_angle(shape, seen, hinge)) is not None:
         metrics.append(("seen_minus_mesh", float(np.degrees(angle - hinge.angle)), "deg"))
-    return Parts(
-        Link(mesh=base, walls=mine),
-        Link(mesh=_moved(lid, closed), walls=tuple(Hull(vertices=_apply(closed, hull.vertices)) for hull in theirs)),
-        _joint(hinge, upper),
-        closing,
-        tuple(metrics),
-    )
+    lid_walls = tuple(Hull(vertices=_apply(closed, hull.vertices)) for hull in theirs)
+    links = {"base": Link(mesh=base, walls=mine), "lid": Link(mesh=_moved(lid, closed), walls=lid_walls)}
+    return Parts(links, (_joint(hinge, upper),), closing, tuple(metrics))
 
 
 def picture(ctx: Context, body: Body, seen: Seen, options: CreaseOptions) -> np.ndarray:

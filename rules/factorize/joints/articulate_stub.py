@@ -46,7 +46,7 @@ def parts(
     )
     base = _box(shape.mesh, low, np.array([high[0], high[1], top]))
     lid = _box(shape.mesh, np.array([low[0], low[1], top]), np.array([high[0], high[1], top + height]))
-    return Parts(base, lid, joint)
+    return Parts({"base": base, "lid": lid}, (joint,))
 
 
 def picture(ctx: Context, body: Body, seen: Seen, options: Options) -> None:

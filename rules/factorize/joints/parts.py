@@ -9,12 +9,11 @@ from dextera_build.artifacts.object import Joint, Link
 
 @dataclass(frozen=True)
 class Parts:
-    """Two links and their hinge, with all geometry closed (joint position 0), object frame."""
+    """Links and joints as `Body` has them: geometry in the object frame with every joint at 0, root `base`."""
 
-    base: Link
-    lid: Link
-    joint: Joint
-    overlap_m: float = 0.0
-    """Maximum mean penetration of the lid into the base while closing [m]."""
+    links: dict[str, Link]
+    joints: tuple[Joint, ...]
+    overlap_m: float | None = None
+    """Maximum mean penetration of the lid into the base while closing [m]; None if nobody looked."""
     metrics: tuple[tuple[str, float, str], ...] = ()
     """Name, value and unit of each metric in the report."""
