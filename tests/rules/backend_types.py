@@ -3,6 +3,11 @@
 Nothing imports this file: rules are found, not imported.
 """
 
+import rules.align.matches
+import rules.align.matches_disk_lightglue
+import rules.align.matches_sift
+import rules.align.matches_stub
+import rules.align.matches_xfeat
 import rules.align.object
 import rules.align.object_icp
 import rules.align.object_stub
@@ -89,6 +94,10 @@ import rules.simulate.usd
 import rules.simulate.usd_openusd
 import rules.simulate.usd_stub
 
+align_matches_disk_lightglue: rules.align.matches.MatchesBackend = rules.align.matches_disk_lightglue
+align_matches_sift: rules.align.matches.MatchesBackend = rules.align.matches_sift
+align_matches_stub: rules.align.matches.MatchesBackend = rules.align.matches_stub
+align_matches_xfeat: rules.align.matches.MatchesBackend = rules.align.matches_xfeat
 align_object_icp: rules.align.object.PlacementBackend = rules.align.object_icp
 align_object_stub: rules.align.object.PlacementBackend = rules.align.object_stub
 background_static_planes: rules.background.static.BackgroundBackend = rules.background.static_planes

@@ -1,0 +1,48 @@
+"""align.matches: points of two pictures that show the same places."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from pydantic import Field
+
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.matches import Matches
+from dextera_build.rule import Context, Options, rule
+
+
+class MatchesOptions(Options):
+    """Options of align.matches."""
+
+    points: int = Field(2048, ge=8, le=100_000)
+    """Most points that are looked for in each picture."""
+
+
+class MatchesBackend(Protocol):
+    """What a backend of align.matches defines."""
+
+    def match(self, ctx: Context, first: Image, second: Image, common: MatchesOptions, options: Any) -> Matches:
+        """Points of both pictures that look the same, in any order."""
+        ...
+
+
+@rule(version=1, packages=("numpy",))
+def matches(
+    ctx: Context[MatchesBackend], first: Image, second: Image, *, options: MatchesOptions | None = None
+) -> Matches:
+    """Return pairs of pixels, best first. None of them is checked against a pose: outliers remain."""
+    found = ctx.backend.match(ctx, first, second, options or MatchesOptions(), ctx.backend_options)
+    for points, picture in ((found.first, first), (found.second, second)):
+        height, width = picture.pixels.shape[:2]
+        inside = ((points >= -0.5) & (points <= (width - 0.5, height - 0.5))).all()
+        ctx.check(bool(inside), "a point is outside its picture", hint="use backend `sift`")
+    order = np.argsort(-found.confidence, kind="stable")
+    ctx.say(f"{len(order):,} pairs by {found.method}")
+    ctx.metric("pairs", float(len(order)))
+    return Matches(
+        first=found.first[order],
+        second=found.second[order],
+        confidence=np.clip(found.confidence[order], 0.0, 1.0),
+        method=found.method,
+    )

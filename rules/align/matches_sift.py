@@ -1,0 +1,56 @@
+"""Backend `sift` of align.matches: SIFT, mutual nearest neighbours, and the ratio test."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import Field
+
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.matches import Matches
+from dextera_build.rule import Backend, Context, Options
+
+if TYPE_CHECKING:
+    from .matches import MatchesOptions
+
+BACKEND = Backend(
+    summary="SIFT with mutual nearest neighbours",
+    profiles=("cpu",),
+    packages=("opencv-python-headless",),
+    extra="twin",
+)
+
+
+class SiftOptions(Options):
+    """Options of backend `sift` of align.matches."""
+
+    ratio: float = Field(0.8, gt=0.0, le=1.0)
+    """Largest distance to the nearest descriptor, in distances to the second nearest (Lowe, 2004)."""
+
+
+def match(ctx: Context, first: Image, second: Image, common: MatchesOptions, options: SiftOptions) -> Matches:
+    """Pairs whose descriptors are nearest to each other; confidence is 1 less the ratio of distances."""
+    import cv2
+
+    detector = cv2.SIFT_create(nfeatures=common.points, enable_precise_upscale=True)
+    points, descriptors = [], []
+    for picture in (first, second):
+        found, each = detector.detectAndCompute(cv2.cvtColor(picture.pixels, cv2.COLOR_RGB2GRAY), None)
+        points.append(np.array([point.pt for point in found]).reshape(-1, 2))
+        descriptors.append(each)
+    if min(len(each) for each in points) < 2:
+        nothing = np.zeros((0, 2))
+        return Matches(first=nothing, second=nothing, confidence=np.zeros(0, np.float32), method="SIFT")
+    matcher = cv2.BFMatcher(cv2.NORM_L2)
+    there = matcher.knnMatch(descriptors[0], descriptors[1], k=2)
+    back = {each[0].queryIdx: each[0].trainIdx for each in matcher.knnMatch(descriptors[1], descriptors[0], k=1)}
+    pairs = [
+        (near.queryIdx, near.trainIdx, near.distance / max(far.distance, 1e-9))
+        for near, far in there
+        if back[near.trainIdx] == near.queryIdx
+    ]
+    kept = np.array([pair for pair in pairs if pair[2] <= options.ratio]).reshape(-1, 3)
+    left, right = kept[:, 0].astype(int), kept[:, 1].astype(int)
+    confidence = (1.0 - kept[:, 2]).astype(np.float32)
+    return Matches(first=points[0][left], second=points[1][right], confidence=confidence, method="SIFT")
