@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import zlib
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 
 from dextera_build.artifacts.base import Array, Artifact, Value
+from dextera_build.artifacts.content import Content, Get, OnDisk, Stored
+from dextera_build.artifacts.identity import check
+from dextera_build.artifacts.lazy import contents
 from dextera_build.errors import ArtifactError
 
 _MOST = 1 << 30
 """Largest film of one episode [bytes]: 24 min of 128 x 96 px at 20 Hz."""
+_PIECE = 1 << 16
+"""Packed bytes that are unpacked at a time."""
 
 Origin = Literal["operator", "synthesis", "policy", "replay"]
 """Source of the actions."""
@@ -132,15 +139,72 @@ class Film(Artifact):
     height: int
     """Height of a frame [px]."""
 
-    @staticmethod
-    def packed(pixels: np.ndarray) -> bytes:
-        """Frames (T, H, W, 3) uint8 as a zlib stream of differences to the frame before, modulo 256.
+    @classmethod
+    def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
+        """The film; from a store, the frames of each episode are read when they are used."""
+        if not hasattr(get, "place"):
+            return super()._from_header(header, get)
+        check(cls, header["artifact"])
+        stored = header["fields"]
+        found = {name: Stored(get, *raw["$bytes"]) for name, raw in stored["frames"]["$map"].items()}
+        return cls._behind(found, stored["width"], stored["height"])
 
-        Static regions cost almost nothing: a fifteenth of a PNG of the same frames, and faster both ways.
+    @classmethod
+    def of(cls, files: Mapping[str, Path], width: int, height: int) -> Film:
+        """A film of files with frames as `packed` by index, which no longer change; each is read when it is used."""
+        return cls._behind({index: OnDisk(path) for index, path in files.items()}, width, height)
+
+    @classmethod
+    def _behind(cls, found: Mapping[str, Content], width: int, height: int) -> Self:
+        # `frames` would be copied, and thereby read, by validation.
+        made: Self = cls(frames={}, width=width, height=height)
+        return made.model_copy(update={"frames": contents(found)})
+
+    @staticmethod
+    def packed(pixels: Iterable[np.ndarray]) -> bytes:
+        """Frames (H, W, 3) uint8, all of one size, as a zlib stream of differences to the frame before, modulo 256.
+
+        Static regions cost almost nothing: a fifteenth of a PNG of the same frames, and faster both ways. Nothing is
+        lost, so that a policy learns from the very pixels that it is shown when it runs.
         """
-        changes = pixels.copy()
-        changes[1:] -= pixels[:-1]
-        return zlib.compress(changes.tobytes(), 6)
+        packer = zlib.compressobj(6)
+        written, before = [], None
+        for frame in pixels:
+            written.append(packer.compress((frame if before is None else frame - before).tobytes()))
+            before = frame
+        return b"".join([*written, packer.flush()])
+
+    def each(self, index: str) -> Iterator[np.ndarray]:
+        """Frames (H, W, 3) uint8 sRGB of one episode in order, one at a time.
+
+        Raises:
+            ArtifactError: The stream is damaged, or does not end with a whole frame.
+        """
+        shape = (self.height, self.width, 3)
+        size = math.prod(shape)
+        if min(shape) < 1:
+            raise _bad_film(index, f"its frames have no area ({self.width} x {self.height} px)")
+        last, rest = np.zeros(shape, np.uint8), b""
+        for piece in self._unpacked(index):
+            rest += piece
+            whole = len(rest) // size
+            for change in np.frombuffer(rest, np.uint8, whole * size).reshape(whole, *shape):
+                last = last + change
+                yield last
+            rest = rest[whole * size :]
+        if rest:
+            raise _bad_film(index, f"its last frame is not whole ({self.width} x {self.height} px)")
+
+    def _unpacked(self, index: str) -> Iterator[bytes]:
+        """The differences in pieces, none larger than a thousand times `_PIECE`."""
+        stream, packed = zlib.decompressobj(), self.frames[index]
+        try:
+            for start in range(0, len(packed), _PIECE):
+                yield stream.decompress(packed[start : start + _PIECE])
+        except zlib.error as error:
+            raise _bad_film(index, str(error)) from None
+        if not stream.eof:
+            raise _bad_film(index, "its end is missing")
 
     def pixels(self, index: str) -> np.ndarray:
         """Frames (T, H, W, 3) uint8 sRGB of one episode.
@@ -148,17 +212,12 @@ class Film(Artifact):
         Raises:
             ArtifactError: The stream is damaged, does not end with a whole frame, or holds more than 1 GiB.
         """
-        stream = zlib.decompressobj()
-        try:
-            data = stream.decompress(self.frames[index], _MOST)
-        except zlib.error as error:
-            raise _bad_film(index, str(error)) from None
-        if not stream.eof:
-            raise _bad_film(index, "more than 1 GiB" if stream.unconsumed_tail else "its end is missing")
-        if min(self.height, self.width) < 1 or len(data) % (self.height * self.width * 3):
-            raise _bad_film(index, f"its last frame is not whole ({self.width} x {self.height} px)")
-        changes = np.frombuffer(data, np.uint8)
-        return np.cumsum(changes.reshape(-1, self.height, self.width, 3), axis=0, dtype=np.uint8)
+        found: list[np.ndarray] = []
+        for frame in self.each(index):
+            found.append(frame)
+            if len(found) * frame.nbytes > _MOST:
+                raise _bad_film(index, "more than 1 GiB")
+        return np.array(found, np.uint8).reshape(-1, self.height, self.width, 3)
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write `stem/<index>.png`, an animated PNG per episode."""
@@ -168,7 +227,7 @@ class Film(Artifact):
         (folder / stem).mkdir(parents=True, exist_ok=True)
         written = []
         for index in self.frames:
-            first, *rest = [Image.fromarray(frame) for frame in self.pixels(index)]
+            first, *rest = [Image.fromarray(frame) for frame in self.each(index)]
             written.append(folder / stem / f"{index}.png")
             first.save(written[-1], save_all=True, append_images=rest, duration=50, loop=0)
         return written

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Iterable
+import itertools
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -58,8 +59,8 @@ class Encoder:
                 out.mux(stream.encode(frame))
             out.mux(stream.encode(None))
 
-    def encode(self, pixels: np.ndarray) -> Clip:
-        """Encode frames (T, H, W, 3) uint8 sRGB at constant frame rate."""
+    def encode(self, pixels: Iterable[np.ndarray]) -> Clip:
+        """Encode frames (H, W, 3) uint8 sRGB at constant frame rate, holding one at a time."""
         import av
 
         coder = av.CodecContext.create("libx264", "w")
@@ -73,22 +74,26 @@ class Encoder:
         packets += coder.encode(None)
         return Clip([(bytes(packet), bool(packet.is_keyframe)) for packet in packets])
 
-    def mp4(self, clips: list[Clip]) -> bytes:
-        """Concatenate clips in a file; frame n of the file starts at n / rate."""
+    @contextmanager
+    def joined(self, path: Path) -> Iterator[Callable[[Clip], None]]:
+        """A function that appends clips to a new MP4 file; frame n of the file starts at n / rate."""
         import av
 
-        buffer = io.BytesIO()
-        with av.open(buffer, "w", format="mp4", options={"fflags": "+bitexact"}) as out:
+        with av.open(str(path), "w", format="mp4", options={"fflags": "+bitexact"}) as out:
             stream: Any = out.add_stream("libx264", rate=self.rate)
             self._set(stream.codec_context)
             out.start_encoding()
-            for number, (data, key) in enumerate(packet for clip in clips for packet in clip.packets):
-                packet = av.Packet(data)
-                packet.stream, packet.time_base = stream, 1 / self.rate
-                packet.pts = packet.dts = number
-                packet.duration, packet.is_keyframe = 1, key
-                out.mux(packet)
-        return buffer.getvalue()
+            numbers = itertools.count()
+
+            def add(clip: Clip) -> None:
+                for data, key in clip.packets:
+                    packet = av.Packet(data)
+                    packet.stream, packet.time_base = stream, 1 / self.rate
+                    packet.pts = packet.dts = next(numbers)
+                    packet.duration, packet.is_keyframe = 1, key
+                    out.mux(packet)
+
+            yield add
 
     def _set(self, coder: Any) -> None:
         from av.codec.context import Flags
@@ -107,11 +112,16 @@ def yuv420(pixels: np.ndarray) -> np.ndarray:
     """
     steps, height, width, _ = pixels.shape
     r, g, b = (pixels[..., channel].astype(np.uint16) for channel in range(3))
-    luma = (66 * r + 129 * g + 25 * b + 128) // 256 + 16  # at most 56,228 before the division
-    wide = pixels.astype(np.uint16).reshape(steps, height // 2, 2, width, 3)
-    rows = wide[:, :, 0] + wide[:, :, 1]
-    r, g, b = np.moveaxis((rows[:, :, 0::2] + rows[:, :, 1::2]).astype(np.int32), -1, 0)
-    blue = (-38 * r - 74 * g + 112 * b + 512) // 1024 + 128
-    red = (112 * r - 94 * g - 18 * b + 512) // 1024 + 128
+    luma = (66 * r + 129 * g + 25 * b + 128 >> 8) + 16  # at most 56,228 before the shift
+    r, g, b = (_sums(plane) for plane in (r, g, b))
+    blue = (-38 * r - 74 * g + 112 * b + 512 >> 10) + 128
+    red = (112 * r - 94 * g - 18 * b + 512 >> 10) + 128
     flat = [plane.reshape(steps, -1).astype(np.uint8) for plane in (luma, blue, red)]
     return np.concatenate(flat, axis=1).reshape(steps, 3 * height // 2, width)
+
+
+def _sums(plane: np.ndarray) -> np.ndarray:
+    """Sums (T, H / 2, W / 2) int32 of 2 x 2 pixels."""
+    rows = plane[:, 0::2] + plane[:, 1::2]
+    sums: np.ndarray = (rows[:, :, 0::2] + rows[:, :, 1::2]).astype(np.int32)
+    return sums

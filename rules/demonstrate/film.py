@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -41,7 +42,7 @@ def film(
     Recorded states are rendered, nothing is simulated; frame t is the scene before action t.
     """
     camera = view.camera
-    packed: dict[str, bytes] = {}
+    packed: dict[str, Path] = {}
     count = 0
     taken: Iterator[tuple[str, np.ndarray]] = ctx.backend.frames(ctx, bundle, episodes, view, ctx.backend_options)
     for index, pixels in taken:
@@ -49,11 +50,12 @@ def film(
         ctx.check(pixels.shape == expected, "an episode has another number of frames than steps", episode=index)
         if not packed:
             ctx.preview(strip(pixels, options.strip_frames), f"{episodes.task}, episode {index}")
-        packed[index] = Film.packed(pixels)
+        packed[index] = ctx.scratch / f"{len(packed)}.packed"
+        packed[index].write_bytes(Film.packed(pixels))
         count += len(pixels)
         ctx.progress(len(packed), len(episodes.items), "episodes")
     ctx.check(packed.keys() == episodes.items.keys(), "an episode has no frames")
-    megabytes = sum(map(len, packed.values())) / 1e6
+    megabytes = sum(path.stat().st_size for path in packed.values()) / 1e6
     ctx.metric("size", megabytes, "MB")
     ctx.say(f"{len(packed)} episodes, {count:,} frames of {camera.width} x {camera.height} px, {megabytes:.1f} MB")
-    return Film(frames=packed, width=camera.width, height=camera.height)
+    return Film.of(packed, camera.width, camera.height)

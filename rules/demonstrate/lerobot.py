@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import tempfile
+from pathlib import Path
 from typing import Any, Protocol
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.lazy import sizes
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.rule import Context, Options, rule
 
@@ -46,8 +49,9 @@ class LerobotBackend(Protocol):
         view: View | None,
         common: LerobotOptions,
         options: Any,
-    ) -> dict[str, bytes]:
-        """Path -> content of the whole folder."""
+        out: Path,
+    ) -> None:
+        """Write all files below `out`, an empty folder."""
         ...
 
 
@@ -75,13 +79,15 @@ def lerobot(
             film=f"{film.width} x {film.height} px",
             hint="choose an even `width_px` and `height_px` in simulate.view",
         )
-    files: dict[str, bytes] = ctx.backend.write(ctx, bundle, episodes, film, view, options, ctx.backend_options)
-    info = json.loads(files["meta/info.json"])
+    out = Path(tempfile.mkdtemp(dir=ctx.scratch))
+    ctx.backend.write(ctx, bundle, episodes, film, view, options, ctx.backend_options, out)
+    folder = Folder.of(out)
+    info = json.loads(folder.files["meta/info.json"])
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     ctx.check(info["total_episodes"] == len(episodes.items), "episodes were lost")
     ctx.check(info["total_frames"] == steps, "steps were lost")
-    megabytes = sum(map(len, files.values())) / 1e6
+    megabytes = sum(sizes(folder.files)) / 1e6
     ctx.metric("size", megabytes, "MB")
-    videos = sum(name.endswith(".mp4") for name in files)
+    videos = sum(name.endswith(".mp4") for name in folder.files)
     ctx.say(f"{len(episodes.items)} episodes, {steps:,} steps, {videos} video files, {megabytes:.1f} MB")
-    return Folder(files=files)
+    return folder

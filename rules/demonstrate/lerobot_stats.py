@@ -23,7 +23,7 @@ def of_numbers(values: np.ndarray) -> Stats:
 
 
 def histogram(pixels: np.ndarray) -> np.ndarray:
-    """Counts (3, 256) of the 256 values in frames (T, H, W, 3), per channel."""
+    """Counts (3, 256) of the 256 values in pictures (..., 3), per channel."""
     return np.stack([np.bincount(pixels[..., channel].ravel(), minlength=256) for channel in range(3)])
 
 

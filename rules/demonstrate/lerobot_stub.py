@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dextera_build.artifacts import trees
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.policy import layout
@@ -27,8 +29,9 @@ def write(
     view: View | None,
     common: LerobotOptions,
     options: Options,
-) -> dict[str, bytes]:
-    """`meta/info.json`, `meta/stats.json` and `meta/dextera.json`."""
+    out: Path,
+) -> None:
+    """Write `meta/info.json`, `meta/stats.json` and `meta/dextera.json`."""
     features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal)
     parts = [
         lerobot_features.columns(episodes.rate_hz, episode, number, 0)
@@ -36,8 +39,9 @@ def write(
     ]
     whole = {name: np.concatenate([columns[name] for columns in parts]) for name in features}
     stats = {name: lerobot_stats.of_numbers(values) for name, values in whole.items()}
-    return {
+    files = {
         "meta/info.json": lerobot_meta.document(lerobot_meta.info(bundle, episodes, features, {}, common)),
         "meta/stats.json": lerobot_meta.document(lerobot_stats.plain(stats)),
         "meta/dextera.json": lerobot_meta.document(lerobot_meta.about(bundle, episodes)),
     }
+    trees.write(files, out)

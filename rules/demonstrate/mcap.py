@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import tempfile
+from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.lazy import sizes
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.rule import Context, Options, rule
 
@@ -35,8 +38,9 @@ class McapBackend(Protocol):
         view: View | None,
         common: McapOptions,
         options: Any,
-    ) -> dict[str, bytes]:
-        """Path -> content of each recording."""
+        out: Path,
+    ) -> None:
+        """Write all files below `out`, an empty folder."""
         ...
 
 
@@ -63,9 +67,11 @@ def mcap(
             film=f"{film.width} x {film.height} px",
             view=f"{view.camera.width} x {view.camera.height} px",
         )
-    files: dict[str, bytes] = ctx.backend.write(ctx, bundle, episodes, film, view, options, ctx.backend_options)
-    ctx.check(len(files) == len(episodes.items), "episodes were lost")
-    megabytes = sum(map(len, files.values())) / 1e6
+    out = Path(tempfile.mkdtemp(dir=ctx.scratch))
+    ctx.backend.write(ctx, bundle, episodes, film, view, options, ctx.backend_options, out)
+    folder = Folder.of(out)
+    ctx.check(len(folder.files) == len(episodes.items), "episodes were lost")
+    megabytes = sum(sizes(folder.files)) / 1e6
     ctx.metric("size", megabytes, "MB")
-    ctx.say(f"{len(files)} recordings, {'with' if film else 'without'} pictures, {megabytes:.1f} MB")
-    return Folder(files=files)
+    ctx.say(f"{len(folder.files)} recordings, {'with' if film else 'without'} pictures, {megabytes:.1f} MB")
+    return folder

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import io
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
@@ -41,35 +41,35 @@ def write(
     view: View | None,
     common: McapOptions,
     options: Options,
-) -> dict[str, bytes]:
-    """Path -> content of each recording."""
-    files = {}
+    out: Path,
+) -> None:
+    """Write each recording below `out`."""
     for number, (label, episode) in enumerate(episodes.in_order()):
-        pixels = film.pixels(label) if film is not None else None
-        recording = EpisodeRecording(episodes, common)
-        recording.describe(bundle, label, episode)
-        recording.once(bundle, view)
-        for step in range(len(episode.joints)):
-            recording.step(episode, step)
-            if pixels is not None:
-                recording.picture(step, pixels[step], view)
-        files[f"episode-{number:06d}.mcap"] = recording.close()
+        pictures = film.each(label) if film is not None else None
+        with (out / f"episode-{number:06d}.mcap").open("wb") as file:
+            recording = EpisodeRecording(file, episodes, common)
+            recording.describe(bundle, label, episode)
+            recording.once(bundle, view)
+            for step in range(len(episode.joints)):
+                recording.step(episode, step)
+                if pictures is not None:
+                    recording.picture(step, next(pictures), view)
+            recording.close()
         ctx.progress(number + 1, len(episodes.items), "recordings")
-    return files
 
 
 class EpisodeRecording:
-    """One MCAP file in memory.
+    """One MCAP file.
 
     Args:
+        file: Where to write.
         episodes: Names and rate of the recorded channels.
         options: Name of the camera, image encoding, compression.
     """
 
-    def __init__(self, episodes: Episodes, options: McapOptions) -> None:
+    def __init__(self, file: BinaryIO, episodes: Episodes, options: McapOptions) -> None:
         self._episodes, self._options = episodes, options
-        self._buffer = io.BytesIO()
-        self._out = Recording(self._buffer, options.compression)
+        self._out = Recording(file, options.compression)
         self._optical = f"{options.camera}_color_optical_frame"
 
     def describe(self, bundle: TaskBundle, label: str, episode: Episode) -> None:
@@ -133,10 +133,9 @@ class EpisodeRecording:
             info = messages.camera_info(t, self._optical, view.camera)
             self._out.send(f"{topic}/camera_info", "sensor_msgs/CameraInfo", t, info)
 
-    def close(self) -> bytes:
-        """The complete file."""
+    def close(self) -> None:
+        """Write the index; nothing can follow."""
         self._out.finish()
-        return self._buffer.getvalue()
 
     def _time(self, step: int) -> int:
         return round(step * messages.SECOND / self._episodes.rate_hz)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dextera_build.artifacts import trees
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.rule import Backend, Context, Options
@@ -23,6 +25,7 @@ def write(
     view: View | None,
     common: McapOptions,
     options: Options,
-) -> dict[str, bytes]:
-    """Path -> the magic bytes at both ends of a recording."""
-    return {f"episode-{number:06d}.mcap": MAGIC + MAGIC for number in range(len(episodes.items))}
+    out: Path,
+) -> None:
+    """Write the magic bytes at both ends of each recording."""
+    trees.write({f"episode-{number:06d}.mcap": MAGIC + MAGIC for number in range(len(episodes.items))}, out)

@@ -17,22 +17,30 @@ class Place:
         return template.format(chunk_index=self.chunk, file_index=self.file, **names)
 
 
-def places(sizes: list[float], limit: float, files_per_chunk: int) -> list[Place]:
-    """The file of every episode; an episode larger than `limit` gets its own file.
+class Roll:
+    """Chooses the file of each episode in turn; an episode larger than `limit` gets its own file.
 
     Args:
-        sizes: Size of each episode.
         limit: Maximum sum of the sizes in one file.
         files_per_chunk: Files per folder.
     """
-    found: list[Place] = []
-    number, filled = 0, 0.0
-    for size in sizes:
-        if filled and filled + size > limit:
-            number, filled = number + 1, 0.0
-        filled += size
-        found.append(Place(*divmod(number, files_per_chunk)))
-    return found
+
+    def __init__(self, limit: float, files_per_chunk: int) -> None:
+        self._limit, self._per = limit, files_per_chunk
+        self._number, self._filled = 0, 0.0
+
+    def place(self, size: float) -> Place:
+        """The file of the next episode, which has this size."""
+        if self._filled and self._filled + size > self._limit:
+            self._number, self._filled = self._number + 1, 0.0
+        self._filled += size
+        return Place(*divmod(self._number, self._per))
+
+
+def places(sizes: list[float], limit: float, files_per_chunk: int) -> list[Place]:
+    """The file of every episode; see `Roll`."""
+    roll = Roll(limit, files_per_chunk)
+    return [roll.place(size) for size in sizes]
 
 
 def grouped(where: list[Place]) -> dict[Place, list[int]]:

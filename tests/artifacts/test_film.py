@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from dextera_build.artifacts import episode
 from dextera_build.artifacts.episode import Film
 from dextera_build.errors import ArtifactError
+from dextera_build.store.store import Reader, Store
 
 
 def film(data: bytes, width: int = 4, height: int = 3) -> Film:
@@ -54,3 +55,20 @@ def test_a_small_stream_that_would_fill_the_memory_is_refused(monkeypatch):
     with pytest.raises(ArtifactError, match="cannot be read") as caught:
         film(zlib.compress(bytes(36 << 20))).pixels("0")
     assert caught.value.facts["why"] == "more than 1 GiB"
+
+
+def test_the_frames_of_a_stored_film_are_read_when_they_are_used(tmp_path, monkeypatch):
+    shown = {index: np.full((2, 3, 4, 3), 40 + int(index), np.uint8) for index in ("1", "2")}
+    for index, pixels in shown.items():
+        (tmp_path / index).write_bytes(Film.packed(pixels))
+    store = Store(tmp_path / "store")
+    key = Film.of({index: tmp_path / index for index in shown}, 4, 3).encode(store.writer)
+    assert key == Film(frames={i: Film.packed(p) for i, p in shown.items()}, width=4, height=3).encode(store.writer)
+    read = []
+    get = Reader.__call__
+    monkeypatch.setattr(Reader, "__call__", lambda self, digest: read.append(digest) or get(self, digest))
+    stored = Film.decode(key, store.reader)
+    assert list(stored.frames) == ["1", "2"]
+    assert read == [key]
+    assert np.array_equal(stored.pixels("2"), shown["2"])
+    assert len(read) == 2

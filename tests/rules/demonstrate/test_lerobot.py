@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -42,11 +43,11 @@ def filmed(made: Episodes, size: int = 16) -> Film:
 
 
 def written(made: Episodes, film: Film | None = None, **options: object) -> Folder:
-    runner = RuleRunner(Path())
-    inputs = {"film": film} if film else {}
-    folder: Folder = runner.run(
-        "demonstrate.lerobot", options=options, bundle=episodes.bundle(), episodes=made, view=episodes.view(), **inputs
-    )
+    inputs: dict[str, Any] = {"episodes": made, "view": episodes.view()} | ({"film": film} if film else {})
+    with tempfile.TemporaryDirectory() as scratch:
+        folder: Folder = RuleRunner(scratch).run(
+            "demonstrate.lerobot", options=options, bundle=episodes.bundle(), **inputs
+        )
     return folder
 
 
@@ -221,10 +222,10 @@ def test_policies_are_offered_nothing_privileged() -> None:
 @pytest.mark.parametrize(
     ("name", "words"), [("CloseLaptop", "close laptop"), ("PushT", "push t"), ("lift_it", "lift_it")]
 )
-def test_the_instruction_is_the_tasks_name_in_words(name: str, words: str) -> None:
+def test_the_instruction_is_the_tasks_name_in_words(name: str, words: str, tmp_path: Path) -> None:
     bundle = episodes.bundle()
     bundle = bundle.model_copy(update={"task": bundle.task.model_copy(update={"name": name})})
-    folder = RuleRunner(Path()).run("demonstrate.lerobot", bundle=bundle, episodes=of_lengths([2]))
+    folder = RuleRunner(tmp_path).run("demonstrate.lerobot", bundle=bundle, episodes=of_lengths([2]))
     tasks = pq.read_table(io.BytesIO(folder.files["meta/tasks.parquet"]))
     assert tasks.to_pylist() == [{"task_index": 0, "task": words}]
     said = written(of_lengths([2]), instruction="Lift the box.")

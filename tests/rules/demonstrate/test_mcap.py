@@ -45,8 +45,8 @@ def made() -> Episodes:
 
 
 @pytest.fixture(scope="module")
-def folder(made: Episodes) -> Folder:
-    written: Folder = RuleRunner(Path()).run(
+def folder(made: Episodes, tmp_path_factory: pytest.TempPathFactory) -> Folder:
+    written: Folder = RuleRunner(tmp_path_factory.mktemp("mcap")).run(
         "demonstrate.mcap", bundle=episodes.bundle(), episodes=made, film=film(made), view=episodes.view()
     )
     return written
@@ -168,8 +168,8 @@ def test_the_file_says_what_it_is_and_how_to_begin_again(folder: Folder, made: E
     assert "durability: 1" in still.metadata["offered_qos_profiles"]
 
 
-def test_the_same_episodes_give_the_same_bytes(folder: Folder, made: Episodes) -> None:
-    again = RuleRunner(Path()).run(
+def test_the_same_episodes_give_the_same_bytes(folder: Folder, made: Episodes, tmp_path: Path) -> None:
+    again = RuleRunner(tmp_path).run(
         "demonstrate.mcap", bundle=episodes.bundle(), episodes=made, film=film(made), view=episodes.view()
     )
     assert again.files == folder.files

@@ -1,0 +1,111 @@
+"""A data set of episodes with video, through the store, and what each step costs.
+
+`python -m tests.benchmarks.data_set` writes it, reads random batches of it and exports it, each step in a process of
+its own, and prints the rows of the table in `dextera_build/docs/benchmarks.md`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import psutil
+
+PHASES = ("write", "read", "export", "lerobot")
+BATCH = 32
+"""Frames per batch and camera."""
+READER = Path(__file__).with_name("lerobot_read.py")
+SAMPLES_S = 0.1
+"""Time between two looks at the memory of a step [s]."""
+
+
+def measured(command: list[str], env: dict[str, str] | None = None) -> dict[str, float]:
+    """What a step printed, with the greatest resident memory of its processes together [MiB].
+
+    Pages that processes share count once for each of them.
+
+    Raises:
+        subprocess.CalledProcessError: It failed.
+    """
+    step = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=env)
+    family, peak = psutil.Process(step.pid), 0
+    while step.poll() is None:
+        peak = max(peak, _resident(family))
+        time.sleep(SAMPLES_S)
+    out, _ = step.communicate()
+    if step.returncode:
+        raise subprocess.CalledProcessError(step.returncode, command)
+    return json.loads(out.splitlines()[-1]) | {"peak [MiB]": round(peak / 2**20)}
+
+
+def _resident(family: psutil.Process) -> int:
+    """Resident memory of a process and all below it [bytes]."""
+    total = 0
+    try:
+        for process in (family, *family.children(recursive=True)):
+            total += process.memory_info().rss
+    except psutil.NoSuchProcess:
+        pass  # one has just ended; the next look counts the others
+    return total
+
+
+def main() -> None:
+    """Measure every step, or run one of them in this process."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--episodes", type=int, default=390)
+    parser.add_argument("--frames", type=int, default=300)
+    parser.add_argument("--size", type=int, nargs=2, default=(640, 480))
+    parser.add_argument("--batches", type=int, default=20)
+    parser.add_argument("--processes", type=int, default=2, help="how many write at a time")
+    parser.add_argument("--root", type=Path, help="where to write, kept; a temporary folder otherwise")
+    parser.add_argument("--phases", nargs="+", default=PHASES, help="which steps")
+    parser.add_argument(
+        "--reader", type=Path, help="folder with the packages of LeRobot, whose reader is then measured"
+    )
+    parser.add_argument("--backend", default="pyav", help="LeRobot's decoder of videos")
+    parser.add_argument("--within", action="store_true", help="run the step in this process")
+    args = parser.parse_args()
+    if args.within:
+        print(json.dumps(run(args)))
+        return
+    root = args.root or Path(tempfile.mkdtemp(prefix="data-set-"))
+    root.mkdir(parents=True, exist_ok=True)
+    own = [f"--{name}={getattr(args, name)}" for name in ("episodes", "frames", "batches", "processes")]
+    own += ["--within", "--root", str(root), "--size", *map(str, args.size), "--phases"]
+    try:
+        for phase in args.phases:
+            print(json.dumps(measured([sys.executable, "-m", "tests.benchmarks.data_set", *own, phase])), flush=True)
+        if args.reader:
+            reader = [sys.executable, str(READER), str(root / "lerobot"), str(args.batches), str(BATCH), args.backend]
+            env = os.environ | {"PYTHONPATH": str(args.reader), "HF_HUB_OFFLINE": "1", "HF_HOME": str(root / "home")}
+            print(json.dumps(measured(reader, env)), flush=True)
+    finally:
+        if not args.root:
+            shutil.rmtree(root)
+
+
+def run(args: argparse.Namespace) -> dict[str, object]:
+    """Run a step; return its name, the number of pictures and the time that it took [s]."""
+    from tests.benchmarks.data_set import phases
+
+    (phase,) = args.phases
+    begun = time.perf_counter()
+    if phase == "write":
+        count = phases.write(args.root, args.episodes, args.frames, tuple(args.size), args.processes)
+    elif phase == "read":
+        count = phases.read(args.root, args.batches, BATCH)
+    else:
+        count = {"export": phases.export, "lerobot": phases.as_lerobot}[phase](args.root)
+    seconds = time.perf_counter() - begun
+    return {"step": phase, "pictures": count, "seconds": round(seconds, 2), "pictures/s": round(count / seconds, 1)}
+
+
+if __name__ == "__main__":
+    main()
