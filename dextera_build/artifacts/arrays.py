@@ -6,6 +6,7 @@ NumPy is imported with the first array, because the import is slow and many rule
 from __future__ import annotations
 
 import math
+import mmap
 import re
 import sys
 from collections.abc import Mapping
@@ -13,11 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
+from dextera_build.artifacts.content import Put
 from dextera_build.errors import ArtifactError
 
 if TYPE_CHECKING:
     import numpy as np
 
+_BLOCK = 1 << 24
+"""Bytes of an array that are checked at a time."""
 _NUMBERS = re.compile(r"bool|(u?int|float|complex)[0-9]+|(datetime|timedelta)64\[\w+\]")
 """Full dtype names, as stored; NumPy accepts further spellings, some of them deprecated."""
 
@@ -57,6 +61,17 @@ def array_bytes(value: np.ndarray) -> bytes:
     import numpy as np
 
     return np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<")).tobytes()
+
+
+def stored_array(value: np.ndarray, put: Put) -> str:
+    """Store the numbers of an array; without a second copy if they lie as they are stored and `put` can."""
+    import numpy as np
+
+    view = getattr(put, "view", None)
+    if view is None or not value.size:
+        return put(array_bytes(value))
+    flat = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<")).reshape(-1)
+    return str(view(flat.view(np.uint8).data))
 
 
 def array_of(dtype: str, shape: list[int], data: bytes) -> np.ndarray:
@@ -138,7 +153,30 @@ def check_array(place: str, name: str, value: np.ndarray, spec: Array, axes: dic
         if size != known:
             source = "the type" if axis.isdigit() else first
             raise ArtifactError(f"{place}: axis {axis} is {size}, but {source} says {known}", code="DXB-A105")
-    if spec.finite and value.dtype.kind == "f" and not np.isfinite(value).all():
-        bad = int((~np.isfinite(value)).sum())
+    bad = _not_finite(value) if spec.finite and value.dtype.kind == "f" else 0
+    if bad:
         raise ArtifactError(f"{place}: {bad:,} of {value.size:,} numbers are not finite", code="DXB-A106")
     value.flags.writeable = False
+
+
+def _not_finite(value: np.ndarray) -> int:
+    """How many numbers are not finite; a large array is looked at in blocks, and mapped parts are let go again."""
+    import numpy as np
+
+    if value.nbytes <= _BLOCK or not value.flags.c_contiguous:
+        return value.size - int(np.isfinite(value).sum())
+    flat, step = value.reshape(-1), _BLOCK // value.itemsize
+    found, mapped = 0, _mapping(value)
+    for first in range(0, value.size, step):
+        block = flat[first : first + step]
+        found += block.size - int(np.isfinite(block).sum())
+        if mapped is not None:
+            mapped.madvise(mmap.MADV_DONTNEED)
+    return found
+
+
+def _mapping(value: Any) -> mmap.mmap | None:
+    """The read-only map of a file that an array lies in; its pages can be read again."""
+    while value is not None and not isinstance(value, mmap.mmap):
+        value = getattr(value, "base", None)
+    return value if value is not None and memoryview(value).readonly else None

@@ -1,8 +1,9 @@
 """Bytes that are read on demand: a file on disk, or a blob of the store.
 
 A `put` or `get` function may have further methods: `put.file(path)` stores a file without reading it whole,
-`put.has(digest, size)` tells whether a blob is already stored, `get.path(digest)` names a file with the bytes of a
-blob, and `get.place(digest, target)` writes them. Plain functions, as in tests of rules, pass bytes.
+`put.view(memoryview)` stores bytes that may change later, `put.has(digest, size)` tells whether a blob is already
+stored, `get.path(digest)` names a file with the bytes of a blob, and `get.place(digest, target)` writes them. Plain
+functions, as in tests of rules, pass bytes.
 """
 
 from __future__ import annotations

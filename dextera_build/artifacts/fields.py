@@ -17,7 +17,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from dextera_build.artifacts.arrays import array_bytes, array_of, array_size, check_array, is_array, mapped_array
+from dextera_build.artifacts.arrays import array_of, array_size, check_array, is_array, mapped_array, stored_array
 from dextera_build.artifacts.content import SMALL, Get, Put
 from dextera_build.artifacts.forms import NOTHING, Form, forms, unexpected
 from dextera_build.artifacts.identity import identity
@@ -55,7 +55,7 @@ def encode(value: Any, form: Form, put: Put) -> Any:
         ArtifactError: Its type cannot be stored.
     """
     if is_array(value):
-        return {"$array": [value.dtype.name, list(value.shape), put(array_bytes(value))]}
+        return {"$array": [value.dtype.name, list(value.shape), stored_array(value, put)]}
     if isinstance(value, bytes):
         return {"$bytes": [put(value), len(value)]}
     if isinstance(value, Value):

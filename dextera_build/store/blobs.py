@@ -73,7 +73,7 @@ class Blobs:
             pass
         return len(self._unwritten[digest]) if self._unwritten and digest in self._unwritten else None
 
-    def put(self, data: bytes) -> str:
+    def put(self, data: bytes | memoryview) -> str:
         """Store `data` and return its digest.
 
         Raises:
@@ -81,7 +81,7 @@ class Blobs:
         """
         digest = hashlib.sha256(data).hexdigest()
         if self._unwritten is not None:
-            self._unwritten[digest] = data
+            self._unwritten[digest] = bytes(data)
             return digest
         path = self._file(digest)
         # A power cut can leave a truncated file, which is replaced.

@@ -85,7 +85,7 @@ def unique() -> str:
     return os.urandom(8).hex()
 
 
-def write(path: str, data: bytes, mode: int = 0o444, workshop: str | None = None) -> None:
+def write(path: str, data: bytes | memoryview, mode: int = 0o444, workshop: str | None = None) -> None:
     """Write `data` to `path` atomically; see `new_file`.
 
     Raises:

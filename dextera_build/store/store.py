@@ -51,7 +51,7 @@ class Writer:
 
     def __init__(self, blobs: Blobs) -> None:
         self._blobs = blobs
-        self.file, self.has = blobs.put_file, blobs.holds
+        self.file, self.has, self.view = blobs.put_file, blobs.holds, blobs.put
 
     def __call__(self, data: bytes) -> str:
         """Store bytes; see `Blobs.put`."""
