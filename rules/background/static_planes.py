@@ -17,6 +17,7 @@ from dextera_build.geometry import regions
 from dextera_build.rule import Backend, Context, Fraction, Options
 
 from .boxes import support_box
+from .holes import hole
 from .layers import SAME_COLOUR, Layers, split
 from .rectified import top_view
 from .surface import grid_mesh, snap
@@ -67,13 +68,13 @@ def clean(
 ) -> Background:
     """Remove everything on the support from photograph and depth, and build the surface behind it."""
     cv2.setNumThreads(1)
-    hole = _grown((instances.labels > 0) | instances.fixed, options.dilate)
-    layers = split(photograph, depth, support, hole, options.snap_m)
+    taken = hole(instances, options.dilate)
+    layers = split(photograph, depth, support, taken, options.snap_m)
     image = photograph.rgb.pixels.astype(np.float32)
-    if (hole & layers.behind).any():
+    if (taken & layers.behind).any():
         image = _fill_support(image, layers, photograph.camera, support, options)
     pixels = np.clip(np.round(image), 0, 255).astype(np.uint8)
-    pixels = _inpaint(pixels, hole & ~layers.behind, layers.behind)
+    pixels = _inpaint(pixels, taken & ~layers.behind, layers.behind)
     near = regions.inside_convex(layers.floor, support.polygon, common.margin_m) & layers.behind
     behind = _depth(depth, layers, near, options)
     mesh = grid_mesh(
@@ -91,16 +92,6 @@ def clean(
         mesh=snap(mesh, options.snap_m),
         boxes=(support_box(support.polygon, common.margin_m, common.thickness_m),),
     )
-
-
-def _grown(mask: np.ndarray, part: float) -> np.ndarray:
-    """Fill inner gaps of `mask` (such as the opening of a handle) and dilate it by a fraction of the width."""
-    radius = max(1, round(part * mask.shape[1]))
-    outside = np.pad(~mask, 1, constant_values=True)
-    mask = np.pad(mask, 1) | ~regions.largest(outside)
-    mask = mask[1:-1, 1:-1]
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), disc) > 0)
 
 
 def _fill_support(

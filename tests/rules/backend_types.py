@@ -12,6 +12,7 @@ import rules.align.object
 import rules.align.object_icp
 import rules.align.object_stub
 import rules.background.static
+import rules.background.static_flux2
 import rules.background.static_planes
 import rules.background.static_stub
 import rules.capture.reference
@@ -100,6 +101,7 @@ align_matches_stub: rules.align.matches.MatchesBackend = rules.align.matches_stu
 align_matches_xfeat: rules.align.matches.MatchesBackend = rules.align.matches_xfeat
 align_object_icp: rules.align.object.PlacementBackend = rules.align.object_icp
 align_object_stub: rules.align.object.PlacementBackend = rules.align.object_stub
+background_static_flux2: rules.background.static.BackgroundBackend = rules.background.static_flux2
 background_static_planes: rules.background.static.BackgroundBackend = rules.background.static_planes
 background_static_stub: rules.background.static.BackgroundBackend = rules.background.static_stub
 capture_reference_mujoco: rules.capture.reference.CameraBackend = rules.capture.reference_mujoco
