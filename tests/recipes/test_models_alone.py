@@ -46,7 +46,8 @@ def test_a_generator_on_a_gpu_makes_the_assets(space) -> None:
         folders.install(model, lambda part, files=files: filled(part, files))
     assert space.dxb("models", "accept", name).code == 0
     words = ("--profile", "gpu", "--resources", "gpu=1,gpu_memory=40")
-    words += ("--backend", "factorize.parse=written", "--backend", "factorize.segment=grabcut")
+    others = ("factorize.parse=written", "factorize.segment=grabcut", "factorize.articulate=crease")
+    words += tuple(word for name in (*others, "background.static=planes") for word in ("--backend", name))
     answer = space.build("twin/tabletop", *words, *INPUTS)
     check(answer, name.replace("_", " "))
 
