@@ -63,7 +63,7 @@ class Camera(Artifact):
 
 
 class Photograph(Artifact):
-    """One RGB picture and the camera that took it: all that assets are made from."""
+    """One RGB picture and the camera that took it; assets are made from nothing else."""
 
     rgb: Image
     """The picture."""

@@ -34,7 +34,7 @@ class Frame:
         path: Its file, relative to the JSON file.
         lens: Its camera; None: nothing but the size of the picture says it (`camera_angle_x`).
         pose: T_world_camera, (4, 4), OpenCV axes.
-        angle_x: Horizontal field of view [rad], if that is all that is known of the camera.
+        angle_x: Horizontal field of view [rad], if nothing else is known of the camera.
     """
 
     path: str

@@ -351,7 +351,7 @@ def _picture(files: Mapping[str, File], name: str, places: list[str]) -> str:
 
 
 def _by_angle(name: str, image: File, angle_x: float) -> Intrinsics:
-    """The camera of a picture whose horizontal field of view [rad] is all that is known."""
+    """The camera of a picture of which only the horizontal field of view [rad] is known."""
     height, width = _decoded(name, image).shape[:2]
     focal = width / 2 / math.tan(angle_x / 2)
     return Intrinsics("pinhole", width, height, (focal, focal), ((width - 1) / 2, (height - 1) / 2))

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Protocol
 
 PYTHON = "{python}"
-"""Word of a command that stands for the interpreter of its environment."""
+"""Placeholder in a command: the path of the interpreter of its environment."""
 
 
 @dataclass(frozen=True)

@@ -242,7 +242,7 @@ class Running:
             f"the program failed ({how})",
             code="DXB-B370",
             facts=facts,
-            hint="`dxb log` shows all that it printed",
+            hint="`dxb log` shows everything that it printed",
         )
 
 

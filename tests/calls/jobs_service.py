@@ -8,10 +8,11 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler
 
 from dextera_build.calls import JobState, Response
+from tests import local_server
 
 
 class JobService:
@@ -56,7 +57,7 @@ class JobService:
 def serving_jobs() -> Iterator[JobService]:
     service = JobService()
 
-    class Handler(BaseHTTPRequestHandler):
+    class Handler(local_server.Quiet, BaseHTTPRequestHandler):
         def answer(self) -> None:
             self.rfile.read(int(self.headers["Content-Length"] or 0))
             parts = self.path.strip("/").split("/")
@@ -87,22 +88,9 @@ def serving_jobs() -> Iterator[JobService]:
         def do_DELETE(self) -> None:
             self.answer()
 
-        def log_message(self, *words: object) -> None:
-            pass
-
-        def handle(self) -> None:
-            with suppress(OSError):
-                super().handle()
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    server.daemon_threads = True
-    service.url = f"http://127.0.0.1:{server.server_address[1]}"
-    threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
-    try:
+    with local_server.serving(Handler) as address:
+        service.url = address
         yield service
-    finally:
-        server.shutdown()
-        server.server_close()
 
 
 class Client:

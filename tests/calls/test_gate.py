@@ -18,15 +18,9 @@ from dextera_build.calls.recorder import Recorder
 from dextera_build.calls.spending import Spending, open_ledger
 from dextera_build.calls.terms import Terms, written
 from dextera_build.errors import MachineError, RuleError
-from dextera_build.store.store import Store
-from tests.calls.jobs_service import Client, serving_jobs
+from tests.calls.jobs_service import Client
 
 PRICED = {"forge": {"usd_per_call": 0.5}, "chat": {"usd_per_million_input_tokens": 100.0, "most_usd_per_call": 0.4}}
-
-
-@pytest.fixture
-def store(tmp_path):
-    return Store(tmp_path / "store")
 
 
 @pytest.fixture
@@ -34,17 +28,6 @@ def ledger():
     descriptor, path = open_ledger()
     yield path
     os.close(descriptor)
-
-
-@pytest.fixture
-def service():
-    with serving_jobs() as made:
-        yield made
-
-
-@pytest.fixture
-def told():
-    return []
 
 
 @pytest.fixture

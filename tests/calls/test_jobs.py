@@ -11,26 +11,9 @@ import pytest
 from dextera_build.calls import Job, asking
 from dextera_build.calls.recorder import Recorder
 from dextera_build.errors import DxbError, MachineError, RuleError
-from dextera_build.store.store import Store
-from tests.calls.jobs_service import Client, serving_jobs
+from tests.calls.jobs_service import Client
 
 QUICK = {"poll_s": 0.01, "wait_s": 0.01}
-
-
-@pytest.fixture
-def store(tmp_path):
-    return Store(tmp_path / "store")
-
-
-@pytest.fixture
-def service():
-    with serving_jobs() as made:
-        yield made
-
-
-@pytest.fixture
-def told():
-    return []
 
 
 @pytest.fixture

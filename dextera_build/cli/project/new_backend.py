@@ -45,7 +45,7 @@ _CALL = """    _ask(ctx, "{name}", options)  # make the result from this answer,
 _ASK = '''
 
 def _ask(ctx: Context, function: str, options: {kind}Options) -> bytes:
-    """The recorded answer of the service to all that it depends on; bytes enter the request by their digest."""
+    """The answer of the service, recorded under all of its inputs; bytes enter the request by their digest."""
     request = {{"function": function, "seed": options.seed}}
     return ctx.call("{backend}", request, lambda timeout_s: _send(request, timeout_s))
 

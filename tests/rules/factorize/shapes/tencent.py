@@ -10,13 +10,14 @@ import hashlib
 import hmac
 import json
 import re
-import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from datetime import UTC, datetime
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler
 from typing import Any
+
+from tests import local_server
 
 SECRET_ID, SECRET_KEY = "AKIDz8krbsJ5yKBZQpn74WFkmLPx3EXAMPLE", "Gu5t9xGARNpq86cd98joQYCN3EXAMPLE"
 _AUTHORISED = re.compile(
@@ -103,7 +104,7 @@ def _error(code: str, message: str) -> dict[str, Any]:
 def serving_tencent(glb: bytes) -> Iterator[Tencent]:
     service = Tencent(glb)
 
-    class Handler(BaseHTTPRequestHandler):
+    class Handler(local_server.Quiet, BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             body = self.rfile.read(int(self.headers["Content-Length"]))
             action = self.headers["X-TC-Action"] or ""
@@ -142,19 +143,6 @@ def serving_tencent(glb: bytes) -> Iterator[Tencent]:
             self.wfile.write(body[: len(body) // 2] if torn else body)
             self.close_connection = torn
 
-        def handle(self) -> None:
-            with suppress(OSError):
-                super().handle()
-
-        def log_message(self, *words: object) -> None:
-            pass
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-    server.daemon_threads = True
-    service.url = f"http://127.0.0.1:{server.server_address[1]}"
-    threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
-    try:
+    with local_server.serving(Handler) as address:
+        service.url = address
         yield service
-    finally:
-        server.shutdown()
-        server.server_close()
