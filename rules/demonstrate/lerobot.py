@@ -47,9 +47,9 @@ class LerobotBackend(Protocol):
         episodes: Episodes,
         film: Film | None,
         view: View | None,
+        out: Path,
         common: LerobotOptions,
         options: Any,
-        out: Path,
     ) -> None:
         """Write all files below `out`, an empty folder."""
         ...
@@ -80,7 +80,7 @@ def lerobot(
             hint="choose an even `width_px` and `height_px` in simulate.view",
         )
     out = Path(tempfile.mkdtemp(dir=ctx.scratch))
-    ctx.backend.write(ctx, bundle, episodes, film, view, options, ctx.backend_options, out)
+    ctx.backend.write(ctx, bundle, episodes, film, view, out, options, ctx.backend_options)
     folder = Folder.of(out)
     info = json.loads(folder.files["meta/info.json"])
     steps = sum(len(episode.joints) for episode in episodes.items.values())

@@ -35,9 +35,9 @@ def write(
     episodes: Episodes,
     film: Film | None,
     view: View | None,
+    out: Path,
     common: LerobotOptions,
     options: Options,
-    out: Path,
 ) -> None:
     """Write all files below `out`."""
     goal = layout.of_bundle(bundle).goal

@@ -27,9 +27,9 @@ def write(
     episodes: Episodes,
     film: Film | None,
     view: View | None,
+    out: Path,
     common: LerobotOptions,
     options: Options,
-    out: Path,
 ) -> None:
     """Write `meta/info.json`, `meta/stats.json` and `meta/dextera.json`."""
     features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal)

@@ -36,9 +36,9 @@ class McapBackend(Protocol):
         episodes: Episodes,
         film: Film | None,
         view: View | None,
+        out: Path,
         common: McapOptions,
         options: Any,
-        out: Path,
     ) -> None:
         """Write all files below `out`, an empty folder."""
         ...
@@ -68,7 +68,7 @@ def mcap(
             view=f"{view.camera.width} x {view.camera.height} px",
         )
     out = Path(tempfile.mkdtemp(dir=ctx.scratch))
-    ctx.backend.write(ctx, bundle, episodes, film, view, options, ctx.backend_options, out)
+    ctx.backend.write(ctx, bundle, episodes, film, view, out, options, ctx.backend_options)
     folder = Folder.of(out)
     ctx.check(len(folder.files) == len(episodes.items), "episodes were lost")
     megabytes = sum(sizes(folder.files)) / 1e6

@@ -39,9 +39,9 @@ def write(
     episodes: Episodes,
     film: Film | None,
     view: View | None,
+    out: Path,
     common: McapOptions,
     options: Options,
-    out: Path,
 ) -> None:
     """Write each recording below `out`."""
     for number, (label, episode) in enumerate(episodes.in_order()):

@@ -23,9 +23,9 @@ def write(
     episodes: Episodes,
     film: Film | None,
     view: View | None,
+    out: Path,
     common: McapOptions,
     options: Options,
-    out: Path,
 ) -> None:
     """Write the magic bytes at both ends of each recording."""
     trees.write({f"episode-{number:06d}.mcap": MAGIC + MAGIC for number in range(len(episodes.items))}, out)
