@@ -37,7 +37,8 @@ class Reset(Value):
     robot_rad: float = 0.0
     """Every joint of the robot starts within this range around its home [rad]."""
     dynamics: float = 1.0
-    """Masses, friction and gains are drawn within this many of the twin's own intervals; 0 keeps the estimates."""
+    """Masses, friction and gains are drawn within this many of the twin's own intervals, and errors of the objects'
+    poses have this many of their standard deviations; 0 keeps the estimates."""
 
 
 class TaskSpec(Value):

@@ -69,7 +69,11 @@ def asset(
 def _moved(pose: Pose, factor: float) -> Pose:
     matrix = pose.matrix.copy()
     matrix[:3, 3] *= factor
-    return pose.model_copy(update={"matrix": matrix})
+    covariance = pose.covariance
+    if covariance is not None:
+        units = np.diag([factor] * 3 + [1.0] * 3)
+        covariance = units @ covariance @ units
+    return pose.model_copy(update={"matrix": matrix, "covariance": covariance})
 
 
 def _count(number: int, what: str) -> str:

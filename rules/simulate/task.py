@@ -34,7 +34,7 @@ class ResetOptions(Options):
     robot_deg: NonNegativeFloat = 2.0
     """Half range of every joint of the robot around home [deg]."""
     dynamics: NonNegativeFloat = 1.0
-    """Fraction of the twin's own intervals to draw masses, friction and gains from."""
+    """Fraction of the twin's own intervals to draw masses, friction, gains and known errors of poses from."""
 
 
 class TaskOptions(Options):

@@ -1,7 +1,8 @@
 """Starts of episodes: randomised poses, joints, dynamics and robot configurations.
 
-Dynamics are drawn from the confidence intervals of the twin's own estimates, not from a fixed percentage. A start is
-complete and is stored with its episode, so any episode can be rerun.
+Dynamics are drawn from the confidence intervals of the twin's own estimates, not from a fixed percentage, and so are
+poses whose covariance is known, in addition to the task's ranges. A start is complete and is stored with its episode,
+so any episode can be rerun.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import mujoco
 import numpy as np
 
 from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.task import TaskBundle, TaskObject
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
@@ -93,6 +94,8 @@ def _place_objects(bundle: TaskBundle, data: Any, random: np.random.Generator) -
         reach = reset.position_m if ours else reset.clutter_m
         shift = random.uniform(-reach, reach, 2)
         angle = float(random.uniform(-reset.yaw_rad, reset.yaw_rad)) if ours else 0.0
+        error = _pose_error(bundle, thing, random)
+        shift, angle = shift + error[:2], angle + float(error[2])
         c, s = np.cos(angle), np.sin(angle)
         turned = transforms.rigid(
             np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ thing.pose.matrix[:3, :3],
@@ -103,6 +106,19 @@ def _place_objects(bundle: TaskBundle, data: Any, random: np.random.Generator) -
         for joint, position in zip(thing.joints, thing.positions, strict=True):
             wide = reset.joint_rad if ours else 0.0
             data.joint(joint).qpos[0] = position + random.uniform(-wide, wide)
+
+
+def _pose_error(bundle: TaskBundle, thing: TaskObject, random: np.random.Generator) -> np.ndarray:
+    """Draw x, y [m] and yaw [rad] from the covariance of the object's pose, (3,); zeros where none is known.
+
+    Height and tilt are not drawn: the support decides them. Only a twin's poses are estimates.
+    """
+    covariance = thing.pose.covariance
+    if covariance is None or bundle.kind != "twin":
+        return np.zeros(3)
+    on_support = covariance[np.ix_((0, 1, 5), (0, 1, 5))]
+    drawn = random.multivariate_normal(np.zeros(3), on_support, method="eigh")
+    return np.asarray(bundle.task.reset.dynamics * drawn)
 
 
 def _pose_robot(bundle: TaskBundle, model: Any, data: Any, random: np.random.Generator) -> None:

@@ -137,3 +137,11 @@ def test_links_must_agree_between_the_parts(runner):
     assert isinstance(physics, Physics)
     with pytest.raises(RuleError, match=r"physics has links \['base'\], but the body has \['base', 'lid'\]"):
         build(runner, made, place(), physics=physics)
+
+
+def test_the_covariance_of_the_pose_follows_the_unit_of_the_world(runner):
+    placement = place(scale=1.0)
+    uncertain = placement.pose.model_copy(update={"covariance": np.diag([4e-6] * 3 + [1e-4] * 3)})
+    table = factories.support().model_copy(update={"factor": 0.5, "scale": "size"})
+    found = build(runner, factories.laptop_asset(), placement.model_copy(update={"pose": uncertain}), support=table)
+    assert np.allclose(found.pose.covariance, np.diag([1e-6] * 3 + [1e-4] * 3), rtol=1e-9, atol=0.0)

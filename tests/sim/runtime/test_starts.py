@@ -128,3 +128,28 @@ def test_a_heavier_world_is_heavier_in_the_simulation():
     assert environment.model.body("box").subtreemass[0] == pytest.approx(0.3)
     environment.begin(start)
     assert environment.model.body("box").subtreemass[0] == pytest.approx(0.1)
+
+
+def test_a_less_certain_pose_is_drawn_from_a_wider_range():
+    environment = Environment(task_bundles.close(reset=Reset(dynamics=1.0)))
+    deviations = [_pose_spread(environment, sigma) for sigma in (0.0, 0.0005, 0.002)]
+    assert np.allclose(deviations[0], 0.0, atol=1e-12)
+    for found, sigma in zip(deviations[1:], (0.0005, 0.002), strict=True):
+        assert np.allclose(found[:2], sigma, rtol=0.25)
+        assert found[2] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_errors_of_poses_are_drawn_in_a_twin_only_and_not_without_dynamics():
+    environment = Environment(task_bundles.close(reset=Reset(dynamics=0.0)))
+    assert np.allclose(_pose_spread(environment, 0.002), 0.0, atol=1e-12)
+    environment = Environment(task_bundles.close(reset=Reset(dynamics=1.0)))
+    assert np.allclose(_pose_spread(environment, 0.002, kind="reference"), 0.0, atol=1e-12)
+
+
+def _pose_spread(environment, sigma, kind="twin"):
+    """Standard deviation of the box's start, (3,) [m], with `sigma` [m and rad] in all of its pose."""
+    box = environment.bundle.objects["box"]
+    pose = box.pose.model_copy(update={"covariance": np.eye(6) * sigma**2})
+    objects = {**environment.bundle.objects, "box": box.model_copy(update={"pose": pose})}
+    bundle = environment.bundle.model_copy(update={"objects": objects, "kind": kind})
+    return np.std([starts.draw(bundle, environment.model, seed).qpos[:3] for seed in range(100)], axis=0)
