@@ -19,7 +19,7 @@ BACKEND = Backend(summary="no simulation: scene and robot side by side", profile
 
 
 def fitted(ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, options: Options) -> TaskOptions:
-    """Return the options, with the first object if upstream stubs did not find the requested one.
+    """Return the options, changed to what upstream stubs found: the first object, or one without the named joints.
 
     Args:
         ctx: The rule's context.
@@ -27,9 +27,9 @@ def fitted(ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, o
         common: The rule's options.
         options: The backend's.
     """
-    if common.object in joints or not joints:
+    if not joints or (common.object in joints and set(common.joints_deg) <= set(joints[common.object])):
         return common
-    name = next(iter(joints))
+    name = common.object if common.object in joints else next(iter(joints))
     if common.primitive == "articulate" and not joints[name]:
         return common.model_copy(update={"object": name, "primitive": "lift", "joints_deg": {}})
     return common.model_copy(update={"object": name, "joints_deg": dict.fromkeys(joints[name], 0.0)})

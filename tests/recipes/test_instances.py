@@ -26,13 +26,14 @@ def test_another_material_meshes_nothing_again(tmp_path):
     got = space.dxb("get", f"{ADDRESS}:parse", "--out", "parsed", "--profile", "stub")
     assert got.code == 0, got.err
     known = json.loads((tmp_path / "parsed/parse.json").read_text())["elements"]
-    boxes = [element["box"] for element in known if element["interactive"]][:2]
-    names = dict(zip(("mug", "other"), boxes, strict=True))
+    boxes = [element["box"] for element in known if element["interactive"]]
+    # The laptop and the mug, which the recipe binds.
+    names = {"other": boxes[0], "mug": boxes[3]}
     words = ("--profile", "stub", "--input")
     first = space.build(ADDRESS, *words, f"description={described(space, 'plastic', names)}")
     assert first.code == 0, first.err[-3000:]
     again = space.build(ADDRESS, *words, f"description={described(space, 'ceramic', names)}")
     assert again.code == 0, again.err[-3000:]
     # Joints are rebuilt because they read the body type, and stop there: their bytes are the same.
-    mug = {f"body[mug].{node}" for node in ("joints", "physics", "asset", "urdf")}
-    assert again.nodes("ran") == {"parse", "objects", *mug, "scene", "usd", "settle", "overlay", "metrics"}
+    mug = {f"body[blue_mug].{node}" for node in ("joints", "physics", "asset", "urdf")}
+    assert again.nodes("ran") == {"parse", "objects", "named", *mug, "scene", "usd", "settle", "overlay", "metrics"}

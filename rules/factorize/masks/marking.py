@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -24,11 +25,25 @@ def boxes(pixels: np.ndarray, elements: Sequence[Element]) -> np.ndarray:
         colour = COLOURS[number % len(COLOURS)] if element.interactive else STATIC
         left, top, right, bottom = element.box
         draw.rectangle((left, top, right - 1, bottom - 1), outline=colour, width=2)
-        place = (left + 2, max(0, top - 13))
-        ends = draw.textbbox(place, element.name)
-        draw.rectangle((ends[0] - 2, ends[1] - 1, ends[2] + 2, ends[3] + 1), fill=colour)
-        draw.text(place, element.name, fill=(0, 0, 0))
+        _tag(draw, (left + 2, max(0, top - 13)), element.name, colour)
     return np.array(picture)
+
+
+def named(pixels: np.ndarray, labels: np.ndarray, points: Mapping[str, tuple[int, int]]) -> np.ndarray:
+    """The outlines of labels 1, 2, ... of (H, W), with the name of each and its point (column, row) [px]."""
+    from PIL import Image, ImageDraw
+
+    picture = Image.fromarray(outlines(pixels, labels))
+    draw = ImageDraw.Draw(picture)
+    for number, (name, (column, row)) in enumerate(points.items()):
+        _tag(draw, (column, row), f"{name} [{column}, {row}]", COLOURS[number % len(COLOURS)])
+    return np.array(picture)
+
+
+def _tag(draw: Any, place: tuple[int, int], text: str, colour: tuple[int, int, int]) -> None:
+    ends = draw.textbbox(place, text)
+    draw.rectangle((ends[0] - 2, ends[1] - 1, ends[2] + 2, ends[3] + 1), fill=colour)
+    draw.text(place, text, fill=(0, 0, 0))
 
 
 def outlines(pixels: np.ndarray, labels: np.ndarray) -> np.ndarray:

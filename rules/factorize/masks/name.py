@@ -1,0 +1,181 @@
+"""factorize.name: the recipe's own names for what was segmented."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import NoReturn
+
+import numpy as np
+from pydantic import Field, NonNegativeInt
+
+from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.view import Instance, Segmentation
+from dextera_build.errors import RuleError
+from dextera_build.rule import Context, Options, rule
+
+from ..elements.naming import colour_word, unique
+from ..regions.proposals import colour_lab
+from .marking import named
+
+
+class Binding(Options):
+    """What an object is recognised by. `at_px` decides alone; else all that is given must fit."""
+
+    phrase: str = ""
+    """Words of its phrase, name, category, material and colour: `blue mug`. The whole phrase goes before its words."""
+    category: str = ""
+    """Its category: `mug`."""
+    material: str = ""
+    """Its material: `ceramic`."""
+    colour: str = ""
+    """The most frequent colour of its pixels: `blue`."""
+    at_px: tuple[NonNegativeInt, NonNegativeInt] | None = None
+    """Column and row of one of its pixels in the photograph [px]; holds whatever parsing calls the object."""
+
+
+class NameOptions(Options):
+    """Options of factorize.name."""
+
+    names: dict[str, Binding] = Field({})
+    """Name -> what the object is recognised by: `blue_mug: {phrase: blue mug}`."""
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """An instance with what it can be recognised by."""
+
+    label: int
+    name: str
+    instance: Instance
+    colour: str
+    point: tuple[int, int]
+    """Column and row of the pixel that is farthest from the mask's border [px]."""
+
+    def fits(self, binding: Binding) -> int:
+        """0: not; 1: all that is given fits, and the phrase's words; 2: the whole phrase, too."""
+        traits = self.instance.traits
+        said = (binding.category, traits.category), (binding.material, traits.material), (binding.colour, self.colour)
+        if any(wanted and _words(wanted) != _words(own) for wanted, own in said):
+            return 0
+        wanted = _words(binding.phrase)
+        if not wanted or wanted in (_words(self.name), _words(self.instance.view.phrase)):
+            return 2
+        known = " ".join((self.name, self.instance.view.phrase, traits.category, traits.material, self.colour))
+        return int(set(wanted) <= set(_words(known)))
+
+    def __str__(self) -> str:
+        """Its properties, for an error."""
+        traits = self.instance.traits
+        return (
+            f"phrase `{self.instance.view.phrase}`, category {traits.category}, material {traits.material}, "
+            f"colour {self.colour}, at_px [{self.point[0]}, {self.point[1]}]"
+        )
+
+
+@rule(version=1, packages=("opencv-python-headless",))
+def name(
+    ctx: Context, photograph: Photograph, objects: Segmentation, *, options: NameOptions | None = None
+) -> Segmentation:
+    """Return the segmentation with the objects under the names that `names` binds; pixels and map are unchanged.
+
+    Each name is bound to exactly one object, whose phrase is then the binding's, or the words of the name: nothing that
+    parsing calls a bound object reaches its view. Objects without a binding keep their names, with a number if the name
+    is bound to another object.
+
+    Raises:
+        RuleError: A name fits no object or several, or two names fit the same one (DXB-B383).
+    """
+    bindings = (options or NameOptions()).names
+    known = _candidates(photograph, objects)
+    bound: dict[int, str] = {}
+    for wanted, binding in bindings.items():
+        found = _bind(wanted, binding, known, objects.map.labels)
+        if found.label in bound:
+            _refuse(
+                f"`{bound[found.label]}` and `{wanted}` are bound to the same object",
+                [found],
+                "remove one of the two names, or bind it by `at_px`",
+            )
+        bound[found.label] = wanted
+    taken = set(bindings)
+    names = tuple(bound.get(one.label) or unique(one.name, taken) for one in known)
+    items = {}
+    for one, label in zip(known, names, strict=True):
+        phrase = one.instance.view.phrase
+        if one.label in bound:
+            phrase = bindings[label].phrase or label.replace("_", " ")
+        view = one.instance.view.model_copy(update={"phrase": phrase})
+        items[label] = one.instance.model_copy(update={"view": view})
+    renamed = [f"{one.name} is {label}" for one, label in zip(known, names, strict=True) if one.name != label]
+    ctx.say(", ".join(renamed) or f"{len(names)} as parsed")
+    points = {label: one.point for label, one in zip(names, known, strict=True)}
+    ctx.preview(named(photograph.rgb.pixels, objects.map.labels, points), "names, each with a point for `at_px`")
+    return objects.model_copy(update={"items": items, "names": names})
+
+
+def _bind(wanted: str, binding: Binding, known: list[_Candidate], labels: np.ndarray) -> _Candidate:
+    if not re.fullmatch("[a-z_][a-z0-9_]*", wanted):
+        raise RuleError(
+            f"`{wanted}` is not a name",
+            code="DXB-B383",
+            hint="lower-case letters, digits and `_`, not starting with a digit",
+        )
+    if binding == Binding():
+        _refuse(f"the name `{wanted}` says nothing about its object", known, "give `phrase`, a property or `at_px`")
+    if binding.at_px is not None:
+        return _at(wanted, binding.at_px, known, labels)
+    ranks = {one.label: one.fits(binding) for one in known}
+    best = max(ranks.values())
+    found = [one for one in known if best and ranks[one.label] == best]
+    if not found:
+        _refuse(f"no object fits the name `{wanted}`", known, "change the phrase or the property, or give `at_px`")
+    if len(found) > 1:
+        _refuse(
+            f"{len(found)} objects fit the name `{wanted}`",
+            found,
+            "add a property, or give the `at_px` of the right one",
+        )
+    return found[0]
+
+
+def _at(wanted: str, at: tuple[int, int], known: list[_Candidate], labels: np.ndarray) -> _Candidate:
+    column, row = at
+    height, width = labels.shape
+    if column >= width or row >= height:
+        raise RuleError(
+            f"the point of the name `{wanted}` is outside the photograph",
+            code="DXB-B383",
+            facts={"at_px": f"[{column}, {row}]", "photograph": f"{width} x {height} px"},
+            hint="`at_px` is [column, row] in the photograph",
+        )
+    label = int(labels[row, column])
+    if not label:
+        _refuse(
+            f"no object is at the point [{column}, {row}] of the name `{wanted}`",
+            known,
+            "give the `at_px` of one of these; another photograph needs another point",
+        )
+    return known[label - 1]
+
+
+def _refuse(message: str, known: list[_Candidate], hint: str) -> NoReturn:
+    raise RuleError(message, code="DXB-B383", facts={one.name: str(one) for one in known}, hint=hint)
+
+
+def _candidates(photograph: Photograph, objects: Segmentation) -> list[_Candidate]:
+    import cv2
+
+    lab = colour_lab(photograph.rgb.pixels)
+    found = []
+    for label, own in enumerate(objects.names, start=1):
+        mask = objects.map.labels == label
+        inside = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+        row, column = np.unravel_index(int(np.argmax(inside)), mask.shape)
+        colour = colour_word(lab[mask])
+        found.append(_Candidate(label, own, objects.items[own], colour, (int(column), int(row))))
+    return found
+
+
+def _words(text: str) -> list[str]:
+    return re.findall("[a-z0-9]+", text.lower())
