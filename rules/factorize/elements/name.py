@@ -14,9 +14,9 @@ from dextera_build.artifacts.view import Instance, Segmentation
 from dextera_build.errors import RuleError
 from dextera_build.rule import Context, Options, rule
 
-from ..elements.naming import colour_word, unique
+from ..masks.marking import named
 from ..regions.proposals import colour_lab
-from .marking import named
+from .naming import colour_word, unique
 
 
 class Binding(Options):
