@@ -7,6 +7,7 @@ not fit beside them, and after a while without work.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
@@ -43,9 +44,15 @@ def takes(worker: Worker, task: Task) -> bool:
 
 
 def choose(idle: Sequence[W], task: Task) -> W | None:
-    """The idle worker that takes a task: the one that holds its weights, else an empty one, else the oldest."""
-    able = [worker for worker in idle if takes(worker, task)]
-    return min(able, key=lambda worker: (worker.holds != task.weights, worker.holds, worker.idle_since), default=None)
+    """The idle worker that takes a task: the one that holds its weights, else an empty one, else the oldest.
+
+    Of several empty ones the first: it has imported modules that each of them would otherwise import in turn.
+    """
+
+    def rank(worker: W) -> tuple[bool, float]:
+        return worker.holds != task.weights, worker.idle_since if worker.holds else -math.inf
+
+    return min((worker for worker in idle if takes(worker, task)), key=rank, default=None)
 
 
 def surplus(workers: Sequence[W], task: Task, chosen: W | None, capacity: Capacity) -> list[W]:
