@@ -1,7 +1,7 @@
 """Runs nodes on a Ray cluster: the scheduler decides which may start, Ray decides where.
 
-A call is a Ray task that reserves the resources of its rule. A call whose worker is lost fails, and the scheduler
-retries it (`workers/retries.py`).
+A call is a Ray task that reserves the resources of its rule, or a call of an actor that keeps its model on a GPU
+(`workers/ray_models.py`). A call whose worker is lost fails, and the scheduler retries it (`workers/retries.py`).
 """
 
 from __future__ import annotations
@@ -16,8 +16,9 @@ from dextera_build.errors import DxbError, MachineError
 from dextera_build.remotes.spec import open_remote
 from dextera_build.store.store import Store
 from dextera_build.workers.capacity import Capacity
-from dextera_build.workers.protocol import Ended, Report, Task
+from dextera_build.workers.protocol import Ended, Report, Said, Task
 from dextera_build.workers.ray_cluster import Amounts, RayCluster, capacity, fits, shape
+from dextera_build.workers.ray_models import Models
 from dextera_build.workers.ray_worker import Setup
 from dextera_build.workers.staging import Staging
 
@@ -51,6 +52,7 @@ class RayExecutor:
         self._nodes = cluster.nodes()
         self._looked = time.monotonic()
         self.capacity: Capacity = capacity(self._nodes, self._said)
+        self._models = Models(cluster)
         self._staging = Staging(store, open_remote(setup.shared))
         self._calls: dict[Any, tuple[Task, Amounts]] = {}
         """By Ray's handle of the call."""
@@ -74,7 +76,10 @@ class RayExecutor:
                 )
             reserved = shape(task.needs, self._nodes, self._said.get("gpu_memory", 0.0))
             self._staging.send(task.inputs.values())
-            self._calls[self._cluster.begin(self._setup, task, reserved)] = task, reserved
+            self._models.make_room(task, reserved, [other for _, other in self._calls.values()], self._nodes)
+            # An idle actor would keep named resources, for instance a licence, from other calls.
+            runs = self._models if task.weights and "GPU" in reserved and not task.needs.named else self._cluster
+            self._calls[runs.begin(self._setup, task, reserved)] = task, reserved
         except DxbError as error:
             self._reports.append(Ended(task.ticket, 0.0, b"", error=error))
 
@@ -96,6 +101,7 @@ class RayExecutor:
         """End all calls and their processes."""
         for call in self._calls:
             self._cluster.cancel(call)
+        self._models.stop()
         deadline = time.monotonic() + _GRACE_S
         while self._calls and (left := deadline - time.monotonic()) > 0:
             for call, said in self._cluster.hear(self._calls, left):
@@ -105,6 +111,8 @@ class RayExecutor:
         self._reports.clear()
 
     def _hear(self, call: Any, said: Report | Exception) -> None:
+        if not isinstance(said, Said):
+            self._models.ended(call, lost=isinstance(said, Exception))
         if isinstance(said, Exception):
             said = Ended(self._calls[call][0].ticket, 0.0, b"", error=_lost(said))
         if isinstance(said, Ended):
@@ -117,7 +125,8 @@ class RayExecutor:
         self._reports.append(said)
 
     def _look(self) -> None:
-        """Fail calls that no remaining machine can run."""
+        """End actors that are idle for long, and fail calls that no remaining machine can run."""
+        self._models.end_stale()
         self._nodes, self._looked = self._cluster.nodes(), time.monotonic()
         for call, (_, reserved) in list(self._calls.items()):
             if not any(fits(reserved, node) for node in self._nodes):

@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 from dextera_build.errors import MachineError, UsageError, install_extra
 from dextera_build.workers.capacity import MEASURED, Capacity, Gpu, Needs
 from dextera_build.workers.protocol import Report, Task
-from dextera_build.workers.ray_worker import Setup, carry_out
+from dextera_build.workers.ray_worker import Holder, Setup, carry_out
 
 Amounts: TypeAlias = Mapping[str, float]
 """Resources of a node or a call by Ray's names: `CPU`, `GPU`, `memory` [bytes], or names that nodes declare."""
@@ -73,6 +73,7 @@ class RayCluster:
                 signal.signal(signal.SIGTERM, ours)
         # No retries by Ray: the scheduler retries calls and logs it.
         self._call = ray.remote(num_returns="streaming", max_retries=0)(carry_out)
+        self._holder = ray.remote(max_restarts=0, max_task_retries=0)(Holder)
 
     def nodes(self) -> list[Amounts]:
         """Total resources of each live node."""
@@ -80,10 +81,20 @@ class RayCluster:
 
     def begin(self, setup: Setup, task: Task, reserved: Amounts) -> Any:
         """Queue a call."""
-        amounts = dict(reserved)
-        cpus, gpus, memory = (amounts.pop(name, 0.0) for name in ("CPU", "GPU", "memory"))
-        options = {"num_cpus": cpus, "num_gpus": gpus, "memory": int(memory) or None, "resources": amounts or None}
-        return self._call.options(**options).remote(setup, task)
+        return self._call.options(**_options(reserved)).remote(setup, task)
+
+    def hold(self, reserved: Amounts) -> Any:
+        """Start an actor, which keeps its GPU and memory; cores are counted by the driver, as it is mostly idle."""
+        return self._holder.options(**_options({**reserved, "CPU": 0.0})).remote()
+
+    def ask(self, actor: Any, setup: Setup, task: Task) -> Any:
+        """Queue a call on an actor."""
+        return actor.carry_out.options(num_returns="streaming").remote(setup, task)
+
+    def end(self, actor: Any) -> None:
+        """End an actor and its processes."""
+        with suppress(Exception):  # it has ended
+            self._ray.kill(actor)
 
     def hear(self, calls: Iterable[Any], timeout_s: float) -> Iterator[tuple[Any, Report | Exception]]:
         """Yield messages of calls, waiting for the first; an exception ends its call."""
@@ -104,6 +115,12 @@ class RayCluster:
     def close(self) -> None:
         """Disconnect; Ray ends the remaining calls."""
         self._ray.shutdown()
+
+
+def _options(reserved: Amounts) -> dict[str, object]:
+    amounts = dict(reserved)
+    cpus, gpus, memory = (amounts.pop(name, 0.0) for name in ("CPU", "GPU", "memory"))
+    return {"num_cpus": cpus, "num_gpus": gpus, "memory": int(memory) or None, "resources": amounts or None}
 
 
 def capacity(nodes: Collection[Amounts], said: Mapping[str, float]) -> Capacity:

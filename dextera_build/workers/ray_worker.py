@@ -97,6 +97,14 @@ def carry_out(setup: Setup, task: Task) -> Iterator[Report]:
         yield Ended(task.ticket, time.monotonic() - began, b"", error=error)
 
 
+class Holder:
+    """An actor: its process runs call after call and keeps what they loaded."""
+
+    def carry_out(self, setup: Setup, task: Task) -> Iterator[Report]:
+        """See `carry_out`."""
+        yield from carry_out(setup, task)
+
+
 def _devices() -> tuple[str, ...]:
     """GPUs that Ray assigned to this worker."""
     return tuple(map(str, sys.modules["ray"].get_gpu_ids())) if "ray" in sys.modules else ()

@@ -106,9 +106,9 @@ class Raylets:
 
 
 def _is_at_work(process: psutil.Process) -> bool:
-    """Whether Ray runs a call in a process, by the name that Ray gives it then."""
+    """Whether Ray runs a call or keeps a model in a process, by the name that Ray gives it then."""
     with suppress(psutil.Error):
-        return " ".join(process.cmdline()).startswith("ray::carry_out")
+        return " ".join(process.cmdline()).startswith(("ray::carry_out", "ray::Holder"))
     return False
 
 
@@ -131,7 +131,11 @@ def raylets() -> Iterator[Raylets]:
                 f"--resources={site}",
             )
             cluster.start(
-                "b", f"--address={cluster.address}", "--node-ip-address=127.0.0.1", '--resources={"site:b": 1}'
+                "b",
+                f"--address={cluster.address}",
+                "--node-ip-address=127.0.0.1",
+                "--num-gpus=1",  # none is needed: the test's model does without
+                '--resources={"site:b": 1}',
             )
             yield cluster
         finally:
@@ -241,6 +245,65 @@ targets: {default: [bad, worse, good, after]}
         return {e["node"]: e["error"] for e in of.events if e["event"] == "node_finished" and e["status"] == "failed"}
 
     assert errors(answer) == errors(alone)
+
+
+VOICE = '''
+"""Speaks with a voice."""
+from dextera_build.rule import Backend
+BACKEND = Backend(summary="with a voice", profiles=("lab",), weights=("NAME",), gpu_gb=1.0)
+
+def read(folder, device):
+    with open("LOADS", "a") as file:
+        file.write(f"NAME on {device}\\n")
+    return (folder / "voice.txt").read_bytes()
+'''
+SPOKEN = '''
+"""toy.NAME: says with which voice it speaks."""
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def NAME(ctx: Context, text: File) -> File:
+    """Return the text with the voice's."""
+    return File(data=text.data + ctx.load(ctx.backend.read, "NAME"))
+'''
+CHOIR = """
+inputs: {text: words.txt}
+nodes:
+  a: {rule: toy.alto, text: $text}
+  b: {rule: toy.bass, text: $a}
+  c: {rule: toy.alto, text: $b}
+  d: {rule: toy.bass, text: $c}
+"""
+
+
+def test_models_stay_loaded_beside_each_other_or_give_way(cluster: Raylets, sites: Space) -> None:
+    loads = sites.root / "loads"
+    for name in ("alto", "bass"):
+        sites.write(f"rules/toy/{name}.py", SPOKEN.lstrip().replace("NAME", name))
+        sites.write(f"rules/toy/{name}_voice.py", VOICE.lstrip().replace("NAME", name).replace("LOADS", str(loads)))
+        sites.write(f"recipes/model/{name}.yaml", "summary: a voice\nlicence: MIT\nmemory_gb: 0.5\n")
+    sites.write("recipes/profile/lab.yaml", "extends: cpu\n")
+    sites.write("recipes/toy/choir.yaml", CHOIR)
+    sites.write("voice.txt", "!")
+    folder = {"DXB_MODELS": str(sites.root / "models"), "DXB_PROFILE": "lab"}
+    for name in ("alto", "bass"):
+        assert sites.dxb("models", "add", name, "voice.txt", env=folder).code == 0
+    for gpu_memory, loaded in ((2, ["alto", "bass"]), (1, ["alto", "bass", "alto", "bass"])):
+        answer = on(
+            cluster,
+            sites,
+            "toy/choir",
+            *(f"--force={name}" for name in "abcd"),
+            "--resources",
+            f"gpu_memory={gpu_memory}",
+            **folder,
+        )
+        assert answer.code == 0, answer.err
+        assert answer.nodes("ran") == set("abcd")
+        assert loads.read_text().splitlines() == [f"{name} on cuda" for name in loaded]
+        assert gone(cluster, 60.0)
+        loads.unlink()
 
 
 SLOW = "inputs: {text: words.txt}\nnodes:\n" + "".join(
