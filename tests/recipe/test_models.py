@@ -80,6 +80,33 @@ def test_a_backend_waits_for_its_weights_and_its_licence_then_runs_and_loads_onc
     assert "0 ran" in voiced.dxb("build", "say/b").err or "up to date" in voiced.dxb("build", "say/b").err
 
 
+def test_weights_of_a_backend_that_another_uses_are_in_its_key(voiced):
+    voiced.settings["DXB_ACCEPT_LICENCES"] = "voice"
+    voiced.write(
+        "rules/toy/spoken_choir.py",
+        '''
+"""Speaks with the voice of another backend."""
+from dextera_build.rule import Backend
+BACKEND = Backend(summary="with another's voice", profiles=("choir",), uses=("voice",))
+
+def speak(ctx, text):
+    return ctx.other("voice").tell(text)
+'''.lstrip(),
+    )
+    voice = (voiced.root / "rules/toy/spoken_voice.py").read_text()
+    tell = '\ndef tell(ctx, text, options):\n    return File(data=text.data + ctx.load(read, "voice"))\n'
+    voiced.write("rules/toy/spoken_voice.py", voice + tell)
+    speak = ("ctx.backend.speak(text)", "ctx.backend.speak(ctx, text)")
+    voiced.write("rules/toy/spoken.py", RULE.lstrip().replace(*speak))
+    voiced.write("recipes/say/b.yaml", RECIPE.replace("toy.spoken, ", "toy.spoken, backend: choir, "))
+    for word in "!?":
+        voiced.write("voice.txt", word)
+        assert voiced.dxb("models", "add", "voice", "voice.txt").code == 0
+        built = voiced.dxb("build", "--console", "plain", "say/b")
+        assert built.code == 0, built.err
+    assert (voiced.root / "loads").read_text() == "cpu cpu "  # the other weights made the nodes stale
+
+
 def test_other_weights_make_their_nodes_stale_and_no_others(voiced):
     voiced.settings["DXB_ACCEPT_LICENCES"] = "voice"
     voiced.write("a/voice.txt", "!")
