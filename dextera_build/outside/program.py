@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -78,7 +79,7 @@ class Program:
         found = {path for pattern in self._patterns for path in self._matches(pattern)}
         if self.lock and (self.base / self.lock).is_file():
             found.add(self.base / self.lock)
-        return {_name(path, self.base): path for path in sorted(found)}
+        return {_name(path, self.base, self.here): path for path in sorted(found)}
 
     def digests(self) -> dict[str, str]:
         """Name -> SHA-256 of each of `parts`."""
@@ -165,9 +166,9 @@ class Program:
         )
 
 
-def _name(path: Path, base: Path) -> str:
-    """A file's name in keys, equal on every machine."""
+def _name(path: Path, base: Path, here: Path) -> str:
+    """A file's name in keys, equal on every machine: below the project, or from an installed program's folder."""
     try:
         return path.relative_to(base).as_posix()
     except ValueError:
-        return path.name
+        return Path(os.path.relpath(path, here)).as_posix()

@@ -11,6 +11,8 @@ import pytest
 
 from dextera_build.errors import MachineError, RecipeError, RuleError
 from dextera_build.outside import environments
+from dextera_build.outside.program import Program
+from dextera_build.outside.running import Limits
 from tests.e2e.space import Space
 from tests.outside.conftest import ECHO, alive
 
@@ -217,3 +219,15 @@ def test_a_missing_container_tool_or_image_is_told(tmp_path, monkeypatch):
     assert place.lacking("") == {
         "the image `lab/tint@sha256:abc`": "`podman pull lab/tint@sha256:abc`",
     }
+
+
+def test_files_of_an_installed_program_have_names_of_their_own(tmp_path):
+    for folder in ("net", "data"):
+        (tmp_path / "installed" / folder).mkdir(parents=True)
+        (tmp_path / "installed" / folder / "load.py").write_text(folder)
+    words = ("{python}", "net/load.py")
+    file = tmp_path / "installed" / "tint_lab.py"
+    program = Program(
+        "lab of toy.tint", file, tmp_path / "project", words, ("*/load.py",), "", "", False, Limits(60.0, 0.0, 1.0)
+    )
+    assert sorted(program.digests()) == ["data/load.py", "net/load.py"]
