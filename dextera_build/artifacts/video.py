@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, BinaryIO, ClassVar, Self
 
 import numpy as np
 from pydantic import PositiveInt, model_validator
@@ -103,7 +103,12 @@ class Video(Artifact):
             yield pixels
 
     def packets(self) -> Iterator[tuple[bytes, bool]]:
-        """Coded data of each frame in order of decoding, and whether it is a key frame."""
+        """Coded data of each frame in order of decoding, and whether it is a key frame.
+
+        The data are those of the container. H.264 in MP4 has the length before each of its units and keeps the
+        parameter sets elsewhere (AVCC); a decoder of plain H.264 expects start codes (Annex B), which the bit stream
+        filter `h264_mp4toannexb` of FFmpeg writes.
+        """
         with _opened(self.file, "video.mp4") as (container, stream):
             for packet in container.demux(stream):
                 if packet.size:
@@ -136,10 +141,11 @@ class Video(Artifact):
                     decoder = container.decode(stream)
                 while True:
                     frame = next(decoder, None)
-                    if frame is None:
+                    if frame is not None:
+                        at = int(np.searchsorted(middles, float(frame.pts * stream.time_base)))
+                    if frame is None or at > number:
                         raise unreadable("video.mp4", "a video", f"frame {number} of its index is missing")
-                    at = int(np.searchsorted(middles, float(frame.pts * stream.time_base)))
-                    if at >= number:
+                    if at == number:
                         break
                 yield int(number), frame.to_ndarray(format="rgb24")
 
@@ -158,7 +164,7 @@ def _opened(file: File, name: str) -> Iterator[tuple[Any, Any]]:
     import av
 
     try:
-        with file.open() as raw, av.open(raw) as container:
+        with file.open() as raw, av.open(raw, stream_options=_opening(raw)) as container:
             if not container.streams.video:
                 raise unreadable(name, "a video", "it has no picture stream")
             stream = container.streams.video[0]
@@ -166,6 +172,13 @@ def _opened(file: File, name: str) -> Iterator[tuple[Any, Any]]:
             yield container, stream
     except av.FFmpegError as error:
         raise unreadable(name, "a video", error) from None
+
+
+def _opening(raw: BinaryIO) -> Any:
+    """Options with which FFmpeg opens a file: an MP4 says size and order of its frames, so none is decoded for them."""
+    begin = raw.read(8)
+    raw.seek(0)
+    return [{"skip_frame": "all"}] if begin[4:] == b"ftyp" else None
 
 
 def encoder(width: int, height: int, rate_hz: float, *, crf: int = 20, keyframe_every: int = 10) -> Encoder:

@@ -103,17 +103,36 @@ def test_bytes_are_the_same_each_time(tmp_path: Path, video: Video) -> None:
     assert Video.load(tmp_path / "c.mp4").frames([7]).tolist() == video.frames([7]).tolist()
 
 
-def test_other_encoders_with_reordered_frames_are_read(tmp_path: Path) -> None:
+@pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv"])
+@pytest.mark.parametrize(
+    ("codec", "options"),
+    [
+        ("libx264", {"bf": "3", "g": "12", "crf": "10"}),
+        ("libx265", {"g": "12", "crf": "10", "x265-params": "bframes=3:log-level=none"}),
+        ("mpeg4", {"bf": "2", "g": "12"}),
+    ],
+)
+def test_other_encoders_with_reordered_frames_are_read(
+    tmp_path: Path, codec: str, options: dict[str, str], suffix: str
+) -> None:
     """With B-frames the order of decoding is not that of showing."""
-    with av.open(str(tmp_path / "b.mp4"), "w") as out:
-        stream = out.add_stream("libx264", rate=25)
-        stream.width, stream.height, stream.pix_fmt = 64, 32, "yuv420p"
-        stream.options = {"bf": "3", "g": "12", "crf": "10"}
+    path = tmp_path / f"b{suffix}"
+    with av.open(str(path), "w") as out:
+        stream = out.add_stream(codec, rate=25)
+        stream.width, stream.height, stream.pix_fmt, stream.bit_rate = 64, 32, "yuv420p", 4_000_000
+        stream.options = options
         for number in range(COUNT):
             out.mux(stream.encode(av.VideoFrame.from_ndarray(pixels(number), format="rgb24")))
         out.mux(stream.encode(None))
-    found = Video.load(tmp_path / "b.mp4")
+    found = Video.load(path)
     assert [shown(frame) for frame in found.frames([46, 3, 30, 29])] == [46, 3, 30, 29]
+    assert [shown(frame) for frame in found.every()] == list(range(COUNT))
+
+
+def test_opening_decodes_no_frame(video: Video) -> None:
+    with videos._opened(video.file, "a.mp4") as (container, stream):
+        assert stream.codec_context.pix_fmt is None  # which FFmpeg learns by decoding
+        assert next(container.decode(stream)).format.name == "yuv420p"
 
 
 def test_errors_name_what_is_wrong(tmp_path: Path, video: Video) -> None:
