@@ -12,6 +12,9 @@ from statistics import NormalDist
 
 import numpy as np
 
+Z90 = NormalDist().inv_cdf(0.95)
+"""Half width of a central 90 % interval of a normal distribution, in standard deviations."""
+
 
 def wilson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
     """Score interval of a success rate (Wilson 1927), within [0, 1]; (0, 1) without trials."""

@@ -40,13 +40,15 @@ class Element(Value):
     """left, top, right, bottom [px], right and bottom excluded; None while unknown."""
     material: str = "plastic"
     """Key of the material table."""
+    material_confidence: float | None = None
+    """Probability that it is this material: 1 if somebody stated it; None if the proposer does not tell."""
 
 
 class Elements(Artifact):
     """The result of parsing."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.from_depth}
+    type_version: ClassVar[int] = 3
+    readers: ClassVar[former.Readers] = {1: former.from_depth, 2: former.unchanged}
 
     elements: tuple[Element, ...]
     """Every element, interactive and static."""
@@ -83,12 +85,41 @@ class Support(Artifact):
     """Length in this world per length in the world that objects were placed in."""
 
 
+class Rival(Value):
+    """The second-best hypothesis of a shape."""
+
+    hypothesis: str
+    """Its name."""
+    volume_ratio: float
+    """Its volume over that of the best one."""
+    hollow: bool
+    """Whether it has a cavity, so that its volume is that of walls."""
+    gap: float
+    """Score of the best one minus its score."""
+
+
+class Certainty(Value):
+    """How far the photograph determines a shape."""
+
+    unseen_fraction: float
+    """See `Shape.unseen_fraction`."""
+    residual_m: float | None = None
+    """See `Shape.residual_m`."""
+    size_sigma: float | None = None
+    """See `Shape.size_sigma`."""
+    volume_sigma: float | None = None
+    """See `Shape.volume_sigma`."""
+    rival: Rival | None = None
+    """See `Shape.rival`."""
+
+
 class Shape(Artifact):
     """A closed, textured mesh of one object, and how well it explains the photograph."""
 
-    type_version: ClassVar[int] = 2
+    type_version: ClassVar[int] = 3
     readers: ClassVar[former.Readers] = {
-        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.source)
+        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.source),
+        2: former.unchanged,
     }
 
     mesh: Mesh
@@ -96,7 +127,8 @@ class Shape(Artifact):
     walls: tuple[Hull, ...] = ()
     """Exact convex pieces if the hypothesis knows them (walls of a hollow body), object frame; else empty."""
     pose: Annotated[Pose, Frames("world", "object")] | None = None
-    """First guess of T_world_object, which `align.object` refines; None if nothing was measured."""
+    """First guess of T_world_object, which `align.object` refines; None if nothing was measured. Its covariance is what
+    unknown parameters of the shape do to the object frame."""
     hypothesis: str
     """The best hypothesis: `box`, `cylinder`, `revolved`, `extruded`, `mirrored`, ..."""
     hollow: bool
@@ -111,8 +143,18 @@ class Shape(Artifact):
     """Hypothesis -> render score, higher is better."""
     unobserved: tuple[str, ...] = ()
     """Sizes that the view does not determine and that were guessed: `x`, `y` or `z` of the mesh."""
+    size_sigma: float | None = None
+    """Standard deviation of the log of its size if the hypothesis is right; None if the backend does not tell it."""
+    volume_sigma: float | None = None
+    """Standard deviation of its log volume if the hypothesis is right; None if the backend does not tell it."""
+    rival: Rival | None = None
+    """The second-best hypothesis; None if there is only one."""
     asset_source: AssetSource = "rgb"
     """What the mesh was made from."""
+
+    def certainty(self) -> Certainty:
+        """What bodies made of it keep."""
+        return Certainty(**{name: getattr(self, name) for name in Certainty.model_fields})
 
 
 class Joint(Value):
@@ -150,9 +192,10 @@ class Link(Artifact):
 class Body(Artifact):
     """An object's links and joints. A rigid object has one link, `base`, and no joint."""
 
-    type_version: ClassVar[int] = 2
+    type_version: ClassVar[int] = 3
     readers: ClassVar[former.Readers] = {
-        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.source)
+        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.source),
+        2: former.unchanged,
     }
 
     links: dict[str, Link]
@@ -165,6 +208,8 @@ class Body(Artifact):
     """See `Shape.hollow`."""
     asset_source: AssetSource = "rgb"
     """What links and joints were made from."""
+    certainty: Certainty | None = None
+    """How far the photograph determines the shape; None if that is unknown."""
 
     def picture(self) -> bytes:
         """All links, posed as in the photograph."""
@@ -234,16 +279,19 @@ class Collision(Artifact):
 class Placement(Artifact):
     """Pose and scale of a body."""
 
-    type_version: ClassVar[int] = 3
+    type_version: ClassVar[int] = 4
     readers: ClassVar[former.Readers] = {
         1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.from_depth),
         2: former.unchanged,
+        3: former.unchanged,
     }
 
     pose: Annotated[Pose, Frames("world", "object")]
-    """T_world_object of the scaled body (root link)."""
+    """T_world_object of the scaled body (root link); without a covariance if the method does not tell it."""
     scale: float
     """Uniform factor from the mesh's units to metres."""
+    scale_sigma: float | None = None
+    """Standard deviation of the logarithm of `scale`; None if the method does not tell it."""
     residual_m: float | None = None
     """Trimmed mean distance of the seen points to the placed surface [m]; None without depth."""
     overlap: float | None = None
@@ -259,10 +307,11 @@ class Placement(Artifact):
 class Asset(Artifact):
     """A simulation-ready object, scaled to metres and placed."""
 
-    type_version: ClassVar[int] = 3
+    type_version: ClassVar[int] = 4
     readers: ClassVar[former.Readers] = {
         1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.from_depth),
         2: former.unchanged,
+        3: former.unchanged,
     }
 
     body: Body
@@ -272,10 +321,12 @@ class Asset(Artifact):
     collision: Collision
     """Convex pieces, scaled."""
     pose: Annotated[Pose, Frames("world", "object")]
-    """T_world_object."""
+    """T_world_object, with the placement's covariance."""
     category: str
     """See `Element.category`."""
     asset_source: AssetSource = "rgb"
     """What the asset was made from."""
     scale: ScaleSource = "depth"
     """See `Support.scale`; if it is `unknown`, lengths and masses are those of no real object."""
+    scale_sigma: float | None = None
+    """Standard deviation of the log of all lengths; None if the placement does not tell it."""

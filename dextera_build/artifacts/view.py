@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
+from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
@@ -46,12 +47,17 @@ class MeasuredView(Artifact):
 class Traits(Artifact):
     """What parsing says about an object; apart from its view, so that another material meshes nothing again."""
 
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.unchanged}
+
     category: str
     """See `Element.category`."""
     body_type: Literal["rigid", "articulated"]
     """See `Element.body_type`."""
     material: str
     """See `Element.material`."""
+    material_confidence: float | None = None
+    """See `Element.material_confidence`."""
 
 
 class Instance(Artifact):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 
 @dataclass(frozen=True)
@@ -83,3 +85,29 @@ TABLE: dict[str, Material] = {
     "wood": Material(650.0, 0.25, 600.0, 0.30, 0.45, 0.12, 0.30, 0.10, "spruce 450 to oak 750"),
 }
 """Key -> material; the keys are the valid values of `Element.material`."""
+
+
+def doubted(name: str, confidence: float) -> Material:
+    """A material with the standard deviations of one that is `name` with this probability, otherwise any other.
+
+    Args:
+        name: Key of `TABLE`.
+        confidence: Probability, 0 to 1; the others are equally probable.
+    """
+    own, others = TABLE[name], [other for key, other in TABLE.items() if key != name]
+
+    def spread(centre: str, sigma: str, *, log: bool = False) -> float:
+        def at(material: Material) -> float:
+            value = float(getattr(material, centre))
+            return float(np.log(value)) if log else value
+
+        squares = [(at(other) - at(own)) ** 2 + getattr(other, sigma) ** 2 for other in others]
+        return float(np.sqrt(confidence * getattr(own, sigma) ** 2 + (1.0 - confidence) * np.mean(squares)))
+
+    return replace(
+        own,
+        wall_sigma=spread("wall_density", "wall_sigma", log=True),
+        bulk_sigma=spread("bulk_density", "bulk_sigma", log=True),
+        friction_sigma=spread("friction", "friction_sigma"),
+        restitution_sigma=spread("restitution", "restitution_sigma"),
+    )

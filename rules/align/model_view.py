@@ -32,6 +32,44 @@ class Score:
         return (1.0 - self.iou) + self.residual_m / 0.02 + self.violation
 
 
+@dataclass(frozen=True)
+class Compared:
+    """A placed model and the view, ray by ray: arrays (h, w) or (h, w, 3) in the axes of the world."""
+
+    depth: np.ndarray  # of the model [m], inf beside it
+    normals: np.ndarray  # of the model, unit, towards the camera
+    seen: np.ndarray  # measured depth [m], 0 if there is none
+    mask: np.ndarray  # bool
+    known: np.ndarray  # bool, not hidden by anything nearer
+    origin: np.ndarray  # (3,) the camera's position [m]
+    directions: np.ndarray  # of the rays, image-plane depth 1
+    k: np.ndarray  # (3, 3) intrinsics [px]
+    turn: np.ndarray  # (3, 3) R_world_camera
+    stride: float  # pixels per ray
+
+    @property
+    def drawn(self) -> np.ndarray:
+        """Rays that meet the model, (h, w) bool."""
+        return np.asarray(np.isfinite(self.depth))
+
+    @property
+    def points(self) -> np.ndarray:
+        """Where they meet it, (h, w, 3) [m]; the camera's position for the others."""
+        return np.asarray(self.origin + np.where(self.drawn, self.depth, 0.0)[..., None] * self.directions)
+
+    def pixel_slopes(self, at: np.ndarray, outward: np.ndarray) -> np.ndarray:
+        """Vectors (N, 3) whose product with a motion of the point [m] is that of its image along `outward` [px].
+
+        Args:
+            at: (h, w) bool, N rays that meet the model.
+            outward: (N, 2) unit directions in the image, right and down.
+        """
+        local = self.directions[at] @ self.turn
+        right, down = outward[:, 0] * self.k[0, 0], outward[:, 1] * self.k[1, 1]
+        slopes = np.column_stack([right, down, -(right * local[:, 0] + down * local[:, 1])]) / self.depth[at, None]
+        return np.asarray(slopes @ self.turn.T)
+
+
 class ModelView:
     """A model in front of one camera.
 
@@ -54,8 +92,8 @@ class ModelView:
         height, width = seen.mask.shape
         stride = max(1, round(float(np.sqrt(height * width / pixels))))
         rows, columns = slice(stride // 2, None, stride), slice(stride // 2, None, stride)
-        directions = cameras.rays(height, width, seen.camera.matrix())[rows, columns]
-        self._directions = directions @ seen.world_from_camera[:3, :3].T
+        self._k, self._turn, self._stride = seen.camera.matrix(), seen.world_from_camera[:3, :3], float(stride)
+        self._directions = cameras.rays(height, width, self._k)[rows, columns] @ self._turn.T
         self._origin = seen.world_from_camera[:3, 3]
         self._depth = seen.depth[rows, columns].astype(np.float64)
         self._known = ~seen.occluder[rows, columns]
@@ -81,6 +119,22 @@ class ModelView:
         in_front = drawn & (self._depth > 0.0) & (np.where(drawn, depth, 0.0) < self._depth - FREE_SPACE_M)
         violation = float(in_front.sum() / max(int(drawn.sum()), 1))
         return Score(float((drawn & seen).sum() / union) if union else 0.0, residual, violation)
+
+    def compare(self, placed: Similarity) -> Compared:
+        """The placed model beside the view."""
+        depth, normals = self._cast(placed)
+        return Compared(
+            depth=depth,
+            normals=normals @ placed.pose[:3, :3].T,
+            seen=self._depth,
+            mask=self._mask,
+            known=self._known,
+            origin=self._origin,
+            directions=self._directions,
+            k=self._k,
+            turn=self._turn,
+            stride=self._stride,
+        )
 
     def distances(self, placed: Similarity, points: np.ndarray) -> np.ndarray:
         """Distance (N,) of world points to the placed surface [m]."""

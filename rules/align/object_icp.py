@@ -14,7 +14,7 @@ from dextera_build.geometry import kinematics, registration, transforms
 from dextera_build.geometry.registration import Search, Similarity
 from dextera_build.rule import Backend, Context
 
-from . import overlay_picture, silhouette, starts
+from . import overlay_picture, silhouette, spread, starts
 from .icp_options import IcpOptions
 from .model_view import ModelView, Score, seen_points
 from .placed import Placed
@@ -28,6 +28,8 @@ BACKEND = Backend(
     packages=("open3d", "scipy"),
     extra="twin",
 )
+UPRIGHT = np.cos(0.01)
+"""Cosine of the tilt up to which a body's own up axis is trusted."""
 
 
 def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: IcpOptions) -> Placed:
@@ -54,7 +56,9 @@ def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: 
         if guess and score and model.score(best).cost > score.cost - options.search_gain:
             best, method = guess, f"guess kept (IoU {score.iou:.2f}, {method} gained too little)"
     best, rested = _rested(model, vertices, best, options)
-    return _result(model, vertices, points, best, method + rested)
+    placed = _result(model, vertices, points, best, method + rested)
+    of_shape = None if body.pose is None else body.pose.covariance
+    return replace(placed, placement=_with_spread(placed.placement, model, vertices, best, seen, of_shape, options))
 
 
 def picture(ctx: Context, body: Body, seen: Seen, placement: Placement, options: IcpOptions) -> np.ndarray:
@@ -77,7 +81,7 @@ def _refined(
     model: ModelView, vertices: np.ndarray, points: np.ndarray, guess: Similarity, score: Score, options: IcpOptions
 ) -> tuple[Similarity, str]:
     freedom = registration.FREE
-    if guess.pose[2, 2] > np.cos(0.01):
+    if guess.pose[2, 2] > UPRIGHT:
         standing = abs(_lowest(vertices, guess)) <= options.rest_m
         freedom = registration.RESTING if standing else registration.UPRIGHT
     search = Search(freedom, guess.scale, options.guess_scale_sigma, options.iterations)
@@ -117,6 +121,34 @@ def _result(model: ModelView, vertices: np.ndarray, points: np.ndarray, placed: 
         ambiguous=_is_round(model, vertices),
     )
     return Placed(placement, score.iou, score.violation, _lowest(vertices, placed))
+
+
+def _with_spread(
+    placement: Placement,
+    model: ModelView,
+    vertices: np.ndarray,
+    placed: Similarity,
+    seen: Seen,
+    of_shape: np.ndarray | None,
+    options: IcpOptions,
+) -> Placement:
+    """The placement with the covariance of the registration, of the shape's own frame and of the support, added up."""
+    freedom = spread.FREE
+    if placed.pose[2, 2] > UPRIGHT:
+        standing = abs(_lowest(vertices, placed)) < 1e-3
+        freedom = spread.resting(float(placed.pose[2, 3])) if standing else spread.UPRIGHT
+    size = placed.scale * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    found = spread.covariance(model, placed, size, options.start_scale_sigma, freedom)
+    of_support = seen.measured.camera_pose.covariance
+    covariance = found[:6, :6]
+    if of_shape is not None:
+        covariance = covariance + of_shape
+    if of_support is not None:
+        covariance = covariance + spread.by_support(of_support, seen.world_from_camera, placed.pose)
+    if placement.ambiguous and placed.pose[2, 2] > UPRIGHT:
+        covariance[5, 5] = max(covariance[5, 5], spread.ANY_TURN**2)
+    pose = placement.pose.model_copy(update={"covariance": covariance})
+    return placement.model_copy(update={"pose": pose, "scale_sigma": float(np.sqrt(found[6, 6]))})
 
 
 def _is_round(model: ModelView, vertices: np.ndarray) -> bool:

@@ -103,18 +103,45 @@ def _unmeasured(ctx: Context, photograph: Photograph, robot: Pose | None, option
     return result
 
 
+INDEPENDENT = 40.0
+"""Effective number of independent depths of a support; errors of neighbours are correlated."""
+
+
 def _support(surface: Surface, points: np.ndarray, valid: np.ndarray) -> Support:
     outline = surface.outline
     middle = surface.lift(regions.centroid(outline))
     world_from_camera = transforms.rigid(surface.axes, -surface.axes @ middle)
-    heights = planes.distance(surface.plane, points[surface.region])
+    on_plane = points[surface.region]
+    heights = planes.distance(surface.plane, on_plane)
+    residual = float(np.sqrt(np.mean(np.square(heights))))
+    noise = max(residual, float(planes.depth_sigma(np.median(on_plane[:, 2]))))
+    covariance = _covariance(transforms.apply(world_from_camera, on_plane), noise, world_from_camera[:3, 3])
     polygon = outline - regions.centroid(outline)
     return Support(
-        camera_pose=Pose(parent="world", child="camera", matrix=world_from_camera),
+        camera_pose=Pose(parent="world", child="camera", matrix=world_from_camera, covariance=covariance),
         polygon=np.ascontiguousarray(polygon),
-        residual_m=float(np.sqrt(np.mean(np.square(heights)))),
+        residual_m=residual,
         inlier_fraction=float(surface.region.sum() / valid.sum()),
     )
+
+
+def _covariance(points: np.ndarray, noise: float, camera: np.ndarray) -> np.ndarray:
+    """Covariance (6, 6) of T_world_camera from the plane's height and tilt; the other axes only name the world.
+
+    Args:
+        points: (N, 3) of the plane in the world [m].
+        noise: Standard deviation of their heights [m].
+        camera: (3,) the camera's position in the world [m].
+    """
+    design = np.column_stack([np.ones(len(points)), points[:, :2]])
+    of_plane = noise**2 / INDEPENDENT * np.linalg.pinv(design.T @ design / len(points))
+    # A plane z = e + a x + b y is made level by the rotation (-b, a, 0) and the shift -e.
+    slopes = np.zeros((6, 3))
+    slopes[3:6, 1:] = [[0.0, -1.0], [1.0, 0.0], [0.0, 0.0]]
+    slopes[:3] = -transforms.cross_matrix(camera) @ slopes[3:6]
+    slopes[2, 0] = -1.0
+    covariance = slopes @ of_plane @ slopes.T
+    return np.asarray((covariance + covariance.T) / 2)
 
 
 def _listing(found: list[Surface]) -> str:

@@ -6,30 +6,36 @@ import math
 
 from pydantic import NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.object import Body, Inertial, Link, Physics
+from dextera_build.artifacts.object import Body, Certainty, Inertial, Link, Physics, Rival
 from dextera_build.artifacts.view import Traits
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import massprops
-from dextera_build.geometry.materials import TABLE, Material
-from dextera_build.rule import Context, Options, rule
+from dextera_build.geometry.materials import TABLE, Material, doubted
+from dextera_build.rule import Context, Fraction, Options, rule
+from dextera_build.statistics import Z90
 
-NINETY = 1.6449
-"""Half width of a central 90 % interval of a normal distribution, in standard deviations."""
+GAP = 0.05
+"""Difference of two scores of `factorize.mesh` at which the odds of the hypotheses are e to 1."""
 
 
 class PhysicsOptions(Options):
     """Options of factorize.physics."""
 
     material: str = ""
-    """Key of the material table; empty uses the material proposed by parsing."""
+    """Key of the material table, taken as certain; empty uses the material proposed by parsing."""
+    material_confidence: Fraction = 0.9
+    """Probability of the material proposed by parsing, if it does not tell one."""
     mass_kg: PositiveFloat | None = None
     """Weighed mass of the whole body [kg]; None estimates it from material and volume."""
     mass_sigma: NonNegativeFloat = 0.02
     """Relative standard deviation of `mass_kg`."""
     volume_sigma: NonNegativeFloat = 0.10
-    """Relative standard deviation of the volume of a body without a cavity, half of which is unseen."""
+    """Relative standard deviation of the volume of a body without a cavity, half of which is unseen; it is proportional
+    to the unseen fraction."""
     wall_sigma: NonNegativeFloat = 0.35
     """Relative standard deviation of the volume of walls; their thickness is mostly assumed."""
+    untold_sigma: NonNegativeFloat = 0.2
+    """Relative standard deviation of the volume of a shape whose backend does not tell how well it fits."""
 
 
 @rule(version=2)
@@ -38,23 +44,28 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
 
     The mass of a body with a cavity is the material's density times the volume of its walls. Any other body has unseen
     contents and voids, so the bulk density of such products is used.
+
+    The interval of the mass adds up what is unknown of the density, of the volume that the photograph determines, of
+    the unseen surface or the walls, and of the second-best hypothesis. The less certain the material is, the more of
+    the table's other materials is in the intervals of density, friction and restitution.
     """
     name = options.material or traits.material
     if name not in TABLE:
         hint = did_you_mean(name, TABLE) or "set `material` of the element in `scene.yaml` to one that exists"
         ctx.fail(f"no material is called `{name}`", hint=hint, exist=listing(TABLE))
-    material = TABLE[name]
-    density, sigma, source = _density(material, name, body.hollow, options)
+    material = doubted(name, _confidence(traits, options))
+    density, sigma, source = _density(material, name, body, options)
     solids = {label: _solid(ctx, label, link) for label, link in body.links.items()}
     if options.mass_kg is not None:
         density = options.mass_kg / sum(solid.volume for solid in solids.values())
         sigma, source = options.mass_sigma, "weighed"
     links = {label: _inertial(solid, density, sigma, source) for label, solid in solids.items()}
     mass = sum(link.mass_kg for link in links.values())
-    low, high = (mass * math.exp(side * NINETY * sigma) for side in (-1, 1))
+    low, high = (mass * math.exp(side * Z90 * sigma) for side in (-1, 1))
     ctx.metric("mass", mass, "kg")
     ctx.metric("volume", sum(solid.volume for solid in solids.values()) * 1e6, "cm3")
-    ctx.say(f"{_grams(mass)} ({_grams(low)} to {_grams(high)}), {source}, friction {material.friction:.2f}")
+    friction = f"friction {material.friction:.2f} ± {Z90 * material.friction_sigma:.2f}"
+    ctx.say(f"{_grams(mass)} ({_grams(low)} to {_grams(high)}), {source}, {friction}")
     return Physics(
         links=links,
         friction=material.friction,
@@ -66,13 +77,33 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
     )
 
 
-def _density(material: Material, name: str, hollow: bool, options: PhysicsOptions) -> tuple[float, float, str]:
+def _confidence(traits: Traits, options: PhysicsOptions) -> float:
+    """Probability of the material."""
+    if options.material:
+        return 1.0
+    return options.material_confidence if traits.material_confidence is None else traits.material_confidence
+
+
+def _density(material: Material, name: str, body: Body, options: PhysicsOptions) -> tuple[float, float, str]:
     """Density [kg/m^3], standard deviation of the log mass, and a description."""
-    if hollow:
-        sigma = math.hypot(material.wall_sigma, options.wall_sigma)
-        return material.wall_density, sigma, f"material table: {name}, walls at {material.wall_density:.0f} kg/m3"
-    sigma = math.hypot(material.bulk_sigma, options.volume_sigma)
-    return material.bulk_density, sigma, f"material table: {name}, whole at {material.bulk_density:.0f} kg/m3"
+    density, own = (
+        (material.wall_density, material.wall_sigma) if body.hollow else (material.bulk_density, material.bulk_sigma)
+    )
+    known = body.certainty or Certainty(unseen_fraction=0.5)
+    fit = options.untold_sigma if known.volume_sigma is None else known.volume_sigma
+    hidden = options.wall_sigma if body.hollow else options.volume_sigma * known.unseen_fraction / 0.5
+    sigma = math.hypot(own, fit, hidden, _rival_sigma(known.rival, density, material))
+    kind = "walls" if body.hollow else "whole"
+    return density, sigma, f"material table: {name}, {kind} at {density:.0f} kg/m3"
+
+
+def _rival_sigma(rival: Rival | None, density: float, material: Material) -> float:
+    """Standard deviation of the log mass because the second-best hypothesis may be right instead."""
+    if rival is None:
+        return 0.0
+    odds = math.exp(-rival.gap / GAP)
+    other = rival.volume_ratio * (material.wall_density if rival.hollow else material.bulk_density) / density
+    return math.sqrt(odds) / (1.0 + odds) * abs(math.log(other))
 
 
 def _solid(ctx: Context, label: str, link: Link) -> massprops.MassProperties:
@@ -97,8 +128,8 @@ def _inertial(solid: massprops.MassProperties, density: float, sigma: float, sou
     x, y, z = (float(value) for value in solid.centre)
     return Inertial(
         mass_kg=mass,
-        mass_low_kg=mass * math.exp(-NINETY * sigma),
-        mass_high_kg=mass * math.exp(NINETY * sigma),
+        mass_low_kg=mass * math.exp(-Z90 * sigma),
+        mass_high_kg=mass * math.exp(Z90 * sigma),
         centre=(x, y, z),
         inertia=massprops.six(solid.inertia * density),
         source=source,

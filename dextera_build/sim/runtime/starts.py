@@ -17,6 +17,7 @@ from dextera_build.artifacts.task import TaskBundle, TaskObject
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
+from dextera_build.statistics import Z90
 
 TRIES = 200
 """Maximum number of draws before a task counts as too crowded."""
@@ -24,8 +25,6 @@ TOUCH_M = 0.001
 """Maximum penetration at a start [m]."""
 GAINS = 0.10
 """Half range of the factor on the robot's gains, times `Reset.dynamics`."""
-Z90 = 1.645
-"""Half width of a 90 % interval in standard deviations."""
 
 
 def draw(bundle: TaskBundle, model: Any, seed: int) -> Start:

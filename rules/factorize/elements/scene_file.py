@@ -143,6 +143,8 @@ def _merged(item: Wanted, proposal: Element | None) -> Element:
         base = {key: getattr(proposal, key) for key in ("category", "body_type", "material", "box", "phrase")}
     if "category" in given and "body_type" not in given:
         given["body_type"] = "articulated" if given["category"] == "laptop" else "rigid"
+    if "material" in given:
+        given["material_confidence"] = 1.0
     return Element(**{**base, **given, "interactive": item.interactive})
 
 

@@ -96,6 +96,7 @@ def articulate(
         pose=shape.pose,
         hollow=shape.hollow,
         asset_source=depth.source(shape.asset_source),
+        certainty=shape.certainty(),
     )
     seen = depth.for_check()
     pixels = None if seen is None or body.pose is None else ctx.backend.picture(ctx, body, seen, ctx.backend_options)
@@ -121,4 +122,10 @@ def _line(joints: tuple[Joint, ...]) -> str:
 
 def _rigid(shape: Shape) -> Body:
     base = Link(mesh=shape.mesh, walls=shape.walls)
-    return Body(links={"base": base}, pose=shape.pose, hollow=shape.hollow, asset_source=shape.asset_source)
+    return Body(
+        links={"base": base},
+        pose=shape.pose,
+        hollow=shape.hollow,
+        asset_source=shape.asset_source,
+        certainty=shape.certainty(),
+    )

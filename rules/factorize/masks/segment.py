@@ -92,7 +92,7 @@ def segment(
             phrase=element.phrase,
             asset_source=source,
         )
-        traits = Traits(category=element.category, body_type=element.body_type, material=element.material)
+        traits = Traits(**{name: getattr(element, name) for name in Traits.model_fields})
         items[name] = Instance(view=view, traits=traits, measured=_measured(measured, support, box))
     lost = sorted(set(wanted) - set(names))
     ctx.say(f"{', '.join(names)}" + (f"; nothing of {', '.join(lost)}" if lost else ""))

@@ -19,6 +19,8 @@ LEAST_PART = 0.012
 """Smallest fraction of the mask that a handle covers."""
 ROOT_M = 0.0012
 """Depth of a handle's roots inside the wall [m], the minimum wall thickness."""
+INDEPENDENT = 4.0
+"""Effective number of independent depths in the picture of a handle; errors of neighbours are correlated."""
 WEDGES = 8
 """Number of convex pieces of a handle's loop."""
 LAYERS = ((1.0, 0.26), (0.86, 0.1), (0.62, 0.0))
@@ -59,9 +61,10 @@ def with_handle(body: Finished, evidence: Evidence) -> Finished | None:
     beside, shown = _beside(outer.moved(body.pose), evidence)
     if beside is None:
         return None
-    plane = _plane(beside, body.pose, evidence)
-    if plane is None:
+    found = _plane(beside, body.pose, evidence)
+    if found is None:
         return None
+    plane, turn_sigma = found
     outlines = _outlines(beside, shown, plane, evidence, outer)
     if outlines is None:
         return None
@@ -71,7 +74,9 @@ def with_handle(body: Finished, evidence: Evidence) -> Finished | None:
     if whole.volume < 1.005 * body.solid.volume:
         return None
     walls = body.walls and (*body.walls, *_wedges(section, thickness, plane.azimuth))
-    return replace(body, solid=whole, walls=walls)
+    # The depth is that of the strap's near side, half its thickness before the plane in which it is built.
+    aside = thickness / 2.0 / max(sum(section.bounds()[::2]) / 2.0, thickness)
+    return replace(body, solid=whole, walls=walls, turn_sigma=float(np.hypot(turn_sigma, aside)))
 
 
 def _beside(outer: Solid, evidence: Evidence) -> tuple[np.ndarray | None, np.ndarray]:
@@ -98,8 +103,11 @@ def _beside(outer: Solid, evidence: Evidence) -> tuple[np.ndarray | None, np.nda
     return patch | near, covered
 
 
-def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> _Plane | None:
-    """The half plane whose intersection with the rays best matches the seen depth of the handle."""
+def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> tuple[_Plane, float] | None:
+    """The half plane whose intersection with the rays best matches the seen depth of the handle.
+
+    The second value is the standard deviation of its azimuth [rad], over all that match almost as well.
+    """
     from scipy import ndimage
 
     object_from_camera = transforms.invert(pose) @ evidence.world_from_camera
@@ -113,15 +121,24 @@ def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> _Plane |
     middle = np.median(points, axis=0)
     guess = float(np.arctan2(middle[1], middle[0]))
     best, least = None, np.inf
+    turns, errors = [], []
     for turn in np.deg2rad(np.arange(-40.0, 41.0, 2.0)):
         plane = _Plane(guess + turn, eye, object_from_camera)
         place, depth = plane.place(pixels, evidence.k)
         error = float(np.median(np.abs(depth - evidence.depth[inner])))
         # Viewed nearly edge-on, a pixel does not locate a point on the plane.
         slant = abs(np.sin(plane.azimuth - np.arctan2(-eye[1], -eye[0])))
-        if slant > 0.25 and error < least and np.median(place[:, 0]) > 0:
+        if slant <= 0.25 or np.median(place[:, 0]) <= 0:
+            continue
+        turns.append(turn)
+        errors.append(error)
+        if error < least:
             best, least = plane, error
-    return best
+    if best is None:
+        return None
+    excess = (np.square(errors) - least**2) / np.median(evidence.sigma[inner]) ** 2
+    weights = np.exp(-0.5 * INDEPENDENT * excess)
+    return best, float(np.sqrt(np.average(np.square(np.array(turns) - (best.azimuth - guess)), weights=weights)))
 
 
 def _outlines(

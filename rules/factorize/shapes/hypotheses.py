@@ -30,6 +30,8 @@ class Finished:
     hollow: bool = False
     outside: Solid | None = None
     """A vessel without its cavity, in the same frame."""
+    turn_sigma: float = 0.0
+    """Standard deviation of the azimuth of a handle [rad]."""
 
 
 @dataclass(frozen=True)

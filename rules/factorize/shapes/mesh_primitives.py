@@ -10,13 +10,14 @@ from pydantic import NonNegativeInt, PositiveFloat
 
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Shape
+from dextera_build.artifacts.object import Rival, Shape
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.view import ObjectView, Seen
 from dextera_build.errors import listing
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements
+from . import doubt
 from . import evidence as evidence_of
 from .families.names import HYPOTHESES
 from .handle import with_handle
@@ -37,6 +38,7 @@ BACKEND = Backend(
 
 HANDLED = ("revolved", "revolved_hollow", "cylinder")
 """Families that may have a handle."""
+HOLLOW = ("revolved_hollow",)
 HALF_TURN_SYMMETRIC = ("box", "tilted_box", "lying_cylinder", "oval")
 
 
@@ -58,6 +60,8 @@ class _Fitted:
     candidate: Candidate
     parameters: np.ndarray
     score: float
+    volume: float
+    """[m^3]"""
 
 
 def complete(
@@ -88,27 +92,63 @@ def complete(
     if not fitted:
         ctx.fail("no hypothesis is left to try", hint="allow more `hypotheses`", known=listing(HYPOTHESES))
     best = max(fitted, key=lambda found: found.score)
-    body, judged, loose = _finished(best, evidence, options.refine_steps)
+    body, judged, left = _finished(best, evidence, options.refine_steps)
     scores = {found.candidate.model.name: found.score for found in fitted}
     shape = _shape(best.candidate.model.name, body, judged, scores, seen, common)
-    return shape.model_copy(update={"unobserved": loose})
+    covariance = left.doubt.pose.copy()
+    covariance[5, 5] += body.turn_sigma**2
+    pose = Pose(parent="world", child="object", matrix=body.pose, covariance=covariance)
+    return shape.model_copy(
+        update={
+            "pose": pose,
+            "unobserved": left.loose,
+            "size_sigma": left.doubt.size_sigma,
+            "volume_sigma": left.doubt.volume_sigma,
+            "rival": _rival(best, fitted),
+        }
+    )
 
 
 def _fitted(candidate: Candidate, evidence: evidence_of.Evidence, steps: int) -> _Fitted:
     found = fit(candidate.model, evidence, steps)
     body = candidate.model.build(found.parameters)
-    return _Fitted(candidate, found.parameters, judge(body, evidence, candidate.model.cost).score)
+    score = judge(body, evidence, candidate.model.cost).score
+    return _Fitted(candidate, found.parameters, score, body.volume)
 
 
-def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tuple[Finished, Judgement, tuple[str, ...]]:
-    """Refine the winner longer, and add detail and a handle if they explain the view better.
+def _rival(best: _Fitted, fitted: list[_Fitted]) -> Rival | None:
+    """The second-best hypothesis; the search's own bodies are compared, without details and handles."""
+    others = [found for found in fitted if found is not best]
+    if not others:
+        return None
+    second = max(others, key=lambda found: found.score)
+    name = second.candidate.model.name
+    return Rival(
+        hypothesis=name,
+        volume_ratio=max(second.volume, 1e-12) / max(best.volume, 1e-12),
+        hollow=name in HOLLOW,
+        gap=best.score - second.score,
+    )
 
-    The third value names the sizes that the view leaves undetermined.
-    """
+
+@dataclass(frozen=True)
+class _Left:
+    """What the view leaves open."""
+
+    loose: tuple[str, ...]
+    """Sizes that it does not determine."""
+    doubt: doubt.Doubt
+
+
+def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tuple[Finished, Judgement, _Left]:
+    """Refine the winner longer, and add detail and a handle if they explain the view better."""
     cost = best.candidate.model.cost
     candidate, parameters = best.candidate, descend(best.candidate.model, evidence, best.parameters, steps).parameters
     loose = undetermined(candidate.model, evidence, parameters, tuple(candidate.sizes))
-    named = tuple(candidate.sizes[index] for index in loose)
+    left = _Left(
+        tuple(candidate.sizes[index] for index in loose),
+        doubt.of_fit(candidate.model, evidence, parameters, candidate.finish),
+    )
     if candidate.settled is not None:
         settled = candidate.settled(parameters)
         parameters = descend(settled, evidence, settled.starts[0], steps).parameters
@@ -125,7 +165,7 @@ def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tupl
             again = judge(handled.solid.moved(handled.pose), evidence, cost)
             if again.score > mark.score:
                 body, mark = handled, again
-    return _lifted(body, evidence.base), mark, named
+    return _lifted(body, evidence.base), mark, left
 
 
 def _lifted(body: Finished, base: float) -> Finished:

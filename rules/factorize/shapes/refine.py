@@ -94,6 +94,13 @@ def descend(model: Model, evidence: Evidence, start: np.ndarray, iterations: int
     return Fit(here, loss)
 
 
+def curvature(model: Model, evidence: Evidence, found: np.ndarray) -> tuple[np.ndarray, float]:
+    """Half the second derivative (P, P) of the loss per squared step of the parameters, and the loss at `found`."""
+    loss, residual, weight = _loss(model, evidence, found)
+    slope = _slopes(model, evidence, found, residual)
+    return (slope * weight[:, None]).T @ slope, loss
+
+
 def undetermined(model: Model, evidence: Evidence, found: np.ndarray, sizes: tuple[int, ...]) -> list[int]:
     """Parameters of `sizes` that could be much larger or smaller, with the others refitted, at no worse fit."""
     loss = _loss(model, evidence, found)[0]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Body, Link, Physics
+from dextera_build.artifacts.object import Body, Certainty, Link, Physics, Rival
 from dextera_build.errors import RuleError
 from dextera_build.geometry import massprops, solids
+from dextera_build.statistics import Z90
 from dextera_build.testing import RuleRunner
 from tests import factories, object_views
 
@@ -96,3 +99,60 @@ def test_an_open_and_an_inside_out_link_are_refused(runner):
 def test_a_weighed_mass_must_be_positive(runner):
     with pytest.raises(ValueError, match="greater than 0"):
         weigh(runner, object_views.body(BOX), mass_kg=-1.0)
+
+
+def log_width(physics: Physics) -> float:
+    """Standard deviation of the log mass."""
+    link = physics.links["base"]
+    return math.log(link.mass_high_kg / link.mass_low_kg) / (2.0 * Z90)
+
+
+def known(body, **fields) -> Body:
+    """The body with what the photograph is said to determine."""
+    certain = {"unseen_fraction": 0.0, "volume_sigma": 0.0} | fields
+    return body.model_copy(update={"certainty": Certainty(**certain)})
+
+
+def test_a_shape_without_doubt_leaves_the_density_of_its_material(runner):
+    body = known(object_views.body(BOX))
+    assert log_width(weigh(runner, body, material="wood")) == pytest.approx(0.30)
+    assert log_width(weigh(runner, known(body, volume_sigma=0.4), material="wood")) == pytest.approx(0.5)
+    assert log_width(weigh(runner, known(body, unseen_fraction=0.5), material="wood", volume_sigma=0.4)) == (
+        pytest.approx(0.5)
+    )
+    walls = known(object_views.body(BOX, hollow=True))
+    assert log_width(weigh(runner, walls, material="wood")) == pytest.approx(math.hypot(0.25, 0.35))
+
+
+def test_a_shape_that_tells_nothing_has_a_wide_interval(runner):
+    told, untold = known(object_views.body(BOX), unseen_fraction=0.5), object_views.body(BOX)
+    assert log_width(weigh(runner, untold)) > log_width(weigh(runner, told))
+    assert log_width(weigh(runner, untold)) == log_width(
+        weigh(runner, known(untold, unseen_fraction=0.5, volume_sigma=None))
+    )
+
+
+def test_a_near_rival_of_another_volume_widens_the_mass(runner):
+    def width(ratio: float, gap: float, *, hollow: bool = False) -> float:
+        rival = Rival(hypothesis="other", volume_ratio=ratio, hollow=hollow, gap=gap)
+        return log_width(weigh(runner, known(object_views.body(BOX), rival=rival), material="wood"))
+
+    # Two equally good hypotheses, one of which is twice as heavy: half a log 2 to either side.
+    assert width(2.0, 0.0) == pytest.approx(math.hypot(0.30, math.log(2.0) / 2))
+    assert width(1.0, 0.0) == pytest.approx(0.30)
+    assert width(2.0, 0.0) > width(2.0, 0.05) > width(2.0, 1.0) == pytest.approx(0.30, rel=1e-6)
+    # The rival's walls are denser than a whole product.
+    assert width(1.0, 0.0, hollow=True) == pytest.approx(math.hypot(0.30, math.log(650 / 600) / 2))
+
+
+def test_a_less_certain_material_widens_mass_and_friction(runner):
+    body = known(object_views.body(BOX))
+    seen = object_views.view(BOX, np.eye(4), material="ceramic").traits
+    found = [
+        runner.run("factorize.physics", body=body, traits=seen.model_copy(update={"material_confidence": sure}))
+        for sure in (1.0, 0.9, None, 0.4)
+    ]
+    assert found[1] == found[2], "0.9 is assumed of a proposer that tells nothing"
+    assert log_width(found[0]) < log_width(found[1]) < log_width(found[3])
+    assert found[0].friction_sigma == 0.12 < found[1].friction_sigma < found[3].friction_sigma
+    assert len({one.friction for one in found}) == 1

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import Collision, Joint, Physics, Placement
+from dextera_build.artifacts.object import Certainty, Collision, Joint, Physics, Placement
 from dextera_build.errors import RuleError
 from dextera_build.geometry import kinematics, massprops
+from dextera_build.statistics import Z90
 from dextera_build.testing import RuleRunner
 from tests import factories, object_views
 
@@ -19,9 +22,9 @@ def runner(tmp_path):
     return RuleRunner(tmp_path)
 
 
-def place(scale: float = S, pose: np.ndarray | None = None) -> Placement:
+def place(scale: float = S, pose: np.ndarray | None = None, scale_sigma: float | None = 0.0) -> Placement:
     where = factories.pose(0.1, 0.2, 0.3, 0.4) if pose is None else pose
-    return Placement(pose=factories.placed(where), scale=scale, residual_m=0.0, overlap=1.0, method="test")
+    return Placement(pose=factories.placed(where), scale=scale, scale_sigma=scale_sigma, method="test")
 
 
 def build(runner, made, placement, **parts):
@@ -94,7 +97,9 @@ def test_the_pose_is_the_placement_and_scale_one_changes_nothing(runner):
     assert found.pose.matrix == pytest.approx(factories.pose(0.1, 0.2, 0.3, 0.4))
     assert runner.encode(found.physics) == runner.encode(made.physics)
     assert found.category == "laptop"
-    assert runner.outcome.line == "1.300 kg, scale 1.0000, 2 collision pieces, 1 joint, rgb"
+    line, intervals = runner.outcome.line.split("; ")
+    assert line == "1.300 kg, scale 1.0000, 2 collision pieces, 1 joint, rgb"
+    assert intervals == "90 %: 910 to 1820 g, scale ± 0.0 %, friction ± 0.16, pose interval unknown"
 
 
 def test_a_weighed_mass_is_that_of_the_scaled_body(runner):
@@ -119,7 +124,7 @@ def test_a_world_of_another_unit_scales_body_and_place(runner):
 def test_an_asset_of_unknown_scale_says_so(runner):
     table = factories.support().model_copy(update={"scale": "unknown"})
     assert build(runner, factories.laptop_asset(), place(scale=1.0), support=table).scale == "unknown"
-    assert runner.outcome.line.endswith("rgb, scale unknown")
+    assert "rgb, scale unknown; " in runner.outcome.line
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0])
@@ -145,3 +150,37 @@ def test_the_covariance_of_the_pose_follows_the_unit_of_the_world(runner):
     table = factories.support().model_copy(update={"factor": 0.5, "scale": "size"})
     found = build(runner, factories.laptop_asset(), placement.model_copy(update={"pose": uncertain}), support=table)
     assert np.allclose(found.pose.covariance, np.diag([1e-6] * 3 + [1e-4] * 3), rtol=1e-9, atol=0.0)
+
+
+def log_width(asset) -> float:
+    """Standard deviation of the log mass of the base."""
+    link = asset.physics.links["base"]
+    return math.log(link.mass_high_kg / link.mass_low_kg) / (2.0 * Z90)
+
+
+def test_an_uncertain_scale_counts_threefold_in_the_mass(runner):
+    made = factories.laptop_asset()
+    known, less = (build(runner, made, place(scale_sigma=sigma)) for sigma in (0.0, 0.05))
+    assert log_width(less) == pytest.approx(math.hypot(log_width(known), 0.15))
+    assert (known.scale_sigma, less.scale_sigma) == (0.0, 0.05)
+    unknown = build(runner, made, place(scale_sigma=None))
+    assert unknown.scale_sigma is None
+    assert log_width(unknown) > log_width(less)
+    weighed = made.physics.model_copy(update={"weighed": True})
+    assert log_width(build(runner, made, place(scale_sigma=None), physics=weighed)) == log_width(known)
+
+
+def test_the_shape_s_own_size_is_in_the_interval_of_scale(runner):
+    made = factories.laptop_asset()
+    body = made.body.model_copy(update={"certainty": Certainty(unseen_fraction=0.5, size_sigma=0.03)})
+    found = build(runner, made, place(scale_sigma=0.04), body=body)
+    assert found.scale_sigma == pytest.approx(0.05)
+    assert "scale ± 8.2 %" in runner.outcome.line
+
+
+def test_the_line_has_the_interval_of_the_pose(runner):
+    placement = place(scale=1.0)
+    sigmas = np.diag([0.002, 0.001, 0.0, 0.0, 0.0, 0.02]) ** 2
+    pose = placement.pose.model_copy(update={"covariance": sigmas})
+    build(runner, factories.laptop_asset(), placement.model_copy(update={"pose": pose}))
+    assert runner.outcome.line.endswith("position ± 3.3 mm, yaw ± 1.9 deg")

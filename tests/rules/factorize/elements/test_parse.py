@@ -151,7 +151,7 @@ elements:
     found = interactive(elements)
     assert set(found) == {"salad_bowl", "can"}
     assert found["salad_bowl"].category == "bowl"
-    assert found["salad_bowl"].material == "plastic"
+    assert (found["salad_bowl"].material, found["salad_bowl"].material_confidence) == ("plastic", 1.0)
     assert found["can"].box == (left - 3, top + 2, right + 2, bottom)
     assert elements.source == "scene.yaml"
     unnamed = next(element for element in elements.elements if element.name == "red_box")

@@ -1,0 +1,138 @@
+"""Covariance of a registration: what depth and outline of one view say about pose and scale of a rigid model.
+
+Errors of neighbouring pixels are alike, because a depth camera matches windows and because a wrong shape is wrong over
+whole regions. The residuals themselves tell over which area, and that many pixels count as one measurement.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.geometry import planes, transforms, uncertainty
+from dextera_build.geometry.registration import Similarity
+
+from .model_view import Compared, ModelView
+
+WINDOW_PX = 3.0
+"""Minimum width of the area over which errors of the depth are alike [px]: the matching window of a stereo camera."""
+OUTLINE_PX = 1.0
+"""Standard deviation of a mask's border, and of a common offset of all of it [px]."""
+OUTLINE_ALIKE_PX = 10.0
+"""Length along a mask's border over which its errors are alike [px]."""
+GRAZING = 0.15
+"""Cosine between normal and line of sight below which a depth says nothing about the surface."""
+FARTHEST = 5.0
+"""Residuals beyond this many standard deviations are cut off: flying pixels, and depth of something else."""
+ANY_TURN = float(np.pi / np.sqrt(3.0))
+"""Standard deviation of a rotation of which nothing is known [rad]."""
+
+FREE = np.eye(7)
+"""All changes: translation x y z, rotation vector x y z, log scale."""
+UPRIGHT = FREE[:, [0, 1, 2, 5, 6]]
+"""The model's up axis stays."""
+
+
+def resting(height_m: float) -> np.ndarray:
+    """Changes (7, 4) that keep the up axis and the contact with z = 0 of a body whose origin is at `height_m` [m]."""
+    basis = FREE[:, [0, 1, 5, 6]].copy()
+    basis[2, 3] = height_m
+    return basis
+
+
+def covariance(
+    model: ModelView, placed: Similarity, size_m: float, scale_sigma: float, freedom: np.ndarray
+) -> np.ndarray:
+    """Covariance (7, 7) of translation [m], rotation vector [rad] and log scale, in the axes of the world.
+
+    Args:
+        model: The model in front of the camera.
+        placed: Where it was placed.
+        size_m: Size of the placed model, the standard deviation of its position if nothing else was known [m].
+        scale_sigma: Standard deviation of the log scale if nothing else was known.
+        freedom: (7, K) basis of the changes that are possible: `FREE`, `UPRIGHT` or `resting`.
+    """
+    view = model.compare(placed)
+    origin = placed.pose[:3, 3]
+    before = np.concatenate([np.full(3, size_m), np.full(3, ANY_TURN), [scale_sigma]])
+    system = np.diag(before**-2.0)
+    system += _by_depth(view, origin)
+    system += _by_outline(view, origin)
+    inverse = np.linalg.inv(freedom.T @ system @ freedom)
+    return np.asarray(freedom @ inverse @ freedom.T)
+
+
+def by_support(covariance: np.ndarray, world_from_camera: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Covariance (6, 6) of T_world_object that comes from that of the support in T_world_camera, both (4, 4).
+
+    An object that stands on the support has its height and tilt from it; x, y and yaw are seen by the camera, whose
+    frame moves with the world's.
+    """
+    camera_from_object = transforms.invert(world_from_camera) @ pose
+    found = uncertainty.compose(world_from_camera, camera_from_object, (covariance, np.zeros((6, 6))))
+    by = np.array([0.0, 0.0, 1.0, 1.0, 1.0, 0.0])
+    return np.asarray(found * np.outer(by, by))
+
+
+def _by_depth(view: Compared, origin: np.ndarray) -> np.ndarray:
+    """Information (7, 7) in the distances of the measured points along the normals of the surface."""
+    slant = np.abs((view.normals * view.directions).sum(axis=-1))
+    lengths = np.linalg.norm(view.directions, axis=-1)
+    used = view.drawn & view.mask & view.known & (view.seen > 0.0) & (slant > GRAZING * lengths)
+    if not used.any():
+        return np.zeros((7, 7))
+    sigma = planes.depth_sigma(view.seen[used])
+    residual = np.zeros(used.shape)
+    residual[used] = np.clip((view.seen - view.depth)[used] / sigma, -FARTHEST, FARTHEST)
+    rows = _rows(view.points[used] - origin, view.normals[used]) / (sigma * slant[used])[:, None]
+    alike = max(_alike(residual, used), (WINDOW_PX / view.stride) ** 2, 1.0)
+    return np.asarray(rows.T @ rows / alike)
+
+
+def _alike(residual: np.ndarray, used: np.ndarray) -> float:
+    """Sum of the residuals' autocovariance (H, W) over all shifts up to its first small value, at least that of 1."""
+    shape = [2 * length for length in used.shape]
+    power = np.abs(np.fft.rfft2(np.where(used, residual, 0.0), shape)) ** 2
+    pairs = np.abs(np.fft.rfft2(used.astype(np.float64), shape)) ** 2
+    sums, counts = np.fft.irfft2(power, shape), np.round(np.fft.irfft2(pairs, shape))
+    covariance = np.where(counts > 0.5, sums / np.maximum(counts, 1.0), 0.0)
+    rows, columns = (np.minimum(np.arange(n), n - np.arange(n)) for n in shape)
+    radius = np.round(np.hypot(rows[:, None], columns[None, :])).astype(int)
+    rings = np.bincount(radius.ravel(), (covariance * counts).ravel()) / np.maximum(
+        np.bincount(radius.ravel(), counts.ravel()), 1.0
+    )
+    small = np.flatnonzero(rings <= 0.0)
+    near = radius < (small[0] if len(small) else len(rings))
+    variance = max(float(covariance[0, 0]), 1.0)
+    # Of smooth residuals no more is left than one measurement.
+    total = float(covariance[near].sum()) / max(float(covariance[0, 0]), 1e-12)
+    return variance * float(np.clip(total, 1.0, used.sum()))
+
+
+def _by_outline(view: Compared, origin: np.ndarray) -> np.ndarray:
+    """Information (7, 7) in the distance of the drawn outline from the border of the mask."""
+    from scipy import ndimage
+
+    drawn = view.drawn
+    border = drawn & ~ndimage.binary_erosion(drawn, border_value=1)
+    border &= ~ndimage.binary_dilation(~view.known, iterations=3)
+    smooth = ndimage.gaussian_filter(drawn.astype(np.float64), 1.5)
+    down, right = np.gradient(smooth)
+    steep = np.hypot(right, down)
+    border &= steep > 1e-3
+    if not border.any() or not view.mask.any():
+        return np.zeros((7, 7))
+    outward = -np.stack([right, down], axis=-1)[border] / steep[border, None]
+    inside = ndimage.distance_transform_edt(view.mask) - 1.0
+    off = view.stride * np.where(view.mask, inside, -ndimage.distance_transform_edt(~view.mask))[border]
+    sideways = view.pixel_slopes(border, outward)
+    variance = max(float(np.mean(np.minimum(off**2, (FARTHEST * OUTLINE_PX) ** 2))), OUTLINE_PX**2)
+    rows = np.column_stack([_rows(view.points[border] - origin, sideways), np.ones(len(outward))])
+    system = rows.T @ rows * view.stride / (OUTLINE_ALIKE_PX * variance)
+    system[7, 7] += OUTLINE_PX**-2.0
+    # A mask may be too large or too small all around: that offset is left open.
+    return np.asarray(system[:7, :7] - np.outer(system[:7, 7], system[7, :7]) / system[7, 7])
+
+
+def _rows(arms: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Change (N, 7) of points at `arms` from the origin along the vectors `along`, both (N, 3), per change."""
+    return np.column_stack([along, np.cross(arms, along), (arms * along).sum(axis=1)])
