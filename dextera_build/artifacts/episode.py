@@ -6,10 +6,12 @@ import math
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
+from pydantic import Field
 
+from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.content import Content, Get, OnDisk, Stored
 from dextera_build.artifacts.identity import check
@@ -28,6 +30,9 @@ Origin = Literal["operator", "synthesis", "policy", "replay"]
 class Start(Artifact):
     """The complete state that an episode begins in, with the dynamics that were drawn for it."""
 
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.unchanged}
+
     seed: int
     """Seed of the draw."""
     qpos: Annotated[np.ndarray, Array("Q", "float64")]
@@ -35,7 +40,9 @@ class Start(Artifact):
     ctrl: Annotated[np.ndarray, Array("A", "float64", unit="rad")]
     """Joint targets at the start."""
     mass_scale: dict[str, float]
-    """Root body -> factor on all its masses and inertias."""
+    """Root body -> factor on all its masses and, in addition to that of its size, on its inertias."""
+    size_scale: dict[str, float] = Field(default_factory=dict)
+    """Root body -> factor on all its lengths, about its own origin; 1 for those that are not named."""
     friction: dict[str, float]
     """Root body -> sliding friction coefficient."""
     gain_scale: float

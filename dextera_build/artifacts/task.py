@@ -37,8 +37,8 @@ class Reset(Value):
     robot_rad: float = 0.0
     """Every joint of the robot starts within this range around its home [rad]."""
     dynamics: float = 1.0
-    """Masses, friction and gains are drawn within this many of the twin's own intervals, and errors of the objects'
-    poses have this many of their standard deviations; 0 keeps the estimates."""
+    """Masses, sizes, friction and gains are drawn within this many of the twin's own intervals, and errors of the
+    objects' poses have this many of their standard deviations; 0 keeps the estimates."""
 
 
 class TaskSpec(Value):
@@ -74,8 +74,11 @@ class TaskSpec(Value):
 class TaskObject(Artifact):
     """One movable object of a task's model."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.pose("world_from_object", "pose", "world", "object")}
+    type_version: ClassVar[int] = 3
+    readers: ClassVar[former.Readers] = {
+        1: former.pose("world_from_object", "pose", "world", "object"),
+        2: former.unchanged,
+    }
 
     joints: tuple[str, ...]
     """Joints inside the object, in the order of the model."""
@@ -85,6 +88,8 @@ class TaskObject(Artifact):
     """Joint positions in the photograph [rad or m]."""
     mass_scale: tuple[float, float]
     """Interval of the true mass over the estimate (90 %)."""
+    scale_sigma: float | None = None
+    """Standard deviation of the log of all its lengths; None if unknown, and starts keep the estimate."""
     friction: float
     """Sliding friction coefficient, estimate."""
     friction_sigma: float

@@ -102,7 +102,7 @@ def robot_type(bundle: TaskBundle) -> str:
 def start(label: str, episode: Episode) -> dict[str, object]:
     """Columns with the start of the episode and its origin."""
     begin = episode.start
-    dynamics = {"mass_scale": begin.mass_scale, "friction": begin.friction, "gain_scale": begin.gain_scale}
+    dynamics = {name: getattr(begin, name) for name in ("mass_scale", "size_scale", "friction", "gain_scale")}
     return {
         "label": label,
         "origin": episode.origin,

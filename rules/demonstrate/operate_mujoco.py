@@ -13,7 +13,6 @@ from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.drive import Driver, Filters
 from dextera_build.sim.render.stills import Stills
-from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
 
@@ -41,7 +40,7 @@ def operate(ctx: Context, bundle: TaskBundle, common: OperateOptions, options: O
     failures: dict[str, Episode] = {}
     attempts = 0
     while len(items) < common.episodes and attempts < common.tries * common.episodes:
-        start = starts.draw(bundle, driver.environment.model, seed_of("operate", common.seed, attempts))
+        start = driver.environment.draw(seed_of("operate", common.seed, attempts))
         episode = driver.run(operator, start, origin="operator", filters=filters)
         (items if episode.success else failures)[f"{attempts:05d}"] = episode
         attempts += 1

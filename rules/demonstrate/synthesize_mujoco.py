@@ -13,7 +13,6 @@ from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.drive import Driver, Filters, Noise
-from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
 
@@ -41,7 +40,7 @@ def synthesize(
         seed = seed_of(shard.seed, shard.first, attempts)
         attempts += 1
         try:
-            start = starts.draw(bundle, driver.environment.model, seed)
+            start = driver.environment.draw(seed)
         except RuleError:
             if attempts == 1:
                 raise

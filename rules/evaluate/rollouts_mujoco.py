@@ -12,7 +12,6 @@ from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.errors import RuleError
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.render.rendering import through
-from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.policies import load
 from dextera_build.sim.runtime.rollout import closed_loop
@@ -40,7 +39,7 @@ def rollouts(
         look = (lambda: np.asarray(eye.rgb(environment.data))) if eye is not None else None
         for seed in seeds:
             try:
-                start = starts.draw(bundle, environment.model, seed)
+                start = environment.draw(seed)
             except RuleError as error:
                 yield Attempt(seed, excluded=error.message)
                 continue

@@ -19,7 +19,7 @@ def build(
     ctx: Context, bundle: TaskBundle, common: PerturbedOptions, options: Options
 ) -> tuple[TaskBundle, dict[str, tuple[float, float, float]]]:
     """Return the twin's model and objects unchanged."""
-    still = {"mass_scale": (1.0, 1.0), "friction_sigma": 0.0}
+    still = {"mass_scale": (1.0, 1.0), "friction_sigma": 0.0, "scale_sigma": None}
     objects = {name: thing.model_copy(update=still) for name, thing in bundle.objects.items()}
     changed = bundle.model_copy(update={"objects": objects, "kind": "perturbed", "latency_s": common.latency_s})
     return changed, dict.fromkeys(bundle.objects, (1.0, 1.0, 1.0))

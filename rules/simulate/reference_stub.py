@@ -18,7 +18,7 @@ BACKEND = Backend(summary="no simulation: the twin takes the place of the refere
 
 def build(ctx: Context, bundle: TaskBundle, world: World, common: ReferenceOptions, options: Options) -> TaskBundle:
     """Return the twin's model and objects unchanged."""
-    still = {"mass_scale": (1.0, 1.0), "friction_sigma": 0.0}
+    still = {"mass_scale": (1.0, 1.0), "friction_sigma": 0.0, "scale_sigma": None}
     objects = {name: thing.model_copy(update=still) for name, thing in bundle.objects.items()}
     return bundle.model_copy(update={"objects": objects, "kind": "reference", "latency_s": common.latency_s})
 

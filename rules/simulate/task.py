@@ -34,7 +34,7 @@ class ResetOptions(Options):
     robot_deg: NonNegativeFloat = 2.0
     """Half range of every joint of the robot around home [deg]."""
     dynamics: NonNegativeFloat = 1.0
-    """Fraction of the twin's own intervals to draw masses, friction, gains and known errors of poses from."""
+    """Fraction of the twin's own intervals to draw masses, sizes, friction, gains and known errors of poses from."""
 
 
 class TaskOptions(Options):
@@ -95,8 +95,8 @@ def task(
     """Return the task in the twin: scene and robot as one MJCF in the world frame [m, kg, rad], and its success test.
 
     The backend offers `fitted(options, joints) -> options`, `compose(scene, robot, world_from_base) -> Folder` and
-    `portraits(bundle) -> list of (caption, pixels)`. Masses and friction carry the twin's own uncertainty (90 %
-    interval, standard deviation), from which resets draw.
+    `portraits(bundle) -> list of (caption, pixels)`. Masses, sizes, friction and poses carry the twin's own uncertainty
+    (90 % interval, standard deviations, covariance), from which resets draw.
     """
     if scene.scale == "unknown":
         ctx.fail(
@@ -202,6 +202,7 @@ def _object(assets: Collection[Asset], label: str, count: int) -> TaskObject:
         pose=asset.pose,
         positions=tuple(joint.position for joint in asset.body.joints),
         mass_scale=(low, high),
+        scale_sigma=asset.scale_sigma,
         friction=asset.physics.friction,
         friction_sigma=asset.physics.friction_sigma,
         points=metrics.sample_surface(*kinematics.posed_surface(asset.body), count, seed=0).astype(np.float32),

@@ -154,7 +154,7 @@ def _rehearsed(driver: Driver, candidate: Candidate, drawn: Sequence[Start], *, 
 def _drawn(driver: Driver, number: int) -> Start | None:
     environment = driver.environment
     try:
-        return starts.draw(environment.bundle, environment.model, seed_of("rehearsal", number))
+        return environment.draw(seed_of("rehearsal", number))
     except RuleError:
         return None
 

@@ -66,5 +66,6 @@ class Insight:
     def _surface(self, data: Any) -> np.ndarray:
         """The sampled points of the task's object (P, 3) [m]; with the joint positions of the photograph."""
         body = int(self._environment.model.body(self._environment.task.object).id)
-        world = self._points @ data.xmat[body].reshape(3, 3).T + data.xpos[body]
+        size = self._environment.start.size_scale.get(self._environment.task.object, 1.0)
+        world = size * self._points @ data.xmat[body].reshape(3, 3).T + data.xpos[body]
         return np.asarray((world - self._origin) @ self._rotation.T)

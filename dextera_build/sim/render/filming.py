@@ -14,6 +14,7 @@ from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model import model as models
 from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.model.sizes import Sizes
 from dextera_build.sim.render.rendering import through
 
 
@@ -31,6 +32,7 @@ class Replica:
     def __init__(self, bundle: TaskBundle, episodes: Episodes) -> None:
         self.model = models.compile_folder(bundle.model)
         self.data = models.at_home(self.model)
+        self._sizes = Sizes(bundle.objects, self.model)
         self._base = bundle.base_pose.matrix
         self._joints = self._addresses([ROBOT + name for name in episodes.joint_names])
         self._displacements = self._addresses(list(episodes.displacement_names))
@@ -38,6 +40,8 @@ class Replica:
 
     def positions(self, episode: Episode) -> np.ndarray:
         """MuJoCo positions (T, Q) of every step; unrecorded positions keep their initial values.
+
+        The model's objects get the sizes of this episode.
 
         Raises:
             RuleError: The episode's start belongs to another model.
@@ -49,6 +53,7 @@ class Replica:
                 facts={"positions of the start": len(episode.start.qpos), "of the model": self.model.nq},
                 hint="give the bundle that the episodes were made in",
             )
+        self._sizes.put(episode.start.size_scale)
         found = np.tile(episode.start.qpos, (len(episode.joints), 1))
         found[:, self._joints] = episode.joints
         found[:, self._displacements] = episode.displacement

@@ -55,6 +55,7 @@ class Eye:
             self._option.geomgroup[:] = [int(group in geomgroups) for group in range(len(self._option.geomgroup))]
         _use_chosen_platform()
         self._renderer = mujoco.Renderer(model, camera.height, camera.width)
+        self._drawn = np.array(model.mesh_vert)
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -92,7 +93,19 @@ class Eye:
         self._renderer.disable_segmentation_rendering()
         return np.where(pairs[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), pairs[..., 0], -1).astype(np.int32)
 
+    def _upload(self) -> None:
+        """Copy resized meshes to the GPU, which holds them as they were when the camera was made."""
+        model = self._model
+        if np.array_equal(self._drawn, model.mesh_vert):
+            return
+        changed = (self._drawn != model.mesh_vert).any(axis=1)
+        for mesh, (start, count) in enumerate(zip(model.mesh_vertadr, model.mesh_vertnum, strict=True)):
+            if changed[start : start + count].any():
+                mujoco.mjr_uploadMesh(model, self._renderer._mjr_context, mesh)
+        self._drawn = np.array(model.mesh_vert)
+
     def _look(self, data: Any) -> None:
+        self._upload()
         self._renderer.update_scene(data, scene_option=self._option)
         rotation, place = self._pose[:3, :3], self._pose[:3, 3]
         camera = self._camera

@@ -32,8 +32,9 @@ class Stills:
 
     def at(self, episode: Episode, rows: np.ndarray) -> np.ndarray:
         """Pictures (len(rows), H, W, 3) uint8 of the scene before action `rows[i]`, clamped to the last."""
-        # An episode without a step still has a start.
-        positions = self._replica.positions(episode) if len(episode.joints) else episode.start.qpos[None]
+        positions = self._replica.positions(episode)
+        if not len(positions):  # it still has a start
+            positions = episode.start.qpos[None]
         with Eye(self._replica.model, *self._place) as eye:
             pictures = []
             for row in np.minimum(rows, len(positions) - 1):

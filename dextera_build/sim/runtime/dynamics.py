@@ -1,4 +1,4 @@
-"""Apply sampled dynamics to a compiled model: masses, friction, gains."""
+"""Apply sampled dynamics to a compiled model: sizes, masses, friction, gains."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.model.sizes import Sizes
 
 
 class Dynamics:
@@ -22,6 +23,7 @@ class Dynamics:
 
     def __init__(self, bundle: TaskBundle, model: Any) -> None:
         self._model = model
+        self.sizes = Sizes(bundle.objects, model)
         self._mass, self._inertia = model.body_mass.copy(), model.body_inertia.copy()
         self._friction = model.geom_friction.copy()
         self._gain, self._bias = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
@@ -31,13 +33,14 @@ class Dynamics:
         self._geoms = {name: np.isin(model.geom_bodyid, bodies) for name, bodies in self._bodies.items()}
 
     def apply(self, start: Start, data: Any) -> None:
-        """Set masses, inertias, friction and gains of `start`."""
+        """Set sizes, masses, inertias, friction and gains of `start`."""
         model = self._model
+        self.sizes.put(start.size_scale)
         model.body_mass[:], model.body_inertia[:] = self._mass, self._inertia
         model.geom_friction[:] = self._friction
         for name, factor in start.mass_scale.items():
             model.body_mass[self._bodies[name]] *= factor
-            model.body_inertia[self._bodies[name]] *= factor
+            model.body_inertia[self._bodies[name]] *= factor * start.size_scale.get(name, 1.0) ** 2
         for name, friction in start.friction.items():
             model.geom_friction[self._geoms[name], 0] = friction
         model.actuator_gainprm[:], model.actuator_biasprm[:] = self._gain, self._bias

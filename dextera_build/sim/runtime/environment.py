@@ -69,7 +69,18 @@ class Environment:
 
     def reset(self, seed: int) -> DeployableObservation:
         """Begin an episode at a start drawn with `seed`."""
-        return self.begin(starts.draw(self.bundle, self.model, seed))
+        return self.begin(self.draw(seed))
+
+    def draw(self, seed: int) -> Start:
+        """Draw a start without beginning it; sizes of the running episode stay as they are.
+
+        Raises:
+            RuleError: No start without collisions was found.
+        """
+        try:
+            return starts.draw(self.bundle, self.model, self._dynamics.sizes, seed)
+        finally:
+            self._dynamics.sizes.put(self.start.size_scale)
 
     def begin(self, start: Start) -> DeployableObservation:
         """Begin an episode at a given start, without state from the previous one."""

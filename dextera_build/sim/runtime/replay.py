@@ -10,7 +10,6 @@ import numpy as np
 from dextera_build.artifacts.episode import Episode, Start
 from dextera_build.errors import RuleError
 from dextera_build.policy.observation import Measurement
-from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.reconstruction import Tracker, reconstruct
 from dextera_build.sim.runtime.rollout import open_loop
@@ -63,7 +62,7 @@ class Replay:
     def attempt(self, seed: int) -> Replayed:
         """Reset the world with `seed`, measure it, synthesise a success in the twin, and replay it."""
         try:
-            start = starts.draw(self._world.bundle, self._world.model, seed)
+            start = self._world.draw(seed)
         except RuleError as error:
             return Replayed(reason=error.message)
         self._world.begin(start)

@@ -1,8 +1,8 @@
 """Starts of episodes: randomised poses, joints, dynamics and robot configurations.
 
-Dynamics are drawn from the confidence intervals of the twin's own estimates, not from a fixed percentage, and so are
-poses whose covariance is known, in addition to the task's ranges. A start is complete and is stored with its episode,
-so any episode can be rerun.
+Dynamics and sizes are drawn from the confidence intervals of the twin's own estimates, not from a fixed percentage, and
+so are poses whose covariance is known, in addition to the task's ranges. A start is complete and is stored with its
+episode, so any episode can be rerun.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from dextera_build.artifacts.task import TaskBundle, TaskObject
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.model.sizes import Sizes
 from dextera_build.statistics import Z90
 
 TRIES = 200
@@ -27,12 +28,13 @@ GAINS = 0.10
 """Half range of the factor on the robot's gains, times `Reset.dynamics`."""
 
 
-def draw(bundle: TaskBundle, model: Any, seed: int) -> Start:
+def draw(bundle: TaskBundle, model: Any, sizes: Sizes, seed: int) -> Start:
     """Draw a start of the task, deterministic in bundle and seed.
 
     Args:
         bundle: The task.
-        model: Its compiled model; not changed.
+        model: Its compiled model; its objects are left with the sizes of the start.
+        sizes: Of that model.
         seed: Any integer from 0 to 2^63.
 
     Raises:
@@ -41,9 +43,10 @@ def draw(bundle: TaskBundle, model: Any, seed: int) -> Start:
     random = np.random.default_rng([seed])
     data = mujoco.MjData(model)
     dynamics = _dynamics(bundle, random)
+    sizes.put(dynamics["size_scale"])
     for _ in range(TRIES):
         mujoco.mj_resetDataKeyframe(model, data, 0)
-        _place_objects(bundle, data, random)
+        _place_objects(bundle, data, dynamics["size_scale"], random)
         _pose_robot(bundle, model, data, random)
         mujoco.mj_forward(model, data)
         if _free(model, data) and _on_support(bundle, model, data):
@@ -83,10 +86,26 @@ def _dynamics(bundle: TaskBundle, random: np.random.Generator) -> dict[str, Any]
         friction[name] = float(max(0.05, np.clip(drawn, thing.friction - spread, thing.friction + spread)))
     # A world that replaces hardware has one robot, not a distribution.
     spread = GAINS * width if bundle.kind == "twin" else 0.0
-    return {"mass_scale": mass, "friction": friction, "gain_scale": float(1 + spread * random.uniform(-1, 1))}
+    gain = float(1 + spread * random.uniform(-1, 1))
+    size = {name: _size(bundle, thing, random) for name, thing in bundle.objects.items()}
+    return {"mass_scale": mass, "friction": friction, "gain_scale": gain, "size_scale": size}
 
 
-def _place_objects(bundle: TaskBundle, data: Any, random: np.random.Generator) -> None:
+def _size(bundle: TaskBundle, thing: TaskObject, random: np.random.Generator) -> float:
+    """Draw a factor on the object's lengths within the 90 % interval; 1 where none is known."""
+    if not thing.scale_sigma or bundle.kind != "twin":
+        return 1.0
+    error = float(np.clip(random.standard_normal(), -Z90, Z90))
+    return float(np.exp(bundle.task.reset.dynamics * thing.scale_sigma * error))
+
+
+def _rise(thing: TaskObject, size: float) -> float:
+    """How much higher the origin of a resized object is when it stands where it stood [m]."""
+    lowest = float((thing.points @ thing.pose.matrix[2, :3]).min())
+    return (1.0 - size) * lowest
+
+
+def _place_objects(bundle: TaskBundle, data: Any, sizes: dict[str, float], random: np.random.Generator) -> None:
     reset = bundle.task.reset
     for name, thing in bundle.objects.items():
         ours = name == bundle.task.object
@@ -98,7 +117,7 @@ def _place_objects(bundle: TaskBundle, data: Any, random: np.random.Generator) -
         c, s = np.cos(angle), np.sin(angle)
         turned = transforms.rigid(
             np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ thing.pose.matrix[:3, :3],
-            thing.pose.matrix[:3, 3] + [*shift, 0.0],
+            thing.pose.matrix[:3, 3] + [*shift, _rise(thing, sizes[name])],
         )
         place = data.joint(name).qpos
         place[:3], place[3:] = turned[:3, 3], quaternions.from_matrix(turned[:3, :3])

@@ -160,7 +160,7 @@ def _disturb(spec: Any, name: str, thing: TaskObject, drawn: Drawn, positions: d
         _loosen(spec.joint(joint), position, float(drawn.sizes[0]), drawn.hinge, positions)
         for joint, position in zip(thing.joints, thing.positions, strict=True)
     )
-    still = {"mass_scale": (1.0, 1.0), "friction": drawn.friction, "friction_sigma": 0.0}
+    still = {"mass_scale": (1.0, 1.0), "friction": drawn.friction, "friction_sigma": 0.0, "scale_sigma": None}
     return thing.model_copy(update={**still, "positions": moved})
 
 

@@ -9,6 +9,7 @@ import pytest
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.task import View
 from dextera_build.geometry import cameras, transforms
+from dextera_build.sim.model.sizes import Sizes
 from dextera_build.sim.render import rendering
 from tests import factories
 
@@ -99,3 +100,22 @@ def test_one_sample_per_pixel_keeps_colours_apart_and_four_blend_them(pose: np.n
             blended[samples] = np.any(eye.rgb(data)[behind] != 0, axis=-1).sum()
     assert blended[1] == 0
     assert blended[4] > 20
+
+
+def test_a_camera_draws_a_resized_mesh_at_its_size(pose: np.ndarray) -> None:
+    spec = mujoco.MjSpec()
+    spec.add_mesh(name="rock", uservert=[0, 0, 0, 0.2, 0, 0, 0, 0.2, 0, 0, 0, 0.2])
+    body = spec.worldbody.add_body(name="thing")
+    body.add_freejoint()
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="rock")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    sizes = Sizes(["thing"], model)
+    with rendering.Eye(model, CAMERA, pose) as eye:
+        seen = []
+        for scale in (1.0, 0.5, 1.0):
+            sizes.put({"thing": scale})
+            mujoco.mj_forward(model, data)
+            seen.append(int((eye.segmentation(data) >= 0).sum()))
+    assert seen[0] == seen[2]
+    assert seen[1] == pytest.approx(seen[0] / 4, rel=0.15)

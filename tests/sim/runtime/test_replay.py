@@ -16,7 +16,7 @@ from tests import gate
 
 
 def drawn(environment: Environment, seed: int = 0) -> Start:
-    return starts.draw(environment.bundle, environment.model, seed)
+    return environment.draw(seed)
 
 
 def seen_in(world: Environment, twin: Environment, seed: int = 0, tracker: Tracker | None = None) -> Start:

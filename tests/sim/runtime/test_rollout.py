@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from dextera_build.policy.running import PolicyFault
-from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import closed_loop, open_loop
 from tests import gate
@@ -38,7 +37,7 @@ def environment():
 
 
 def drawn(environment, seed=0):
-    return starts.draw(environment.bundle, environment.model, seed)
+    return environment.draw(seed)
 
 
 def test_a_policy_that_pushes_succeeds_and_one_that_stops_short_does_not(environment):

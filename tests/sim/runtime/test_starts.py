@@ -19,13 +19,13 @@ WIDE = Reset(position_m=0.03, yaw_rad=0.5, clutter_m=0.01, robot_rad=0.01, joint
 @pytest.fixture(scope="module")
 def drawn() -> list[starts.Start]:
     environment = Environment(task_bundles.close(reset=WIDE))
-    return [starts.draw(environment.bundle, environment.model, seed) for seed in range(60)]
+    return [environment.draw(seed) for seed in range(60)]
 
 
 def test_a_seed_decides_a_start_whatever_was_drawn_before(drawn):
     environment = Environment(task_bundles.close(reset=WIDE))
     for seed in (59, 0, 17):
-        again = starts.draw(environment.bundle, environment.model, seed)
+        again = environment.draw(seed)
         assert again.model_dump_json(exclude={"qpos", "ctrl"}) == drawn[seed].model_dump_json(exclude={"qpos", "ctrl"})
         assert again.qpos.tobytes() == drawn[seed].qpos.tobytes()
     assert len({start.qpos.tobytes() for start in drawn}) == len(drawn)
@@ -61,7 +61,7 @@ def test_dynamics_are_drawn_within_what_the_twin_claims(drawn):
 
 def test_without_dynamics_the_estimates_stay():
     environment = Environment(task_bundles.lift())
-    start = starts.draw(environment.bundle, environment.model, 4)
+    start = environment.draw(4)
     assert set(start.mass_scale.values()) == {1.0}
     assert set(start.friction.values()) == {0.8}
     assert start.gain_scale == 1.0
@@ -151,5 +151,56 @@ def _pose_spread(environment, sigma, kind="twin"):
     box = environment.bundle.objects["box"]
     pose = box.pose.model_copy(update={"covariance": np.eye(6) * sigma**2})
     objects = {**environment.bundle.objects, "box": box.model_copy(update={"pose": pose})}
-    bundle = environment.bundle.model_copy(update={"objects": objects, "kind": kind})
-    return np.std([starts.draw(bundle, environment.model, seed).qpos[:3] for seed in range(100)], axis=0)
+    other = Environment(environment.bundle.model_copy(update={"objects": objects, "kind": kind}))
+    return np.std([other.draw(seed).qpos[:3] for seed in range(100)], axis=0)
+
+
+def _uncertain(scale_sigma: float, dynamics: float = 1.0, kind: str = "twin") -> Environment:
+    bundle = task_bundles.close(reset=Reset(dynamics=dynamics))
+    box = bundle.objects["box"].model_copy(update={"scale_sigma": scale_sigma})
+    return Environment(bundle.model_copy(update={"objects": {**bundle.objects, "box": box}, "kind": kind}))
+
+
+def _sizes(environment: Environment) -> np.ndarray:
+    """Log sizes of the box, which stands on the support at every size."""
+    drawn = [environment.draw(seed) for seed in range(60)]
+    for start in drawn:
+        environment.begin(start)
+        size = start.size_scale["box"]
+        half = environment.model.geom_size[environment.model.body("box").geomadr[0]]
+        assert half == pytest.approx(task_bundles.HALF_M * size)
+        assert start.qpos[2] == pytest.approx(environment.bundle.objects["box"].pose.matrix[2, 3] * size)
+        assert start.size_scale["case"] == 1.0
+    return np.log([start.size_scale["box"] for start in drawn])
+
+
+def test_a_less_certain_scale_is_drawn_from_a_wider_range():
+    for sigma in (0.01, 0.05):
+        sizes = _sizes(_uncertain(sigma))
+        assert np.abs(sizes).max() <= 1.645 * sigma
+        assert sizes.std() == pytest.approx(0.85 * sigma, rel=0.2)
+    assert np.abs(_sizes(_uncertain(0.05, dynamics=0.5))).max() <= 0.5 * 1.645 * 0.05
+    for still in (_uncertain(0.05, dynamics=0.0), _uncertain(0.05, kind="reference")):
+        assert not _sizes(still).any()
+
+
+def test_a_draw_leaves_the_running_episode_as_it_is():
+    environment = _uncertain(0.05)
+    environment.reset(1)
+    before = environment.model.geom_size.copy()
+    first = environment.draw(2)
+    assert np.array_equal(environment.model.geom_size, before)
+    assert environment.draw(2).qpos.tobytes() == first.qpos.tobytes()
+    environment.reset(3)
+    assert environment.draw(2).qpos.tobytes() == first.qpos.tobytes()
+    assert environment.draw(2).size_scale == first.size_scale
+
+
+def test_inertia_follows_size_and_mass():
+    environment = _uncertain(0.05)
+    box = environment.model.body("box").id
+    mass, inertia = environment.model.body_mass[box], environment.model.body_inertia[box].copy()
+    dynamics = {"mass_scale": {"box": 2.0, "case": 1.0}, "size_scale": {"box": 1.1}}
+    environment.begin(environment.start.model_copy(update=dynamics))
+    assert environment.model.body_mass[box] == pytest.approx(2.0 * mass)
+    assert environment.model.body_inertia[box] == pytest.approx(2.0 * 1.1**2 * inertia)
