@@ -53,7 +53,7 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
     if name not in TABLE:
         hint = did_you_mean(name, TABLE) or "set `material` of the element in `scene.yaml` to one that exists"
         ctx.fail(f"no material is called `{name}`", hint=hint, exist=listing(TABLE))
-    material = doubted(name, _confidence(traits, options))
+    material = doubted(name, _confidence(traits, body, options))
     density, sigma, source = _density(material, name, body, options)
     solids = {label: _solid(ctx, label, link) for label, link in body.links.items()}
     if options.mass_kg is not None:
@@ -77,11 +77,19 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
     )
 
 
-def _confidence(traits: Traits, options: PhysicsOptions) -> float:
-    """Probability of the material."""
-    if options.material:
+def _confidence(traits: Traits, body: Body, options: PhysicsOptions) -> float:
+    """Probability of the material; one that nobody stated is at most as certain as whether the body is a vessel."""
+    told = traits.material_confidence
+    if options.material or told == 1.0:
         return 1.0
-    return options.material_confidence if traits.material_confidence is None else traits.material_confidence
+    rival = None if body.certainty is None else body.certainty.rival
+    kind = 1.0 if rival is None or rival.hollow == body.hollow else 1.0 / (1.0 + _odds(rival))
+    return kind * (options.material_confidence if told is None else told)
+
+
+def _odds(rival: Rival) -> float:
+    """Odds of the second-best hypothesis against the best one."""
+    return math.exp(-rival.gap / GAP)
 
 
 def _density(material: Material, name: str, body: Body, options: PhysicsOptions) -> tuple[float, float, str]:
@@ -101,7 +109,7 @@ def _rival_sigma(rival: Rival | None, density: float, material: Material) -> flo
     """Standard deviation of the log mass because the second-best hypothesis may be right instead."""
     if rival is None:
         return 0.0
-    odds = math.exp(-rival.gap / GAP)
+    odds = _odds(rival)
     other = rival.volume_ratio * (material.wall_density if rival.hollow else material.bulk_density) / density
     return math.sqrt(odds) / (1.0 + odds) * abs(math.log(other))
 

@@ -22,8 +22,12 @@ HUES = (
 )
 """Upper bound of the hue angle in the a*b* plane [deg] and its word."""
 MATERIALS = {"box": "cardboard", "bowl": "ceramic", "mug": "ceramic", "laptop": "electronics"}
-INWARD = 0.12
+INWARD, VESSEL, SOLID = 0.12, 0.2, 0.04
 """Fraction of the seen surface that faces the object's centre: above 0.2 for bowls and mugs, below 0.04 for solids."""
+FLAT = 0.75
+"""Fraction of the seen surface in flat faces from which a body is a box."""
+SURE, UNSURE = 0.9, 0.5
+"""Probability of the material of a shape that is clearly recognised, and of one at the border to another shape."""
 SHAPES = ("box", "cylinder", "bowl", "mug", "laptop", "object")
 
 
@@ -50,10 +54,26 @@ def shape_class(proposal: Proposal, relief: Relief) -> str:
         points = relief.points[proposal.mask & relief.valid]
         width = float(np.median(np.quantile(points[:, :2], 0.98, axis=0) - np.quantile(points[:, :2], 0.02, axis=0)))
         return "mug" if proposal.top_m > 0.75 * width else "bowl"
-    if sum(share for _, share in proposal.facets) > 0.75 and _square(proposal.facets):
+    if _flat(proposal) > FLAT and _square(proposal.facets):
         return "box"
     bent = sum(p.area_m2 for p in proposal.patches if p.bend > 0.08 and p.flatness_m > 0.003)
     return "cylinder" if bent > 0.15 * sum(p.area_m2 for p in proposal.patches) else "object"
+
+
+def material_confidence(proposal: Proposal, shape: str) -> float:
+    """Probability of the material of `shape`: the nearer the surface is to another shape's, the lower."""
+    if shape not in MATERIALS:
+        return UNSURE
+    margin = 1.0
+    if shape in ("bowl", "mug"):
+        margin = (proposal.inward - INWARD) / (VESSEL - INWARD)
+    elif shape == "box":
+        margin = min((_flat(proposal) - FLAT) / (1.0 - FLAT), (INWARD - proposal.inward) / (INWARD - SOLID))
+    return UNSURE + (SURE - UNSURE) * float(np.clip(margin, 0.0, 1.0))
+
+
+def _flat(proposal: Proposal) -> float:
+    return float(sum(share for _, share in proposal.facets))
 
 
 def _square(facets: tuple[tuple[np.ndarray, float], ...]) -> bool:
@@ -79,6 +99,7 @@ def elements(proposals: tuple[Proposal, ...], relief: Relief, lab: np.ndarray) -
                 interactive=not proposal.static,
                 box=proposal.box,
                 material=MATERIALS.get(shape, "plastic"),
+                material_confidence=material_confidence(proposal, shape),
             )
         )
     return tuple(found)

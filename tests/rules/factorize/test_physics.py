@@ -156,3 +156,15 @@ def test_a_less_certain_material_widens_mass_and_friction(runner):
     assert log_width(found[0]) < log_width(found[1]) < log_width(found[3])
     assert found[0].friction_sigma == 0.12 < found[1].friction_sigma < found[3].friction_sigma
     assert len({one.friction for one in found}) == 1
+
+
+def test_a_material_is_as_certain_as_whether_the_body_is_a_vessel(runner):
+    def friction(*, hollow: bool, sure: float) -> float:
+        rival = Rival(hypothesis="other", volume_ratio=1.0, hollow=hollow, gap=0.05)
+        seen = object_views.view(BOX, np.eye(4), material="ceramic").traits
+        traits = seen.model_copy(update={"material_confidence": sure})
+        body = known(object_views.body(BOX), rival=rival)
+        return float(runner.run("factorize.physics", body=body, traits=traits).friction_sigma)
+
+    assert friction(hollow=True, sure=0.9) > friction(hollow=False, sure=0.9)
+    assert friction(hollow=True, sure=1.0) == 0.12, "somebody stated it"
