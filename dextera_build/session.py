@@ -132,11 +132,14 @@ class Session:
         found = self.store.state.get(LAST, self.last_name)
         return found.decode(errors="replace") if found else ""
 
-    def plan(self) -> Plan:
+    def plan(self, *, incomplete: bool = False) -> Plan:
         """Resolve the recipe with the additions of the request.
 
+        Args:
+            incomplete: Plan also without required inputs that are not given; `Plan.absent` names them.
+
         Raises:
-            UsageError: There is no such recipe.
+            UsageError: There is no such recipe, or a required input is not given.
         """
         from dextera_build.recipe import settings
         from dextera_build.recipe.plan import Request, plan
@@ -144,7 +147,7 @@ class Session:
         if self.project.recipe(self.recipe) is None:
             raise no_recipe(self.project, self.recipe)
         texts, added = map(settings.parse, self.added.settings), self.added
-        request = Request(self.project.preferences, added.inputs, tuple(texts), added.backends)
+        request = Request(self.project.preferences, added.inputs, tuple(texts), added.backends, incomplete)
         made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
         self.project.forget_recipes()
         if self.project.console != "jsonl":

@@ -262,6 +262,8 @@ class Plan:
     graph: Graph
     recipes: tuple[Path, ...]
     rules: tuple[RuleFacts, ...]
+    absent: tuple[UsageError, ...] = ()
+    """An error for each required input that is not given; without these, nothing can be looked up or run."""
 
 
 def node_address(call: tuple[str, ...], labels: tuple[str, ...]) -> str:

@@ -1,11 +1,11 @@
-"""Refuses a build that needs backends which this machine cannot run."""
+"""Refuses a build that needs backends which this machine cannot run, or inputs that are not given."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from dextera_build.engine.graph import RuleFacts
-from dextera_build.errors import MachineError, listing
+from dextera_build.errors import MachineError, UsageError
 
 
 def refuse(rules: Iterable[RuleFacts]) -> None:
@@ -14,15 +14,50 @@ def refuse(rules: Iterable[RuleFacts]) -> None:
     Raises:
         MachineError: A package, weights or a licence of a backend is missing.
     """
-    lacking = {(rule.path, rule.backend): rule for rule in rules if rule.missing}
+    lacking = _lacking(rules)
     if not lacking:
         return
     if len(lacking) == 1:
-        (rule,) = lacking.values()
+        (rule,) = lacking
+        facts = {"needs": ", ".join(rule.missing), "chosen by": rule.chosen}
         message = f"backend `{rule.backend}` of {rule.path} is missing"
-        facts = {"needs": listing(rule.missing), "chosen by": rule.chosen}
-    else:
-        message = f"{len(lacking)} backends are missing"
-        facts = {f"{rule.path}: {rule.backend}": f"needs {listing(rule.missing)}" for rule in lacking.values()}
-    hints = dict.fromkeys(rule.hint for rule in lacking.values() if rule.hint)
-    raise MachineError(message, code="DXB-E301", facts=facts, hint="; ".join(hints) or None)
+        raise MachineError(message, code="DXB-E301", facts=facts, hint=rule.hint)
+    raise MachineError(
+        f"{len(lacking)} backends are missing",
+        code="DXB-E301",
+        facts=_facts(lacking),
+        hint="follow the next steps of each backend; `dxb doctor` checks them again",
+    )
+
+
+def refuse_incomplete(absent: Sequence[UsageError], rules: Iterable[RuleFacts]) -> None:
+    """Refuse a plan without required inputs; backends that are missing too stand in the same message.
+
+    Args:
+        absent: An error for each input.
+        rules: Rules of the nodes.
+
+    Raises:
+        UsageError: Always.
+    """
+    lacking = _lacking(rules)
+    if len(absent) == 1 and not lacking:
+        raise absent[0]
+    message = absent[0].message if len(absent) == 1 else f"{len(absent)} inputs are not given"
+    if lacking:
+        message += f", and {len(lacking)} backend{'s are' if len(lacking) > 1 else ' is'} missing"
+    facts = {
+        error.message if len(absent) > 1 else "input": "\n".join([*error.facts.values(), f"at: {error.where}"])
+        for error in absent
+    }
+    raise UsageError(message, code="DXB-U105", facts=facts | _facts(lacking), hint=absent[0].hint)
+
+
+def _lacking(rules: Iterable[RuleFacts]) -> list[RuleFacts]:
+    """Rules whose chosen backend is missing, each once."""
+    return list({(rule.path, rule.backend): rule for rule in rules if rule.missing}.values())
+
+
+def _facts(lacking: Iterable[RuleFacts]) -> dict[str, str]:
+    """`factorize.mesh: trellis2` -> what its backend needs, and the next step."""
+    return {f"{rule.path}: {rule.backend}": f"needs {', '.join(rule.missing)}\nnext: {rule.hint}" for rule in lacking}

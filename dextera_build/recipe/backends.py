@@ -71,13 +71,13 @@ def choose(
                 hint=f"name one: `backend: {next(iter(found.backends))}`",
             )
     line = [_backend(found, name, origin, where) for name in names]
-    lacks = {backend.name: _lacks(found, backend, machine) for backend in line[: None if fallback or wish else 1]}
+    lacks = {backend.name: lacks_of(found, backend, machine) for backend in line[: None if fallback or wish else 1]}
     chosen = next((backend for backend in line if not lacks.get(backend.name, True)), line[0])
     passed = line[: line.index(chosen)]
     told = [origin, *(f"{other.name} is missing: needs {listing(lacks[other.name])}" for other in passed)]
     told += ["on the CPU"] if chosen.facts.gpu_gb and not machine.device_gb(chosen.facts) else []
     missing = tuple(lacks[chosen.name])
-    hint = _next_step(lacks[chosen.name], chosen, line, machine) if missing else None
+    hint = _next_step(found, lacks[chosen.name], chosen, line, machine) if missing else None
     return Choice(chosen, "; ".join(told), missing, hint, tuple(other.name for other in passed))
 
 
@@ -91,8 +91,12 @@ def with_used(found: RuleFile, backend: BackendFile) -> list[BackendFile]:
     return [backend, *(_backend(found, name, origin, where) for name in backend.facts.uses)]
 
 
-def _lacks(found: RuleFile, backend: BackendFile, machine: Machine) -> dict[str, str]:
-    """What a backend, or one that it uses, needs and the machine does not have -> the next step."""
+def lacks_of(found: RuleFile, backend: BackendFile, machine: Machine) -> dict[str, str]:
+    """What a backend, or one that it uses, needs and the machine does not have -> the next step.
+
+    Raises:
+        RecipeError: The rule has no backend of a name in `uses`.
+    """
     return {what: step for each in with_used(found, backend) for what, step in each.lacks(machine).items()}
 
 
@@ -108,7 +112,9 @@ def _backend(found: RuleFile, name: str, origin: str, where: Place) -> BackendFi
     return found.backends[name]
 
 
-def _next_step(lacks: Mapping[str, str], chosen: BackendFile, line: list[BackendFile], machine: Machine) -> str:
+def _next_step(
+    found: RuleFile, lacks: Mapping[str, str], chosen: BackendFile, line: list[BackendFile], machine: Machine
+) -> str:
     steps = ", ".join(dict.fromkeys(lacks.values()))
-    others = [backend.name for backend in line if backend is not chosen and not backend.lacks(machine)]
+    others = [backend.name for backend in line if backend is not chosen and not lacks_of(found, backend, machine)]
     return steps + (f"; or `fallback: true` in the recipe takes `{others[0]}`" if others else "")

@@ -10,6 +10,7 @@ from dextera_build.engine.graph import Call, Fixed, Item, Output
 from dextera_build.errors import RecipeError
 from dextera_build.recipe import matrix
 from dextera_build.recipe.schema import CallDecl, GroupDecl, MatrixDecl
+from dextera_build.recipe.scope import Absent
 
 if TYPE_CHECKING:
     from dextera_build.recipe.calls import CallMaker
@@ -29,7 +30,10 @@ def collection(decl: GroupDecl | MatrixDecl, over: Over | None) -> Output | Item
     if isinstance(decl, MatrixDecl):
         return Fixed(tuple(decl.copies))
     assert over is not None
-    found = over().input
+    bound = over()
+    if isinstance(bound, Absent):
+        return Fixed(())
+    found = bound.input
     if not isinstance(found, Output | Item):
         raise RecipeError("`each` takes the output of a node", code="DXB-R105", where=decl.each.place)
     return found

@@ -1,4 +1,7 @@
-"""Artifact types in a recipe: what fits where, and the types of fields. A type may be a union."""
+"""Artifact types in a recipe: what fits where, and the types of fields.
+
+A type may be a union. `Any` is the type of an input that was not given: it fits everywhere and has every field.
+"""
 
 from __future__ import annotations
 
@@ -38,6 +41,8 @@ def fits(wanted: Any, given: Any) -> bool:
 
 
 def _is(given: Any, wanted: Any) -> bool:
+    if given is Any:
+        return True
     inner, wanted_inner = parameters(given), parameters(wanted)
     if inner and wanted_inner:
         return _bare(given) == _bare(wanted) and fits(wanted_inner[0], inner[0])
@@ -63,6 +68,8 @@ def field_type(kind: Any, fields: tuple[str, ...], where: Place) -> Any:
     """
     from dextera_build.artifacts.base import Artifact
 
+    if kind is Any:
+        return Any
     found = list(dict.fromkeys(_reached(kind, fields, where)))
     for each in found:
         if not (isinstance(each, type) and issubclass(each, Artifact)):

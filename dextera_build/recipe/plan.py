@@ -15,8 +15,8 @@ from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, l
 from dextera_build.recipe import cycles, groups
 from dextera_build.recipe.calls import CallMaker
 from dextera_build.recipe.profiles import Profile
-from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, MatrixDecl, Recipe, UseDecl, refuse_deep
-from dextera_build.recipe.scope import Alias, Bound, GroupName, Scope, UseName, item
+from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, InputDecl, MatrixDecl, Recipe, UseDecl, refuse_deep
+from dextera_build.recipe.scope import Absent, Alias, Bound, GroupName, Scope, UseName, item
 from dextera_build.recipe.settings import COMMAND_LINE, Setting
 from dextera_build.recipe.strict_yaml import Node
 
@@ -37,6 +37,8 @@ class Request:
     """Options that override the recipe: `--set 'body[mug].mesh.wall_m=0.004'`."""
     backends: Mapping[str, str] = field(default_factory=dict)
     """Rule -> backend, or several in order of preference, separated by commas; overrides the profile's."""
+    incomplete: bool = False
+    """Whether to plan without required inputs that are not given; `Plan.absent` then has an error for each."""
 
 
 def plan(address: str, read: Read, library: Library, project: Path, request: Request | None = None) -> Plan:
@@ -65,7 +67,7 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
     graph = Graph(address, planner.tree(), resolved)
     cycles.refuse(graph)
     planner.maker.refuse_unused_settings(graph)
-    return Plan(graph, tuple(planner.files), planner.maker.rules)
+    return Plan(graph, tuple(planner.files), planner.maker.rules, tuple(planner.absent))
 
 
 class _Planner:
@@ -77,6 +79,8 @@ class _Planner:
         self._request = request
         self.maker = CallMaker(library, request.profile, request.backends, request.settings)
         self.files: list[Path] = []
+        self.absent: list[UsageError] = []
+        """One error for each required input that is not given."""
         self._recipes: dict[str, Recipe] = {}
         self._foreign: dict[str, Scope] = {}
         self._pending: dict[tuple[str, ...], tuple[CallDecl, Scope]] = {}
@@ -175,16 +179,23 @@ class _Planner:
             elif decl.optional:
                 scope.names[name] = Bound(None, lambda: type(None))
             else:
-                raise UsageError(
-                    f"the input `{name}` of `{recipe.address}` is not given",
-                    code="DXB-U105",
-                    where=decl.place,
-                    facts={"it is": decl.help} if decl.help else None,
-                    hint=f"`dxb build {recipe.address} --input {name}=PATH`",
-                )
+                scope.names[name] = self._absent(recipe, name, decl)
         self._declare(recipe.nodes, scope, prefix, group)
         self._opening.pop()
         return scope
+
+    def _absent(self, recipe: Recipe, name: str, decl: InputDecl) -> Bound:
+        error = UsageError(
+            f"the input `{name}` of `{recipe.address}` is not given",
+            code="DXB-U105",
+            where=decl.place,
+            facts={"it is": decl.help} if decl.help else None,
+            hint=f"`dxb build {recipe.address} --input {name}=PATH`",
+        )
+        if not self._request.incomplete:
+            raise error
+        self.absent.append(error)
+        return Absent(Leaf(Path(name), decl.place), lambda: Any)
 
     def _declare(self, nodes: Mapping[str, Decl], scope: Scope, prefix: str, group: tuple[str, ...]) -> None:
         for name, decl in nodes.items():

@@ -34,6 +34,14 @@ class Bound:
         return Bound(inner, lambda: field_type(self.kind(), fields, where))
 
 
+class Absent(Bound):
+    """A required input that is not given, in a plan that only shows what is missing: of any type, with every field."""
+
+    def follow(self, fields: tuple[str, ...], where: Place) -> Bound:
+        """The input itself."""
+        return self
+
+
 @dataclass(frozen=True)
 class Alias:
     """An alias of a reference, resolved on use because its target may be declared later."""

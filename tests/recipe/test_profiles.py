@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from dextera_build.engine import missing
@@ -51,6 +53,54 @@ def test_the_next_in_line_is_taken_only_where_the_recipe_says_so(space):
     assert space.dxb("report", "say/b", "--profile", "lab", "-o", "page.html").code == 0
     assert "cloud is missing" in (space.root / "page.html").read_text()
     assert "lab\ttoy.spoken\tcloud,quiet\tlab" in space.dxb("ls", "profiles").out
+
+
+ASKING = """inputs: {{note: {{help: A file.}}, name: {{help: Another.}}}}
+nodes:
+  words: {{rule: toy.split, text: $note}}
+  copy:
+    each: $note.items
+    as: one
+    nodes: {{loud: {{rule: toy.spoken, text: $one.part{backend}}}}}
+  all: {{rule: toy.join, texts: $copy.loud}}
+  more: {{rule: toy.shout, text: $name}}
+targets: {{default: [all], more: [more]}}
+"""
+
+
+def test_a_plan_without_its_inputs_shows_the_backends_and_lists_inputs_and_backends_together(space):
+    space.write("recipes/say/b.yaml", ASKING.format(backend=", backend: cloud"))
+    answer = space.dxb("plan", "say/b", "--json")
+    assert answer.code == 2
+    rows = {row["node"]: row for row in json.loads(answer.out)}
+    assert {name: row["status"] for name, row in rows.items()} == {"copy.loud": "missing", "all": "unknown"}
+    assert rows["copy.loud"]["needs"] == ["no-such-distribution"]
+    assert rows["copy.loud"]["next"] == install_extra("models")
+    assert "error[DXB-U105]: 2 inputs are not given, and 1 backend is missing" in answer.err
+    for told in (
+        "input `note` of",
+        "A file.",
+        "input `name` of",
+        "needs no-such-distribution",
+        install_extra("models"),
+    ):
+        assert told in answer.err
+    assert "error[DXB-U105]: the input `note` of `say/b` is not given\n" in space.dxb("build", "say/b").err
+    space.write("recipes/say/b.yaml", ASKING.format(backend=""))
+    half = space.dxb("plan", "say/b", "--input", "name=dxb.toml")
+    assert "error[DXB-U105]: the input `note` of `say/b` is not given\n" in half.err
+    assert half.out.splitlines()[0] == "copy.loud\tunknown\ttoy.spoken\tquiet\t-\tprofile cpu"
+
+
+def test_the_plan_of_a_photograph_and_the_doctor_agree_on_what_the_models_need(space):
+    answer = space.dxb("plan", "twin/from_photo", "--profile", "gpu", "--json")
+    planned = {f"{row['rule']}={row['backend']}": row for row in json.loads(answer.out) if row["status"] == "missing"}
+    assert len(planned) >= 5  # without weights
+    found = {row["what"]: row for row in json.loads(space.dxb("doctor", "--profile", "gpu", "--json").out)}
+    for name, row in planned.items():
+        assert found[name]["found"].endswith(f"needs {', '.join(row['needs'])}")
+        assert row["next"].startswith(found[name]["mend"])
+        assert row["next"] in answer.err
 
 
 @pytest.mark.parametrize(

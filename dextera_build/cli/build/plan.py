@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 
 from dextera_build.build import fetch
 from dextera_build.cli import options, table
-from dextera_build.cli.nodes import planned, row
+from dextera_build.cli.nodes import Row, planned, row
 from dextera_build.engine import missing
+from dextera_build.engine.dry import Planned
 from dextera_build.report.wording import count, duration
 from dextera_build.session import addresses
 
 if TYPE_CHECKING:
-    from dextera_build.engine.dry import Planned
+    from dextera_build.engine.graph import Address, Plan, RuleFacts
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,11 +36,15 @@ def run(args: argparse.Namespace) -> int:
 
     `cached` is up to date, and so is `bare`, whose bytes are not in the store and are not needed; `stale` would run,
     `remote` would be fetched, `unknown` reads the output of one of these. `missing` needs a backend that this machine
-    cannot run; what it lacks is printed, and the exit code is 4.
+    cannot run; what it lacks is printed, and the exit code is 4. If a required input is not given, every other node is
+    `unknown`, and the exit code is 2.
     """
     session, target = options.session(args, args.target)
-    graph = session.plan().graph
+    plan = session.plan(incomplete=not args.check)
+    graph = plan.graph
     wanted = addresses(graph, target)
+    if plan.absent:
+        return _incomplete(plan, wanted, as_json=args.json)
     if args.check:
         from dextera_build.cli.build import stale
 
@@ -49,8 +54,26 @@ def run(args: argparse.Namespace) -> int:
     rows = [row(node, "remote" if node.address in elsewhere else "") for node in nodes]
     if not args.json:
         print(_sum([row["status"] for row in rows], nodes), file=sys.stderr)
-    given = table.give(rows, as_json=args.json)
+    given = _give(rows, [node.rule for node in nodes], as_json=args.json)
     missing.refuse(node.rule for node, row in zip(nodes, rows, strict=True) if row["status"] == "missing")
+    return given
+
+
+def _give(rows: Sequence[Row], rules: Sequence[RuleFacts], *, as_json: bool) -> int:
+    """Print the rows; in JSON with what is missing for the backend, and the next step."""
+    full = [{**row, "needs": list(rule.missing), "next": rule.hint} for row, rule in zip(rows, rules, strict=True)]
+    return table.give(full, as_json=as_json, cells=rows)
+
+
+def _incomplete(plan: Plan, wanted: Sequence[Address], *, as_json: bool) -> int:
+    """The same without looking anything up: a required input is not given, so no key is known."""
+    needed = set(plan.graph.walk(wanted))
+    calls = [(path, call.rule) for path, call in plan.graph.calls() if path in needed]
+    rules = [rule for _, rule in calls]
+    given = _give(
+        [row(Planned(".".join(path), "unknown", None, None, rule)) for path, rule in calls], rules, as_json=as_json
+    )
+    missing.refuse_incomplete(plan.absent, rules)
     return given
 
 

@@ -11,8 +11,9 @@ import sys
 from collections.abc import Iterator
 
 from dextera_build.cli import options, table
-from dextera_build.code.loader import BackendFile
+from dextera_build.code.loader import BackendFile, RuleFile
 from dextera_build.project.project import Project
+from dextera_build.recipe.backends import lacks_of
 from dextera_build.report import wording
 
 _LIBRARIES = {"libusb-1.0-0": "usb-1.0", "libgomp1": "gomp", "libegl1": "EGL", "libgl1": "GL"}
@@ -75,11 +76,11 @@ def _backends(project: Project, tested: list[str] | None) -> Iterator[Finding]:
         names, _ = profile.preferred(found)
         if names:
             tests = tested is not None and (not tested or found.path in tested)
-            yield _backend(project, found.backends[names[0]], tests=tests)
+            yield _backend(project, found, found.backends[names[0]], tests=tests)
 
 
-def _backend(project: Project, backend: BackendFile, *, tests: bool) -> Finding:
-    facts, lacks, models = backend.facts, backend.lacks(project.machine), project.machine.models
+def _backend(project: Project, found: RuleFile, backend: BackendFile, *, tests: bool) -> Finding:
+    facts, lacks, models = backend.facts, lacks_of(found, backend, project.machine), project.machine.models
     told = [facts.licence]
     for name in facts.weights:
         model, installed = project.model(name), models.installed(name)
