@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
 from dextera_build.calls import secrets
-from dextera_build.errors import RuleError, UsageError, did_you_mean, listing
-from dextera_build.project.project import Project
+from dextera_build.errors import Place, RuleError, UsageError, did_you_mean, listing
+from dextera_build.project.project import LOCK, Project
 from dextera_build.redact import redact
 from dextera_build.runs.snapshot import LAST
 
@@ -20,6 +20,7 @@ from dextera_build.runs.snapshot import LAST
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
     from dextera_build.engine.graph import Address, Graph
+    from dextera_build.project.lockfile import Bindings
     from dextera_build.recipe.plan import Plan
     from dextera_build.runs.history import Entry, History
     from dextera_build.store.store import Store
@@ -80,15 +81,23 @@ class Session:
         makes: Whether the verb builds, so that a missing store is created.
         last: If the request adds nothing and no flag sets a profile, use the history of the request built last; a
             profile set in the environment must match it.
+        names: Bindings to use instead of those of `dxb.lock`.
     """
 
     def __init__(
-        self, project: Project, recipe: str, added: Added | None = None, *, makes: bool = False, last: bool = False
+        self,
+        project: Project,
+        recipe: str,
+        added: Added | None = None,
+        *,
+        makes: bool = False,
+        last: bool = False,
+        names: Bindings | None = None,
     ) -> None:
         self.project = project
         self.recipe = recipe
         self.added = added or Added()
-        self._makes, self._last = makes, last
+        self._makes, self._last, self._names = makes, last, names
 
     @cached_property
     def store(self) -> Store:
@@ -96,6 +105,14 @@ class Session:
         from dextera_build.store.store import Store
 
         return Store(self.project.cache) if self._makes else reading(self.project)
+
+    @cached_property
+    def names(self) -> Bindings:
+        """The names that `dxb.lock` binds, in this recipe and in others."""
+        if self._names is not None:
+            return self._names
+        lock = self.project.lock()
+        return lock.names if lock is not None else {}
 
     @cached_property
     def variant(self) -> str:
@@ -147,12 +164,29 @@ class Session:
         if self.project.recipe(self.recipe) is None:
             raise no_recipe(self.project, self.recipe)
         texts, added = map(settings.parse, self.added.settings), self.added
-        request = Request(self.project.preferences, added.inputs, tuple(texts), added.backends, incomplete)
+        names = {node.removeprefix(f"{self.recipe}:"): bound for node, bound in self.names.items()}
+        lock = Place(self.project.shown(self.project.root / LOCK))
+        request = Request(self.project.preferences, added.inputs, tuple(texts), added.backends, incomplete, names, lock)
         made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
         self.project.forget_recipes()
         if self.project.console != "jsonl":
             warnings.update(dict.fromkeys(self.project.library.warnings.values()))
+            warnings.update(dict.fromkeys(self._unbound(made.graph)))
         return made
+
+    def _unbound(self, graph: Graph) -> Iterator[str]:
+        """Warnings about names in `dxb.lock` that the plan does not use."""
+        calls = dict(graph.calls()) if self.names else {}
+        for node, names in self.names.items():
+            call = calls.get((node.removeprefix(f"{self.recipe}:"),))
+            used = call.options.get("names") if call is not None else None
+            for name, binding in names.items():
+                if isinstance(used, dict):
+                    if binding.at_px and not used.get(name, {}).get("locked"):
+                        yield f"{LOCK} binds `{name}` in another way than the recipe; `dxb bind {node}` renews it"
+                elif node.startswith(f"{self.recipe}:"):
+                    gone = f"{LOCK} binds `{name}`, but `{node}` gives no names"
+                    yield f"{gone}; `dxb bind {node} --remove {name}`"
 
     @cached_property
     def past_builds(self) -> History:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from dextera_build.errors import StaleError, UsageError
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from dextera_build.engine.graph import Address
     from dextera_build.engine.run import RunResult
     from dextera_build.explain.causes import Cause, Causes
-    from dextera_build.project.lockfile import Name, Pin, Pins
+    from dextera_build.project.lockfile import Lock, Name, Pin, Pins
     from dextera_build.project.project import Project
     from dextera_build.recipe.plan import Plan
     from dextera_build.session import Added, Session
@@ -49,7 +50,7 @@ class Locking:
                 code="DXB-U161",
                 hint="write it into a recipe, which can extend this one, and lock that",
             )
-        pins = self._read() if self._plain else None
+        pins = self._pins() if self._plain else None
         self._exists = pins is not None
         self._old = pins or {}
         self._new: dict[Name, Pin | None] = {}
@@ -120,28 +121,23 @@ class Locking:
         """Update the file if anything changed; returns a line that describes the changes, or ""."""
         if self.locked or not (self.lock or self._new):
             return ""
-        from dextera_build import digest
         from dextera_build.project import lockfile
-        from dextera_build.store.store import Store
 
-        guard = digest.of_bytes(str(self.path).encode())
-        with Store(self._project.cache).locks.hold(guard):
+        with changing(self._project) as lock:
             # Another build may have written in the meantime; its pins stay.
-            now = self._read() or {}
-            pins = {name: pin for name, pin in (now | self._new).items() if pin is not None}
+            now = lock.pins
+            pins = {name: pin for name, pin in {**now, **self._new}.items() if pin is not None}
             recipes = {address for address, _ in self._project.recipes()}
             gone = [name for name in pins if self.lock and name.recipe not in recipes]
             kept = {name: pin for name, pin in pins.items() if name not in gone}
-            written = lockfile.write(self.path, kept)
+            written = lockfile.write(self.path, lockfile.Lock(kept, lock.names))
         self._old, self._new = kept, {}
         return f"{self.path.name}: {_told(now, kept, gone)}" if written else ""
 
-    def _read(self) -> dict[Name, Pin] | None:
-        if not self.path.exists():  # avoids the import in projects without a lock file
-            return None
-        from dextera_build.project import lockfile
-
-        return lockfile.read(self.path, self._project.shown(self.path))
+    def _pins(self) -> Pins | None:
+        """The pins; None if the file does not exist, or has only names, and so asks for no pins."""
+        lock = self._project.lock()
+        return lock.pins if lock is not None and (lock.pins or not lock.names) else None
 
     def _name(self, recipe: str, node: str) -> Name:
         from dextera_build.project.lockfile import Name
@@ -150,6 +146,18 @@ class Locking:
 
     def _is_of(self, name: Name, recipe: str) -> bool:
         return (name.profile, name.recipe) == (self._project.profile, recipe)
+
+
+@contextlib.contextmanager
+def changing(project: Project) -> Iterator[Lock]:
+    """The content of `dxb.lock`, while no other command may change it."""
+    from dextera_build import digest
+    from dextera_build.project.lockfile import Lock
+    from dextera_build.store.store import Store
+
+    guard = digest.of_bytes(str(project.root / LOCK).encode())
+    with Store(project.cache).locks.hold(guard):
+        yield project.lock() or Lock()
 
 
 def _line(cause: Cause) -> str:

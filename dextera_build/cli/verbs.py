@@ -5,6 +5,7 @@ GROUPS = {
         "build": "build targets; only what is stale runs",
         "plan": "show what a build would do, without doing it",
         "watch": "build, and rebuild whenever a file that the build read changes",
+        "bind": "bind names to objects, by a phrase, a property or a point in the photograph",
         "check": "check recipes without building them, or rebuild a node and compare",
     },
     "look": {

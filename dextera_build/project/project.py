@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from dextera_build.code.loader import Library
     from dextera_build.code.machine import Machine
     from dextera_build.models.model import Model
+    from dextera_build.project.lockfile import Lock
     from dextera_build.recipe.profiles import Profile
     from dextera_build.recipe.schema import Recipe
     from dextera_build.workers.capacity import Capacity
@@ -302,6 +303,19 @@ class Project:
                     self._recipes[place] = read(file, address, self.shown(file))
                 return self._recipes[place]
         return None
+
+    def lock(self) -> Lock | None:
+        """The content of `dxb.lock`, or None if there is no such file.
+
+        Raises:
+            RecipeError: It is not valid.
+        """
+        path = self.root / LOCK
+        if not path.exists():  # avoids the import in projects without a lock file
+            return None
+        from dextera_build.project import lockfile
+
+        return lockfile.read(path, self.shown(path))
 
     def looked_at(self) -> set[str]:
         """Files and folders that determined the meaning of its recipes, including ones that do not exist."""

@@ -139,8 +139,8 @@ def choose(name: str, value: object, origin: str) -> None:
 
 
 def is_profile(name: str) -> bool:
-    """Whether a text can be the name of a profile."""
-    return re.fullmatch(r"[a-z][a-z0-9_]*", name) is not None
+    """Whether a text can be the name of a profile; `names` is another table of `dxb.lock`."""
+    return re.fullmatch(r"[a-z][a-z0-9_]*", name) is not None and name != "names"
 
 
 def is_on(value: object) -> bool:

@@ -13,6 +13,7 @@ from dextera_build.engine.graph import Call, Graph, Group, Leaf, Output
 from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.recipe import cycles, groups
+from dextera_build.recipe.bindings import Names, fill
 from dextera_build.recipe.calls import CallMaker
 from dextera_build.recipe.profiles import Profile
 from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, InputDecl, MatrixDecl, Recipe, UseDecl, refuse_deep
@@ -39,6 +40,10 @@ class Request:
     """Rule -> backend, or several in order of preference, separated by commas; overrides the profile's."""
     incomplete: bool = False
     """Whether to plan without required inputs that are not given; `Plan.absent` then has an error for each."""
+    names: Mapping[str, Names] = field(default_factory=dict)
+    """Address of a node outside groups -> the names that `dxb.lock` binds there."""
+    lock: Place = field(default_factory=lambda: Place("dxb.lock"))
+    """The file of `names`."""
 
 
 def plan(address: str, read: Read, library: Library, project: Path, request: Request | None = None) -> Plan:
@@ -123,6 +128,7 @@ class _Planner:
         self.maker.place_settings(self._pending)
         members: dict[tuple[str, ...], dict[str, tuple[CallDecl, Scope]]] = {group: {} for group in self._groups}
         for address, (decl, scope) in self._pending.items():
+            decl = fill(decl, self._request.names.get(address[0], {}) if len(address) == 1 else {}, self._request.lock)
             around = self._groups[address[:-1]][0] if len(address) > 1 else None
             # The generic call of a matrix, without a label, is that of its first copy.
             first = next(iter(around.copies.values())) if isinstance(around, MatrixDecl) else None

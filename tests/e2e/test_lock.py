@@ -7,14 +7,14 @@ import shutil
 import pytest
 
 from dextera_build.project import lockfile
-from dextera_build.project.lockfile import Name
+from dextera_build.project.lockfile import Lock, Name
 from dextera_build.store.store import Store
 
 NOTE = "inputs: {note: note.txt}\nnodes:\n  w: {rule: toy.split, text: $note}\n"
 
 
 def pins(space):
-    return {str(name): pin for name, pin in (lockfile.read(space.root / "dxb.lock") or {}).items()}
+    return {str(name): pin for name, pin in (lockfile.read(space.root / "dxb.lock") or Lock()).pins.items()}
 
 
 @pytest.fixture
@@ -97,9 +97,9 @@ def test_a_store_that_never_had_the_locked_build_says_so(locked):
 
 
 def test_another_output_under_the_same_key_is_refused(locked):
-    (name,) = lockfile.read(locked.root / "dxb.lock")
+    (name,) = lockfile.read(locked.root / "dxb.lock").pins
     (pin,) = pins(locked).values()
-    lockfile.write(locked.root / "dxb.lock", {name: lockfile.Pin(pin.key, "0" * 64, pin.size)})
+    lockfile.write(locked.root / "dxb.lock", Lock({name: lockfile.Pin(pin.key, "0" * 64, pin.size)}))
     answer = locked.dxb("build", "--locked", "say/words")
     assert answer.code == 3
     assert f"key {pin.key[:12]} as pinned, output 000000000000 -> {pin.output[:12]}" in answer.err
@@ -159,8 +159,8 @@ def test_pins_of_recipes_that_are_gone_are_dropped_with_a_notice(locked):
 def test_profiles_have_pins_of_their_own(locked):
     assert locked.dxb("build", "--locked", "--profile", "stub", "say/words").code == 3
     assert locked.dxb("build", "--lock", "--profile", "stub", "say/words").code == 0
-    assert {name.profile for name in lockfile.read(locked.root / "dxb.lock")} == {"cpu", "stub"}
-    assert Name("cpu", "say/words", "all") in lockfile.read(locked.root / "dxb.lock")
+    assert {name.profile for name in lockfile.read(locked.root / "dxb.lock").pins} == {"cpu", "stub"}
+    assert Name("cpu", "say/words", "all") in lockfile.read(locked.root / "dxb.lock").pins
 
 
 def test_what_is_added_to_a_recipe_is_not_pinned(locked):

@@ -12,6 +12,7 @@ from pydantic import Field, NonNegativeInt
 from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.view import Instance, Segmentation
 from dextera_build.errors import RuleError
+from dextera_build.geometry import pictures
 from dextera_build.rule import Context, Options, rule
 
 from ..masks.marking import named
@@ -19,8 +20,17 @@ from ..regions.proposals import colour_lab
 from .naming import colour_word, unique
 
 
+class LockedPoint(Options):
+    """A point of an object in one photograph, from `dxb.lock`."""
+
+    at_px: tuple[NonNegativeInt, NonNegativeInt]
+    """Column and row [px]."""
+    photograph: str = Field(pattern="^[0-9a-f]{64}$")
+    """Digest of the photograph's pixels."""
+
+
 class Binding(Options):
-    """What an object is recognised by. `at_px` decides alone; else all that is given must fit."""
+    """What an object is recognised by: `at_px`, else `locked` on its photograph, else all properties that are given."""
 
     phrase: str = ""
     """Words of its phrase, name, category, material and colour: `blue mug`. The whole phrase goes before its words."""
@@ -32,6 +42,13 @@ class Binding(Options):
     """The most frequent colour of its pixels: `blue`."""
     at_px: tuple[NonNegativeInt, NonNegativeInt] | None = None
     """Column and row of one of its pixels in the photograph [px]; holds whatever parsing calls the object."""
+    locked: LockedPoint | None = None
+    """Where it was recognised before; `dxb bind` writes it to `dxb.lock`. On another photograph it is not used."""
+
+    @property
+    def has_properties(self) -> bool:
+        """Whether it tells objects apart on any photograph."""
+        return bool(self.phrase or self.category or self.material or self.colour)
 
 
 class NameOptions(Options):
@@ -83,11 +100,15 @@ def name(
     parsing calls a bound object reaches its view. Objects without a binding keep their names, with a number if the name
     is bound to another object.
 
+    A point of `dxb.lock` counts on the photograph it was found on; on another one the properties decide, which is said.
+
     Raises:
-        RuleError: A name fits no object or several, or two names fit the same one (DXB-B383).
+        RuleError: A name fits no object or several, or two names fit the same one (DXB-B383); a name has no more than
+            a point on another photograph (DXB-B384).
     """
     bindings = (options or NameOptions()).names
     known = _candidates(photograph, objects)
+    bindings, stale = _on(photograph, bindings, known)
     bound: dict[int, str] = {}
     for wanted, binding in bindings.items():
         found = _bind(wanted, binding, known, objects.map.labels)
@@ -108,10 +129,40 @@ def name(
         view = one.instance.view.model_copy(update={"phrase": phrase})
         items[label] = one.instance.model_copy(update={"view": view})
     renamed = [f"{one.name} is {label}" for one, label in zip(known, names, strict=True) if one.name != label]
-    ctx.say(", ".join(renamed) or f"{len(names)} as parsed")
+    said = [", ".join(renamed) or f"{len(names)} as parsed"]
+    if stale:
+        said.append(
+            f"not the photograph of `dxb.lock`, so by property: {', '.join(stale)}; `dxb bind` renews the points"
+        )
+    ctx.say("; ".join(said))
     points = {label: one.point for label, one in zip(names, known, strict=True)}
     ctx.preview(named(photograph.rgb.pixels, objects.map.labels, points), "names, each with a point for `at_px`")
     return objects.model_copy(update={"items": items, "names": names})
+
+
+def _on(
+    photograph: Photograph, bindings: dict[str, Binding], known: list[_Candidate]
+) -> tuple[dict[str, Binding], list[str]]:
+    """The bindings with `locked` points in the place of `at_px`, and names whose points are on another photograph."""
+    if not any(binding.locked for binding in bindings.values()):
+        return bindings, []
+    this, stale, found = pictures.digest_of(photograph.rgb.pixels), list[str](), dict[str, Binding]()
+    for wanted, binding in bindings.items():
+        point, found[wanted] = binding.locked, binding
+        if point is None or binding.at_px is not None:
+            continue
+        if point.photograph == this:
+            found[wanted] = binding.model_copy(update={"at_px": point.at_px})
+        elif binding.has_properties:
+            stale.append(wanted)
+        else:
+            raise RuleError(
+                f"the name `{wanted}` is bound by a point on another photograph",
+                code="DXB-B384",
+                facts={"point": f"[{point.at_px[0]}, {point.at_px[1]}]"} | {one.name: str(one) for one in known},
+                hint=f"`dxb bind TARGET {wanted} --at COLUMN,ROW` binds it on this photograph, `--phrase` on any",
+            )
+    return found, stale
 
 
 def _bind(wanted: str, binding: Binding, known: list[_Candidate], labels: np.ndarray) -> _Candidate:
@@ -121,7 +172,7 @@ def _bind(wanted: str, binding: Binding, known: list[_Candidate], labels: np.nda
             code="DXB-B383",
             hint="lower-case letters, digits and `_`, not starting with a digit",
         )
-    if binding == Binding():
+    if not (binding.has_properties or binding.at_px):
         _refuse(f"the name `{wanted}` says nothing about its object", known, "give `phrase`, a property or `at_px`")
     if binding.at_px is not None:
         return _at(wanted, binding.at_px, known, labels)
@@ -164,16 +215,12 @@ def _refuse(message: str, known: list[_Candidate], hint: str) -> NoReturn:
 
 
 def _candidates(photograph: Photograph, objects: Segmentation) -> list[_Candidate]:
-    import cv2
-
     lab = colour_lab(photograph.rgb.pixels)
     found = []
     for label, own in enumerate(objects.names, start=1):
         mask = objects.map.labels == label
-        inside = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
-        row, column = np.unravel_index(int(np.argmax(inside)), mask.shape)
         colour = colour_word(lab[mask])
-        found.append(_Candidate(label, own, objects.items[own], colour, (int(column), int(row))))
+        found.append(_Candidate(label, own, objects.items[own], colour, pictures.innermost(mask)))
     return found
 
 

@@ -10,6 +10,7 @@ from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.view import Instance, InstanceMap, ObjectView, Segmentation, Traits
 from dextera_build.errors import RuleError
+from dextera_build.geometry import pictures
 from dextera_build.testing import RuleRunner
 from tests import factories
 
@@ -92,6 +93,25 @@ def test_other_words_of_parsing_leave_a_bound_object_as_it_was(name):
     assert second.names == ("cup", "thing", "dish")
     assert second.items["cup"].view.phrase == first.items["cup"].view.phrase == "cup"
     assert content(second.items["cup"]) == content(first.items["cup"])
+
+
+HERE = pictures.digest_of(PHOTOGRAPH)
+ELSEWHERE = pictures.digest_of(255 - PHOTOGRAPH)
+
+
+def test_a_locked_point_counts_on_its_photograph_and_a_property_on_others(name):
+    blue = {"at_px": [25, 65]}
+    assert name(cup={"phrase": "red mug", "locked": {**blue, "photograph": HERE}}).names[0] == "cup"
+    assert name(cup={"phrase": "red mug", "locked": {**blue, "photograph": ELSEWHERE}}).names[1] == "cup"
+    assert name(cup={"at_px": [125, 65], "locked": {**blue, "photograph": HERE}}).names[1] == "cup"
+
+
+def test_a_point_on_another_photograph_is_refused(name):
+    with pytest.raises(RuleError, match="the name `cup` is bound by a point on another photograph") as caught:
+        name(cup={"locked": {"at_px": [25, 65], "photograph": ELSEWHERE}})
+    assert caught.value.code == "DXB-B384"
+    assert set(caught.value.facts) == {"point", *COLOURS}
+    assert "--at COLUMN,ROW" in caught.value.hint
 
 
 @pytest.mark.parametrize(
