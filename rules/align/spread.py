@@ -54,11 +54,11 @@ def covariance(
     view = model.compare(placed)
     origin = placed.pose[:3, 3]
     before = np.concatenate([np.full(3, size_m), np.full(3, ANY_TURN), [scale_sigma]])
-    system = np.diag(before**-2.0)
-    system += _by_depth(view, origin)
-    system += _by_outline(view, origin)
-    inverse = np.linalg.inv(freedom.T @ system @ freedom)
-    return np.asarray(freedom @ inverse @ freedom.T)
+    (by_depth, depth_pull), (by_outline, outline_pull) = _by_depth(view, origin), _by_outline(view, origin)
+    inverse = np.linalg.inv(freedom.T @ (np.diag(before**-2.0) + by_depth + by_outline) @ freedom)
+    # A search may stop where depth and outline would still move the model; that is an error of this size.
+    left = freedom @ inverse @ freedom.T @ (depth_pull + outline_pull)
+    return np.asarray(freedom @ inverse @ freedom.T + np.outer(left, left))
 
 
 def by_support(covariance: np.ndarray, world_from_camera: np.ndarray, pose: np.ndarray) -> np.ndarray:
@@ -73,19 +73,23 @@ def by_support(covariance: np.ndarray, world_from_camera: np.ndarray, pose: np.n
     return np.asarray(found * np.outer(by, by))
 
 
-def _by_depth(view: Compared, origin: np.ndarray) -> np.ndarray:
-    """Information (7, 7) in the distances of the measured points along the normals of the surface."""
+def _by_depth(view: Compared, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Information (7, 7) in the distances of the measured points along the normals of the surface, and its pull (7,).
+
+    Information times a small change is the pull that the change would undo.
+    """
     slant = np.abs((view.normals * view.directions).sum(axis=-1))
     lengths = np.linalg.norm(view.directions, axis=-1)
     used = view.drawn & view.mask & view.known & (view.seen > 0.0) & (slant > GRAZING * lengths)
     if not used.any():
-        return np.zeros((7, 7))
+        return np.zeros((7, 7)), np.zeros(7)
     sigma = planes.depth_sigma(view.seen[used])
     residual = np.zeros(used.shape)
     residual[used] = np.clip((view.seen - view.depth)[used] / sigma, -FARTHEST, FARTHEST)
     rows = _rows(view.points[used] - origin, view.normals[used]) / (sigma * slant[used])[:, None]
     alike = max(_alike(residual, used), (WINDOW_PX / view.stride) ** 2, 1.0)
-    return np.asarray(rows.T @ rows / alike)
+    # Normals face the camera, so that a larger measured depth pulls against them.
+    return np.asarray(rows.T @ rows / alike), np.asarray(-rows.T @ residual[used] / alike)
 
 
 def _alike(residual: np.ndarray, used: np.ndarray) -> float:
@@ -108,8 +112,8 @@ def _alike(residual: np.ndarray, used: np.ndarray) -> float:
     return variance * float(np.clip(total, 1.0, used.sum()))
 
 
-def _by_outline(view: Compared, origin: np.ndarray) -> np.ndarray:
-    """Information (7, 7) in the distance of the drawn outline from the border of the mask."""
+def _by_outline(view: Compared, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Information (7, 7) in the distance of the drawn outline from the border of the mask, and its pull (7,)."""
     from scipy import ndimage
 
     drawn = view.drawn
@@ -120,17 +124,20 @@ def _by_outline(view: Compared, origin: np.ndarray) -> np.ndarray:
     steep = np.hypot(right, down)
     border &= steep > 1e-3
     if not border.any() or not view.mask.any():
-        return np.zeros((7, 7))
+        return np.zeros((7, 7)), np.zeros(7)
     outward = -np.stack([right, down], axis=-1)[border] / steep[border, None]
     inside = ndimage.distance_transform_edt(view.mask) - 1.0
     off = view.stride * np.where(view.mask, inside, -ndimage.distance_transform_edt(~view.mask))[border]
     sideways = view.pixel_slopes(border, outward)
-    variance = max(float(np.mean(np.minimum(off**2, (FARTHEST * OUTLINE_PX) ** 2))), OUTLINE_PX**2)
+    off = np.clip(off, -FARTHEST * OUTLINE_PX, FARTHEST * OUTLINE_PX)
+    variance = max(float(np.mean(off**2)), OUTLINE_PX**2)
     rows = np.column_stack([_rows(view.points[border] - origin, sideways), np.ones(len(outward))])
-    system = rows.T @ rows * view.stride / (OUTLINE_ALIKE_PX * variance)
+    trust = view.stride / (OUTLINE_ALIKE_PX * variance)
+    system, pull = rows.T @ rows * trust, rows.T @ off * trust
     system[7, 7] += OUTLINE_PX**-2.0
     # A mask may be too large or too small all around: that offset is left open.
-    return np.asarray(system[:7, :7] - np.outer(system[:7, 7], system[7, :7]) / system[7, 7])
+    offset = system[:7, 7] / system[7, 7]
+    return np.asarray(system[:7, :7] - np.outer(offset, system[7, :7])), np.asarray(pull[:7] - offset * pull[7])
 
 
 def _rows(arms: np.ndarray, along: np.ndarray) -> np.ndarray:

@@ -81,6 +81,15 @@ def test_errors_that_neighbours_share_count_less(runner):
     assert (found[1] > 1.5 * found[0]).all()
 
 
+def test_a_search_that_stops_too_early_states_what_is_left(runner):
+    seen = object_views.view(BRACKET, TRUTH, noise_m=0.001)
+    best = deviations(place(runner, seen, gain=1.0))
+    off = place(runner, seen, factories.pose(0.024, 0.03, 0.0, 0.6), gain=1.0)
+    assert off.method.startswith("guess kept")
+    assert 0.002 < deviations(off)[0] < 0.006, "4 mm along x"
+    assert best[0] < 0.0005
+
+
 def test_the_turn_of_a_round_body_is_unknown(runner):
     bowl = object_views.mesh(object_views.bowl())
     placed = place(runner, object_views.view(bowl, TRUTH, noise_m=0.001), mesh=bowl)
