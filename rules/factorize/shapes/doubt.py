@@ -11,6 +11,8 @@ from .evidence import Evidence
 from .hypotheses import Finished
 from .refine import INDEPENDENT, Model, curvature
 
+GUESSED = 0.3
+"""Relative standard deviation of a size that the view does not determine: the range in which it was tried."""
 UNKNOWN_STEPS = 30.0
 """Standard deviation of a parameter of which the view tells nothing, in its finite-difference steps."""
 
@@ -24,7 +26,9 @@ class Doubt:
     volume_sigma: float  # standard deviation of its log volume
 
 
-def of_fit(model: Model, evidence: Evidence, found: np.ndarray, finish: Callable[[np.ndarray], Finished]) -> Doubt:
+def of_fit(
+    model: Model, evidence: Evidence, found: np.ndarray, finish: Callable[[np.ndarray], Finished], loose: list[int]
+) -> Doubt:
     """Propagate the fit's covariance to pose, size and volume.
 
     The residuals count as `INDEPENDENT` measurements, however many pixels there are. A worse fit than their standard
@@ -35,11 +39,15 @@ def of_fit(model: Model, evidence: Evidence, found: np.ndarray, finish: Callable
         evidence: The view.
         found: Its fitted parameters (P,).
         finish: Makes the body of parameters.
+        loose: Parameters that `undetermined` found to fit as well when they are much larger or smaller.
     """
     normal, loss = curvature(model, evidence, found)
     # A loss of one each is that of depth and outline at their stated deviations.
     worse = max(loss / 2.0, 1.0)
     steps = np.linalg.inv(INDEPENDENT / worse * normal + np.eye(len(found)) / UNKNOWN_STEPS**2)
+    for i in loose:
+        # The fit is no worse there, which its curvature at the best place does not tell.
+        steps[i, i] += (GUESSED * found[i] / model.steps[i]) ** 2
     centre = finish(found)
     slopes = np.zeros((8, len(found)))
     for i, step in enumerate(model.steps):

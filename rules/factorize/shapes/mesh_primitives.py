@@ -147,7 +147,7 @@ def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tupl
     loose = undetermined(candidate.model, evidence, parameters, tuple(candidate.sizes))
     left = _Left(
         tuple(candidate.sizes[index] for index in loose),
-        doubt.of_fit(candidate.model, evidence, parameters, candidate.finish),
+        doubt.of_fit(candidate.model, evidence, parameters, candidate.finish, loose),
     )
     if candidate.settled is not None:
         settled = candidate.settled(parameters)

@@ -80,6 +80,25 @@ def test_a_box_within_three_millimetres(tmp_path, size, yaw, eye, seed):
     assert found.mesh.is_closed
     assert found.mask_iou > 0.97
     assert found.unobserved == ()
+    off = np.log(np.prod(found.mesh.extent.astype(np.float64)) / np.prod(size))
+    assert abs(off) < 2.0 * found.volume_sigma < 0.2
+    assert (np.abs(found.pose.matrix[:2, 3] - [0.03, 0.02]) < 2.0 * np.sqrt(np.diag(found.pose.covariance)[:2])).all()
+    assert found.rival is not None
+    assert found.scores[found.rival.hypothesis] == sorted(found.scores.values())[-2]
+    assert found.rival.gap == pytest.approx(found.scores["box"] - found.scores[found.rival.hypothesis])
+
+
+def test_a_size_that_is_not_seen_is_uncertain(tmp_path):
+    """From 14 degrees above, the depth of a tall box is guessed; from 40 degrees its top face shows it."""
+    low, high = (
+        shape_of(synthetic.view(box(0.09, 0.06, 0.2), synthetic.Eye(pitch_deg=pitch)), tmp_path, hypotheses=("box",))
+        for pitch in (14, 40)
+    )
+    assert low.volume_sigma > 3.0 * high.volume_sigma
+    for found in (low, high):
+        off = np.log(np.prod(found.mesh.extent.astype(np.float64)) / (0.09 * 0.06 * 0.2))
+        assert abs(off) < 1.645 * found.volume_sigma
+    assert high.rival is None, "there is no other hypothesis"
 
 
 def test_a_depth_that_is_not_seen_is_said_to_be_guessed(tmp_path):
