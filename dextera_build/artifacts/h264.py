@@ -1,4 +1,4 @@
-"""H.264 in MP4 with deterministic bytes: one thread, own colour conversion, no wall clock."""
+"""H.264 in MP4 with deterministic bytes: one thread, own colour conversion, one quantiser, no wall clock."""
 
 from __future__ import annotations
 
@@ -11,6 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+_CONSTANT = "cpu-independent=1:mbtree=0:aq-mode=0:weightp=0:rc-lookahead=0:scenecut=0"
+"""Options of x264 that quantise every block alike.
+
+Two encodings of the same pictures in one process once differed in the last blocks, which its adaptive quantisation
+(floating-point numbers, a look-ahead) had given finer steps. At a short key frame interval they cost nothing: a moving
+picture of 640 x 480 px with a key frame every 5 has the same PSNR with `qp` 22 (46.0 dB, 7.9 kB a frame) as with `crf` 18
+and all of them on (45.9 dB, 8.7 kB).
+"""
 
 
 @dataclass(frozen=True)
@@ -34,7 +43,7 @@ class Encoder:
         width: Even width of a frame [px].
         height: Even height of a frame [px].
         rate: Frames per second.
-        crf: Quality.
+        qp: Quantisation parameter of predicted frames, 1 (best) to 51; that of key frames is 3 lower.
         keyframe_every: Key frame interval.
         preset: Effort of x264, which trades time for size.
     """
@@ -42,7 +51,7 @@ class Encoder:
     width: int
     height: int
     rate: Fraction
-    crf: int
+    qp: int
     keyframe_every: int
     preset: str = "medium"
 
@@ -102,7 +111,9 @@ class Encoder:
         coder.time_base, coder.thread_count = 1 / self.rate, 1
         coder.flags |= Flags.global_header | Flags.bitexact
         # Without B-frames, coding order and display order are the same.
-        coder.options = {"crf": str(self.crf), "g": str(self.keyframe_every), "bf": "0", "preset": self.preset}
+        coder.options = {"qp": str(self.qp), "g": str(self.keyframe_every), "bf": "0", "preset": self.preset} | {
+            "x264-params": _CONSTANT
+        }
 
 
 def yuv420(pixels: np.ndarray) -> np.ndarray:

@@ -181,15 +181,15 @@ def _opening(raw: BinaryIO) -> Any:
     return [{"skip_frame": "all"}] if begin[4:] == b"ftyp" else None
 
 
-def encoder(width: int, height: int, rate_hz: float, *, crf: int = 20, keyframe_every: int = 10) -> Encoder:
+def encoder(width: int, height: int, rate_hz: float, *, qp: int = 24, keyframe_every: int = 10) -> Encoder:
     """An encoder for `Video.write`, fast and of high quality.
 
     Args:
         width: Even width of a frame [px].
         height: Even height of a frame [px].
         rate_hz: Frames per second.
-        crf: Quality; lower is better.
+        qp: Quantisation parameter, 1 (best) to 51.
         keyframe_every: Key frame interval: how many frames are decoded to read one, at most.
     """
     rate = Fraction(rate_hz).limit_denominator(1001)
-    return Encoder(width, height, rate, crf, keyframe_every, preset="veryfast")
+    return Encoder(width, height, rate, qp, keyframe_every, preset="veryfast")

@@ -13,7 +13,7 @@ Fraction = Annotated[float, Field(ge=0, le=1)]
 class Options(BaseModel):
     """Options of a rule: typed, frozen, every field in the key. Nested groups also derive from this class.
 
-    Declare bounds and choices with pydantic: `wall_m: PositiveFloat = 0.003`, `crf: int = Field(18, ge=0, le=51)`,
+    Declare bounds and choices with pydantic: `wall_m: PositiveFloat = 0.003`, `qp: int = Field(22, ge=1, le=51)`,
     `Literal["png", "jpeg"]`. Planning refuses invalid values; bounds are not part of the key.
     """
 

@@ -31,8 +31,8 @@ class LerobotOptions(Options):
     """Maximum size of a video file [MB]."""
     files_per_chunk: PositiveInt = 1000
     """Files per folder."""
-    crf: int = Field(18, ge=0, le=51)
-    """H.264 quality: 0 is lossless except for chroma, 23 is ffmpeg's default, 51 is worst."""
+    qp: int = Field(22, ge=1, le=51)
+    """Quantisation parameter of H.264, constant: 1 is best, 51 is worst; 22 is as good as `-crf 18` of ffmpeg."""
     keyframe_every: PositiveInt = 5
     """Key frame interval; a reader decodes at most this many frames to get one."""
 

@@ -94,7 +94,7 @@ def _videos(
     """Write the camera's files and add its columns to `rows`; return statistics of all its pixels."""
     key = lerobot_meta.picture_key(options)
     rate = Fraction(episodes.rate_hz).limit_denominator(1001)
-    encoder = Encoder(film.width, film.height, rate, options.crf, options.keyframe_every)
+    encoder = Encoder(film.width, film.height, rate, options.qp, options.keyframe_every)
     total, frames = np.zeros((3, 256), np.int64), 0
     with lerobot_videos.videos(out, key, encoder, options) as files:
         for number, (label, _) in enumerate(episodes.in_order()):
