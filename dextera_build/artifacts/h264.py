@@ -17,8 +17,8 @@ _CONSTANT = "cpu-independent=1:mbtree=0:aq-mode=0:weightp=0:rc-lookahead=0:scene
 
 Two encodings of the same pictures in one process once differed in the last blocks, which its adaptive quantisation
 (floating-point numbers, a look-ahead) had given finer steps. At a short key frame interval they cost nothing: a moving
-picture of 640 x 480 px with a key frame every 5 has the same PSNR with `qp` 22 (46.0 dB, 7.9 kB a frame) as with `crf` 18
-and all of them on (45.9 dB, 8.7 kB).
+picture of 640 x 480 px with a key frame every 5 has the same PSNR with `qp` 22 (46.0 dB, 7.9 kB a frame) as with
+`crf` 18 and all of them on (45.9 dB, 8.7 kB).
 """
 
 
