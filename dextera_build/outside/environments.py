@@ -25,6 +25,8 @@ class Start:
     """The folder it starts in."""
     root: Path
     """The folder of its exchanges, writable."""
+    side: Path
+    """The folder with the program's side of the protocol, for Python's search path."""
     folders: tuple[Path, ...] = ()
     """Further folders that it reads."""
     gpu: bool = False
@@ -167,14 +169,21 @@ class Container:
         """`docker run` of the command: the exchange writable, the rest read-only, nothing else of the machine."""
         words = [self.tool, "run", "--rm", "-i", "--init", "--network", "none", "--name", self._name(start.root)]
         words += ["--user", f"{os.getuid()}:{os.getgid()}", "--workdir", str(start.here)]
-        words += ["--env", f"TMPDIR={start.root}/tmp", "--env", "PYTHONUNBUFFERED=1"]
+        words += [
+            "--env",
+            f"TMPDIR={start.root}/tmp",
+            "--env",
+            f"PYTHONPATH={start.side}",
+            "--env",
+            "PYTHONUNBUFFERED=1",
+        ]
         words += ["--memory", f"{start.memory_gb:g}g"] if start.memory_gb else []
         if start.gpu:
             names = os.environ.get("CUDA_VISIBLE_DEVICES") or "all"
             device = f"nvidia.com/gpu={names.partition(',')[0]}"
             words += ["--device", device] if self.tool == "podman" else ["--gpus", f"device={names}"]
         words += ["--volume", f"{start.root}:{start.root}"]
-        for folder in dict.fromkeys((start.here, *start.folders)):
+        for folder in dict.fromkeys((start.here, start.side, *start.folders)):
             words += ["--volume", f"{folder}:{folder}:ro"]
         return [*words, self.image, *_with(start.command, "python")]
 

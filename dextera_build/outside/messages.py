@@ -138,5 +138,5 @@ def _malformed(why: str) -> RuleError:
         f"the program's `{RESPONSE}.json` is no response of protocol {PROTOCOL}",
         code="DXB-B375",
         facts={"why": why},
-        hint="write it with `dxb_backend.py` of this version of dxb: `dxb new backend` copies it",
+        hint="write it with `dxb_backend`, which is on the program's search path; a copy beside the program hides it",
     )

@@ -11,7 +11,11 @@ from pathlib import Path, PurePosixPath
 from dextera_build import digest
 from dextera_build.errors import MachineError, Place, RecipeError, RuleError, listing
 from dextera_build.outside.environments import Environment, Start, named
+from dextera_build.outside.program_side import dxb_backend
 from dextera_build.outside.running import Limits, Running
+
+SIDE = Path(dxb_backend.__file__)
+"""The program's side of the protocol; its folder is on the search path of every program."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +80,7 @@ class Program:
 
     def parts(self) -> dict[str, Path]:
         """Name -> each file that makes up the program, and the lock file; their contents enter the key."""
-        found = {path for pattern in self._patterns for path in self._matches(pattern)}
+        found = {SIDE} | {path for pattern in self._patterns for path in self._matches(pattern)}
         if self.lock and (self.base / self.lock).is_file():
             found.add(self.base / self.lock)
         return {_name(path, self.base, self.here): path for path in sorted(found)}
@@ -127,10 +131,11 @@ class Program:
         """
 
         def argv(root: Path) -> list[str]:
-            start = Start(self.command, self.here, root, folders, gpu, self.limits.memory_gb)
+            start = Start(self.command, self.here, root, SIDE.parent, folders, gpu, self.limits.memory_gb)
             return self.place.argv(start)
 
-        return Running(argv, self.here, self.limits, environment, last=self.place.last, server=self.server)
+        variables = {"PYTHONPATH": str(SIDE.parent), **environment}
+        return Running(argv, self.here, self.limits, variables, last=self.place.last, server=self.server)
 
     @cached_property
     def _patterns(self) -> tuple[str, ...]:
@@ -168,6 +173,8 @@ class Program:
 
 def _name(path: Path, base: Path, here: Path) -> str:
     """A file's name in keys, equal on every machine: below the project, or from an installed program's folder."""
+    if path == SIDE:
+        return path.name
     try:
         return path.relative_to(base).as_posix()
     except ValueError:

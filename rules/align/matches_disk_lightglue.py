@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 BACKEND = Backend(
     summary="DISK with LightGlue",
     command=("{python}", "disk_lightglue_program.py"),
-    files=("dxb_backend.py",),
     environment="venv:.envs/disk_lightglue",
     lock="envs/disk_lightglue.lock",
     server=True,

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 BACKEND = Backend(
     summary="XFeat with mutual nearest neighbours",
     command=("{python}", "xfeat_program.py"),
-    files=("dxb_backend.py",),
     environment="venv:.envs/xfeat",
     lock="envs/xfeat.lock",
     server=True,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import tempfile
 import time
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.image import Image
-from dextera_build.outside import dxb_backend, guard, servers
+from dextera_build.outside import guard, servers
 from dextera_build.testing import RuleRunner
 
 RULE = '''
@@ -92,7 +91,6 @@ class Toy:
         self.folder = root / "rules" / "toy"
         self.folder.mkdir(parents=True)
         (self.folder / "tint.py").write_text(RULE.lstrip())
-        shutil.copy(dxb_backend.__file__, self.folder)
         self.image = Image(pixels=np.arange(36, dtype=np.uint8).reshape(3, 4, 3))
 
     def program(self, text: str, **words: Any) -> None:
@@ -101,7 +99,6 @@ class Toy:
             "summary": "by a program",
             "profiles": ("cpu", "stub"),
             "command": ("{python}", "tint.program.py"),
-            "files": ("dxb_backend.py",),
             **words,
         }
         listed = ", ".join(f"{name}={value!r}" for name, value in said.items())

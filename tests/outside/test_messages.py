@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build.errors import RuleError
-from dextera_build.outside import dxb_backend, messages
+from dextera_build.outside import messages
+from dextera_build.outside.program_side import dxb_backend
 
 OK: dict[str, Any] = {"protocol": 1, "status": "ok", "output": 1}
 REFUSED: dict[str, Any] = {"protocol": 1, "status": "refused", "message": "no"}

@@ -12,6 +12,7 @@ import pytest
 from dextera_build.errors import MachineError, RecipeError, RuleError
 from dextera_build.outside import environments
 from dextera_build.outside.program import Program
+from dextera_build.outside.program_side import dxb_backend
 from dextera_build.outside.running import Limits
 from tests.e2e.space import Space
 from tests.outside.conftest import ECHO, alive
@@ -53,12 +54,20 @@ def test_a_build_logs_the_program_and_follows_its_files(space, toy):
     assert "rules/toy/tint.program.py" in why
     assert space.dxb("build", "say/tint").code == 0
     assert "staring at" in space.dxb("log", "say/tint", "out").out
-    space.edit("rules/toy/dxb_backend.py", "PROTOCOL = 1", "PROTOCOL = 1  # the same")
+
+
+def test_a_declared_copy_of_the_programs_side_is_the_one_that_counts(space, toy):
+    toy.program(ECHO, files=("dxb_backend.py",))
+    assert "the file `dxb_backend.py` of the program" in space.dxb("build", "say/tint").err
+    space.write("rules/toy/dxb_backend.py", Path(dxb_backend.__file__).read_text() + "\nprint('a copy')\n")
+    assert space.dxb("build", "say/tint").code == 0
+    assert "a copy" in space.dxb("log", "say/tint", "out").out
+    space.edit("rules/toy/dxb_backend.py", "a copy", "another copy")
     assert "rules/toy/dxb_backend.py" in space.dxb("why", "say/tint:out").out
 
 
 def test_what_is_missing_is_told_with_the_next_step(space, toy):
-    toy.program(ECHO, environment="venv:.envs/tint", lock="envs/tint.lock", files=("dxb_backend.py", "model/*.py"))
+    toy.program(ECHO, environment="venv:.envs/tint", lock="envs/tint.lock", files=("model/*.py",))
     planned = space.dxb("plan", "say/tint")
     assert "out\tmissing\ttoy.tint\tprogram" in planned.out
     refused = space.dxb("build", "say/tint")
@@ -179,13 +188,17 @@ def test_a_container_sees_the_exchange_its_program_and_its_weights_and_no_networ
     place = environments.named("podman:lab/tint@sha256:abc", tmp_path)
     root = tmp_path / "dxb-outside-x_y"
     words = place.argv(
-        environments.Start(("{python}", "infer.py"), tmp_path / "here", root, (tmp_path / "weights",), True, 4.0)
+        environments.Start(
+            ("{python}", "infer.py"), tmp_path / "here", root, tmp_path / "side", (tmp_path / "weights",), True, 4.0
+        )
     )
     text = " ".join(words)
     assert words[:2] == ["podman", "run"]
     assert "--network none" in text
     assert f"--volume {root}:{root} " in text
     assert f"--volume {tmp_path}/weights:{tmp_path}/weights:ro" in text
+    assert f"--env PYTHONPATH={tmp_path}/side " in text
+    assert f"--volume {tmp_path}/side:{tmp_path}/side:ro" in text
     assert "--memory 4g" in text
     assert text.endswith("lab/tint@sha256:abc python infer.py")
     assert place.last(root) == ["podman", "rm", "--force", "dxb-outside-x-y"]
@@ -205,7 +218,7 @@ def test_conda_is_entered_by_the_tool_that_is_there(tmp_path, monkeypatch):
     }
     (tmp_path / "mamba" / "envs" / "tint").mkdir(parents=True)
     assert place.lacking("a.lock") == {}
-    start = environments.Start(("{python}", "infer.py"), tmp_path, tmp_path)
+    start = environments.Start(("{python}", "infer.py"), tmp_path, tmp_path, tmp_path)
     assert place.argv(start) == [str(tool), "run", "-n", "tint", "python", "infer.py"]
 
 
@@ -230,4 +243,4 @@ def test_files_of_an_installed_program_have_names_of_their_own(tmp_path):
     program = Program(
         "lab of toy.tint", file, tmp_path / "project", words, ("*/load.py",), "", "", False, Limits(60.0, 0.0, 1.0)
     )
-    assert sorted(program.digests()) == ["data/load.py", "net/load.py"]
+    assert sorted(program.digests()) == ["data/load.py", "dxb_backend.py", "net/load.py"]

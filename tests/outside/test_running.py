@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dextera_build.errors import MachineError, RuleError
+from dextera_build.outside.program import SIDE
 from dextera_build.rule import Context
 from tests.outside.conftest import ECHO
 
@@ -43,7 +44,7 @@ def test_a_function_that_it_does_not_have_is_a_refusal(toy):
 def test_it_does_not_inherit_the_module_search_path(toy, monkeypatch, capfd):
     monkeypatch.setenv("PYTHONPATH", "/somewhere")
     toy.run(ECHO.replace('print("looking', 'import os; print("path", os.environ.get("PYTHONPATH")); print("'))
-    assert "path None" in capfd.readouterr().out
+    assert f"path {SIDE.parent}\n" in capfd.readouterr().out
 
 
 def test_its_temporary_files_vanish(toy, capfd):

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from dextera_build.code.loader import RuleFile
-from dextera_build.outside import dxb_backend
 
 KINDS = ("in-process", "call", "command", "server")
 _HEAD = '''"""Backend `{backend}` of {path}."""
@@ -149,7 +148,6 @@ def files(wanted: Wanted, tests: Path) -> dict[Path, str]:
             functions="\n".join(_ANSWER.format(name=name) for name in names),
             served=", ".join(f"{name}={name}" for name in names),
         )
-        made[wanted.program / Path(dxb_backend.__file__).name] = Path(dxb_backend.__file__).read_text()
     calls = _STANDARD_ANSWER if wanted.kind == "call" else ""
     test = _TEST.format(backend=wanted.backend, path=wanted.found.path, calls=calls)
     return made | {tests / f"test_{wanted.found.path.replace('.', '_')}_{wanted.backend}.py": test}

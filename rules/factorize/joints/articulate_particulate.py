@@ -27,7 +27,6 @@ BACKEND = Backend(
     packages=("manifold3d", "pillow", "trimesh"),
     extra="twin",
     command=("{python}", "particulate_program.py"),
-    files=("dxb_backend.py",),
     environment="venv:.envs/particulate",
     lock="envs/particulate.lock",
     gpu_gb=16.0,

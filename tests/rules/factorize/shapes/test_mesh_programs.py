@@ -12,7 +12,6 @@ from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Shape
 from dextera_build.artifacts.view import ObjectView
 from dextera_build.errors import MachineError, RuleError
-from dextera_build.outside import dxb_backend
 from dextera_build.testing import RuleRunner
 from tests import factories
 from tests.rules.factorize.shapes import generators
@@ -106,10 +105,3 @@ def test_sam_3d_objects_downloads_nothing_and_says_what_is_missing(tmp_path: Pat
         runner(tmp_path, "sam3d_objects").run("factorize.mesh", backend="sam3d_objects", view=view())
     assert "dinov2.zip is not in the folder of torch.hub" in caught.value.message
     assert "torch.hub.load" in str(caught.value.hint)
-
-
-def test_the_copies_of_the_programs_side_are_those_of_this_dxb() -> None:
-    copies = list(RULES.rglob("dxb_backend.py"))
-    assert copies
-    for copy in copies:
-        assert copy.read_bytes() == Path(str(dxb_backend.__file__)).read_bytes()
