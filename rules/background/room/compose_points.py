@@ -62,7 +62,8 @@ def _distances(points: PointCloud) -> np.ndarray:
     from scipy.spatial import cKDTree
 
     places = points.points.astype(np.float64)
-    return np.asarray(cKDTree(places).query(places, k=min(2, len(places)))[0].reshape(len(places), -1)[:, -1])
+    away = np.asarray(cKDTree(places).query(places, k=min(2, len(places)))[0])
+    return np.asarray(away.reshape(len(places), -1)[:, -1])
 
 
 def _upright(normals: np.ndarray) -> np.ndarray:

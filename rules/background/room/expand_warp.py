@@ -33,7 +33,7 @@ class WarpOptions(Options):
     """Options of backend `warp` of background.expand."""
 
     backdrop_m: PositiveFloat = 10.0
-    """Radius of the sphere around the photograph's place that carries the panorama; more if a surface is farther [m]."""
+    """Radius of the sphere around the photograph's place that carries the panorama, beyond every surface [m]."""
 
 
 def expand(

@@ -44,13 +44,14 @@ def warped(
     rays = lens.unproject(np.stack([columns.ravel(), rows.ravel()], axis=1)) @ camera_from_panorama.T
     places = camera.project(rays).reshape(height, 2 * height, 2)
     with np.errstate(invalid="ignore"):
-        seen = ((places >= -0.5) & (places < [camera.width - 0.5, camera.height - 0.5])).all(axis=-1)
+        inside = (places >= -0.5) & (places < np.array([camera.width - 0.5, camera.height - 0.5]))
+    seen = np.asarray(inside.all(axis=-1))
     # A pixel of the panorama covers several of the photograph, which are averaged.
     covered = max(camera.fx * np.pi / height, 1.0)
     soft = cv2.GaussianBlur(pixels, (0, 0), 0.5 * covered) if covered > 1.2 else pixels
     maps = np.where(seen[..., None], places, 0.0).astype(np.float32)
     picture = cv2.remap(soft, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.where(seen[..., None], picture, 0).astype(np.uint8), np.asarray(seen)
+    return np.where(seen[..., None], picture, 0).astype(np.uint8), seen
 
 
 def sampled(panorama: np.ndarray, directions: np.ndarray) -> np.ndarray:

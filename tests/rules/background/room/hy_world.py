@@ -88,7 +88,7 @@ class WorldMirrorPipeline:
         poses = np.linalg.inv(poses[0]) @ poses
         poses[:, :3, 3] *= SCALE
         if mode == "lost":
-            poses[:, :3, 3] = np.random.default_rng(0).normal(size=(len(poses), 3))
+            poses[:, :3, 3] += 0.5 * SCALE * np.random.default_rng(0).uniform(size=(len(poses), 3))
         out = Path(strict_output_path)
         (out / "depth").mkdir(parents=True)
         wide, high = Image.open(pictures[0]).size

@@ -18,6 +18,9 @@ from dextera_build.artifacts.trajectory import Trajectory
 from dextera_build.artifacts.views import Views
 from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras, metrics, poses, transforms
+from dextera_build.project import project
+from dextera_build.recipe import profiles
+from dextera_build.recipe.plan import Request, plan
 from dextera_build.testing import RuleRunner
 from rules.background.room.expand import smaller
 from rules.background.room.sphere import level
@@ -229,3 +232,14 @@ def test_stubs_have_the_types_and_shapes(tmp_path: Path) -> None:
     assert not made.panorama.seen.any()
     assert np.allclose(made.views.pose(made.views.names[0]).matrix, POSE)
     assert len(made.room.splats.means) > 0
+
+
+@pytest.mark.parametrize("address", ["twin/laptop_scene", "twin/tabletop"])
+def test_twins_make_the_room_for_its_target_only(tmp_path: Path, address: str) -> None:
+    found = project.find(Path(__file__).parents[4])
+    inputs = {"capture": str(tmp_path)} if address == "twin/tabletop" else {}
+    request = Request(profiles.read("stub", None), inputs=inputs)
+    graph = plan(address, found.recipe, found.library, found.root, request).graph
+    made = {"panorama", "views", "gaussians"}
+    assert {name for (name,) in graph.targets["room"]} == made
+    assert not made & {name for name, *_ in graph.targets["default"]}
