@@ -63,10 +63,10 @@ def rgb_mae(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | No
 
 def psnr(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | None:
     """Peak signal-to-noise ratio [dB] of sRGB uint8 pictures over `where`; None if it is empty or they are equal."""
-    error = (
-        float(((one[where].astype(np.float64) - other[where].astype(np.float64)) ** 2).mean()) if where.any() else 0.0
-    )
-    return 10.0 * float(np.log10(255.0**2 / error)) if error > 0.0 else None
+    apart = one[where].astype(np.float64) - other[where].astype(np.float64)
+    if not apart.any():
+        return None
+    return 10.0 * float(np.log10(255.0**2 / (apart**2).mean()))
 
 
 def lab(pixels: np.ndarray) -> np.ndarray:
