@@ -16,8 +16,7 @@ from dextera_build.artifacts import colmap, colmap_images, lens, nerfstudio
 from dextera_build.artifacts.base import Array, Artifact, File
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.formats import unreadable, unwritable
-from dextera_build.artifacts.frames import Frames
-from dextera_build.artifacts.image import Image, png, smaller
+from dextera_build.artifacts.image import png, smaller
 from dextera_build.artifacts.intrinsics import Intrinsics
 from dextera_build.artifacts.labels import check_paths
 from dextera_build.artifacts.lens import BrownConrady, Equirectangular, KannalaBrandt, Lens
@@ -228,53 +227,6 @@ class Views(Artifact):
 def encoded(pixels: np.ndarray) -> File:
     """A picture (H, W, 3) uint8 sRGB as a PNG file, for `Views.images`."""
     return File(data=png(pixels))
-
-
-class Panorama(Artifact):
-    """A picture of all directions around one place."""
-
-    saves: ClassVar[tuple[str, ...]] = (".json",)
-
-    image: Image
-    """Equirectangular picture; its middle is straight ahead."""
-    pose: Annotated[Pose, Frames(None, "camera")]
-    """T_frame_camera of the place: x right, y down, z ahead."""
-
-    def lens(self) -> Equirectangular:
-        """Its camera."""
-        height, width = self.image.pixels.shape[:2]
-        return Equirectangular(width=width, height=height)
-
-    def views(self, name: str = "panorama.png") -> Views:
-        """The same as views with one picture; covariance and stamp of the pose are left out."""
-        return Views(
-            images={name: encoded(self.image.pixels)},
-            names=(name,),
-            camera=("1",),
-            cameras={"1": self.lens()},
-            poses=self.pose.matrix[None].copy(),
-            frame=self.pose.parent,
-        )
-
-    def picture(self) -> bytes:
-        """The picture itself, smaller."""
-        return self.image.picture()
-
-    def _write(self, path: Path) -> list[Path]:
-        return [*self.views(f"{path.stem}.png").save(path), *self.pose.export(path.parent, f"{path.stem}.pose")]
-
-    @classmethod
-    def load(cls, path: str | Path) -> Panorama:
-        """Read a `transforms.json` of one equirectangular picture.
-
-        Raises:
-            ArtifactError: It is damaged, or of another kind.
-        """
-        views = Views.load(path)
-        if [type(views.lens(name)) for name in views.names] != [Equirectangular]:
-            raise unreadable(path, "a panorama", f"it holds {len(views.names)} pictures, not one of all directions")
-        name = views.names[0]
-        return cls(image=Image(pixels=views.pixels(name)), pose=views.pose(name))
 
 
 def _of_transforms(files: Mapping[str, File], main: str) -> dict[str, Any]:

@@ -61,6 +61,14 @@ def rgb_mae(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | No
     return float(np.abs(one[where].astype(np.float64) - other[where].astype(np.float64)).mean() / 255.0)
 
 
+def psnr(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | None:
+    """Peak signal-to-noise ratio [dB] of sRGB uint8 pictures over `where`; None if it is empty or they are equal."""
+    apart = one[where].astype(np.float64) - other[where].astype(np.float64)
+    if not apart.any():
+        return None
+    return 10.0 * float(np.log10(255.0**2 / (apart**2).mean()))
+
+
 def lab(pixels: np.ndarray) -> np.ndarray:
     """CIE L*a*b* (..., 3) float32 (L 0..100) of sRGB uint8, D65 white."""
     srgb = pixels.astype(np.float64) / 255.0

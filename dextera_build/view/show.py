@@ -14,6 +14,7 @@ from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Asset, Body, Collision, Shape, Support
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.scene_description import Box, Geom, SceneDescription
 from dextera_build.artifacts.splats import Splats
@@ -206,6 +207,12 @@ def _(splats: Splats, server: Any, name: str) -> Any:
         rgbs=colours,
         opacities=splats.opacities[:, None],
     )
+
+
+@show.register
+def _(room: Room, server: Any, name: str) -> Any:
+    """The Gaussians of the static scene."""
+    return show(room.splats, server, name)
 
 
 @show.register

@@ -6,8 +6,8 @@ import numpy as np
 
 from dextera_build.artifacts.base import File
 from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.panorama import Panorama
 from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.views import Panorama
 from dextera_build.rule import Context, Options, rule
 
 from .pictures import pixels

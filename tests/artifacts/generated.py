@@ -26,6 +26,7 @@ from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose, Similarity
 from dextera_build.artifacts.pretrained import Adapter, PretrainedModel
 from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene_description import (
     Attachment,
     BodyNode,
@@ -157,6 +158,12 @@ def _splats(draw: Draw) -> dict[str, Any]:
     return {name: array.astype(np.float32) for name, array in fields.items()} | {"frame": draw(st.just("") | LABELS)}
 
 
+def _room(draw: Draw) -> dict[str, Any]:
+    fields = _fields(draw, Room)
+    points = fields["points"].model_copy(update={"frame": fields["splats"].frame})
+    return fields | {"points": points}
+
+
 def _feature_map(draw: Draw) -> dict[str, Any]:
     return _fields(draw, FeatureMap) | {name: draw(st.integers(1, 10_000)) for name in ("width", "height")}
 
@@ -204,6 +211,7 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     **generated_cameras.SPECIAL,
     PointCloud: _point_cloud,
     Splats: _splats,
+    Room: _room,
     FeatureMap: _feature_map,
     Weights: _weights,
     PretrainedModel: _pretrained,

@@ -13,7 +13,9 @@ from scipy.spatial.transform import Rotation
 from dextera_build.artifacts.base import File
 from dextera_build.artifacts.calibration import Board, Calibration
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt, Lens
+from dextera_build.artifacts.panorama import Panorama
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.rig import Rig
@@ -109,6 +111,15 @@ def _views(draw: Draw) -> dict[str, Any]:
     }
 
 
+def _panorama(draw: Draw) -> dict[str, Any]:
+    random = np.random.default_rng(draw(st.integers(0, 1000)))
+    height, width = draw(SIZES), draw(SIZES)
+    place = Pose(parent=draw(FRAMES), child="camera", matrix=_poses(random, 1)[0])
+    seen = draw(st.none() | st.just(random.integers(0, 2, (height, width)).astype(bool)))
+    image = Image(pixels=random.integers(0, 256, (height, width, 3), dtype=np.uint8))
+    return {"image": image, "pose": place, "seen": seen}
+
+
 def _rig(draw: Draw) -> dict[str, Any]:
     labels = draw(st.lists(FRAMES, max_size=3, unique=True))
     matrices = _poses(np.random.default_rng(draw(st.integers(0, 1000))), len(labels))
@@ -176,6 +187,7 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Trajectory: series,
     Track: _track,
     Views: _views,
+    Panorama: _panorama,
     Rig: _rig,
     Calibration: _calibration,
     Joints: _joints,

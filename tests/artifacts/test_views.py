@@ -11,10 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from dextera_build.artifacts.base import File
 from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.lens import BrownConrady
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.views import Panorama, Views, encoded
+from dextera_build.artifacts.lens import BrownConrady, Equirectangular
+from dextera_build.artifacts.views import Views, encoded
 from dextera_build.errors import ArtifactError
 from dextera_build.geometry import transforms
 from tests.artifacts.generated import values
@@ -203,30 +201,13 @@ def test_what_a_format_has_no_place_for_is_refused(tmp_path):
     with pytest.raises(ArtifactError, match="cannot be written as COLMAP"):
         spaced.colmap()
     mixed = views(count=2).model_copy(
-        update={"camera": ("1", "2"), "cameras": {"1": CAMERA, "2": Panorama(image=PIXELS, pose=PLACE).lens()}}
+        update={"camera": ("1", "2"), "cameras": {"1": CAMERA, "2": Equirectangular(width=8, height=4)}}
     )
     with pytest.raises(ArtifactError, match="cannot be written") as caught:
         mixed.transforms()
     assert "several models: EQUIRECTANGULAR, OPENCV" in caught.value.facts["why"]
 
 
-PIXELS = Image(pixels=np.random.default_rng(2).integers(0, 256, (4, 8, 3), dtype=np.uint8))
-PLACE = Pose(parent="room", child="camera", matrix=pose(5))
-
-
-def test_a_panorama_comes_back(tmp_path):
-    panorama = Panorama(image=PIXELS, pose=PLACE)
-    panorama.save(tmp_path / "room.json")
-    again = Panorama.load(tmp_path / "room.json")
-    assert (again.image.pixels == PIXELS.pixels).all()
-    assert again.pose.parent == "room"
-    assert np.allclose(again.pose.matrix, PLACE.matrix)
-    views().save(tmp_path / "three" / "transforms.json")
-    with pytest.raises(ArtifactError, match="cannot be read as a panorama"):
-        Panorama.load(tmp_path / "three" / "transforms.json")
-
-
 def test_they_are_shown():
     assert list(views().facts())[:2] == ["3 pictures", "1 camera"]
     assert views().picture().startswith(b"\x89PNG")
-    assert Panorama(image=PIXELS, pose=PLACE).picture().startswith(b"\x89PNG")

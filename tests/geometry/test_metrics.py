@@ -149,3 +149,15 @@ def test_mean_and_deviation_count_what_is_known() -> None:
     assert deviation == pytest.approx(np.sqrt(2))
     assert metrics.mean_std([None]) == (None, None, 0)
     assert metrics.mean_std([2.0]) == (2.0, None, 1)
+
+
+def test_psnr_is_that_of_the_mean_square_where_it_is_asked() -> None:
+    one = np.zeros((4, 5, 3), np.uint8)
+    other = one.copy()
+    other[0] = 51
+    top = np.zeros((4, 5), bool)
+    top[0] = True
+    assert metrics.psnr(one, other, top) == pytest.approx(20 * np.log10(5))
+    assert metrics.psnr(one, other, np.ones_like(top)) == pytest.approx(20 * np.log10(10))
+    assert metrics.psnr(one, other, ~top) is None
+    assert metrics.psnr(one, other, np.zeros_like(top)) is None

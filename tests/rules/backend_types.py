@@ -11,6 +11,18 @@ import rules.align.matches_xfeat
 import rules.align.object
 import rules.align.object_icp
 import rules.align.object_stub
+import rules.background.room.compose
+import rules.background.room.compose_points
+import rules.background.room.compose_worldmirror
+import rules.background.room.expand
+import rules.background.room.expand_stub
+import rules.background.room.expand_warp
+import rules.background.room.panorama
+import rules.background.room.panorama_frustum
+import rules.background.room.panorama_hy_pano
+import rules.background.room.panorama_stub
+import rules.background.room.paths
+import rules.background.room.paths_orbit
 import rules.background.static
 import rules.background.static_flux2
 import rules.background.static_planes
@@ -101,6 +113,14 @@ align_matches_stub: rules.align.matches.MatchesBackend = rules.align.matches_stu
 align_matches_xfeat: rules.align.matches.MatchesBackend = rules.align.matches_xfeat
 align_object_icp: rules.align.object.PlacementBackend = rules.align.object_icp
 align_object_stub: rules.align.object.PlacementBackend = rules.align.object_stub
+background_compose_points: rules.background.room.compose.ComposeBackend = rules.background.room.compose_points
+background_compose_worldmirror: rules.background.room.compose.ComposeBackend = rules.background.room.compose_worldmirror
+background_expand_stub: rules.background.room.expand.ExpandBackend = rules.background.room.expand_stub
+background_expand_warp: rules.background.room.expand.ExpandBackend = rules.background.room.expand_warp
+background_panorama_frustum: rules.background.room.panorama.PanoramaBackend = rules.background.room.panorama_frustum
+background_panorama_hy_pano: rules.background.room.panorama.PanoramaBackend = rules.background.room.panorama_hy_pano
+background_panorama_stub: rules.background.room.panorama.PanoramaBackend = rules.background.room.panorama_stub
+background_paths_orbit: rules.background.room.paths.PathsBackend = rules.background.room.paths_orbit
 background_static_flux2: rules.background.static.BackgroundBackend = rules.background.static_flux2
 background_static_planes: rules.background.static.BackgroundBackend = rules.background.static_planes
 background_static_stub: rules.background.static.BackgroundBackend = rules.background.static_stub

@@ -8,8 +8,9 @@ import pytest
 from dextera_build.artifacts.base import File, Folder
 from dextera_build.errors import ArtifactError, RuleError
 from dextera_build.testing import RuleRunner
+from tests.artifacts.test_panorama import PIXELS
 from tests.artifacts.test_rig import LEFT, RIGHT, load
-from tests.artifacts.test_views import PIXELS, alike, encoded, views
+from tests.artifacts.test_views import alike, encoded, views
 
 
 def folder(root):

@@ -1,0 +1,51 @@
+"""The static scene around the objects as 3D Gaussians."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from dextera_build.artifacts.base import Artifact
+from dextera_build.artifacts.image import DepthImage
+from dextera_build.artifacts.object import AssetSource
+from dextera_build.artifacts.point_cloud import PointCloud
+from dextera_build.artifacts.splats import Splats
+from dextera_build.errors import ArtifactError
+
+
+class Room(Artifact):
+    """The static scene, composed from many views of it: for its looks; collisions are those of `Background.boxes`."""
+
+    splats: Splats
+    """Gaussians of all views together."""
+    points: PointCloud
+    """Points of the same surfaces, in the same frame."""
+    depth: dict[str, DepthImage] = Field(default_factory=dict)
+    """Name of a view -> its depth, of the size of its picture; of the views whose depth the backend estimated."""
+    asset_source: AssetSource = "rgb"
+    """What the geometry was made from: that of the background, `rgb` if nothing but views was given."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.points.frame != self.splats.frame:
+            raise ArtifactError(
+                f"Room: the points are in frame `{self.points.frame}`, the Gaussians in `{self.splats.frame}`",
+                code="DXB-A208",
+                hint="move one of them: `points.moved(pose)`",
+            )
+        return self
+
+    def facts(self) -> Iterator[str]:
+        """Numbers of Gaussians, points and depth images, and the frame."""
+        yield f"{len(self.splats.means):,} Gaussians"
+        yield f"{len(self.points.points):,} points"
+        if self.depth:
+            yield f"depth of {len(self.depth)} views"
+        yield f"frame {self.splats.frame}"
+        yield self.asset_source
+
+    def picture(self) -> bytes:
+        """The Gaussians from their front left and above."""
+        return self.splats.picture()

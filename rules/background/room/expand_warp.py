@@ -1,0 +1,100 @@
+"""background.expand without a model: the textured surface and, behind it, the panorama, cast from each camera."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from pydantic import PositiveFloat
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.panorama import Panorama
+from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.trajectory import Trajectory
+from dextera_build.artifacts.views import Views, encoded
+from dextera_build.geometry import cameras as pinhole
+from dextera_build.geometry import raycast
+from dextera_build.rule import Backend, Context, Options
+
+from .cameras import ordered
+from .gather import Look, together
+from .sphere import sampled
+
+BACKEND = Backend(
+    summary="the measured surface by ray casting, the panorama on a sphere behind it",
+    profiles=("cpu",),
+    packages=("open3d", "opencv-python-headless"),
+    extra="twin",
+)
+
+
+class WarpOptions(Options):
+    """Options of backend `warp` of background.expand."""
+
+    backdrop_m: PositiveFloat = 10.0
+    """Radius of the sphere around the photograph's place that carries the panorama, beyond every surface [m]."""
+
+
+def expand(
+    ctx: Context,
+    panorama: Panorama,
+    paths: Collection[Trajectory],
+    background: Background,
+    camera: Camera,
+    options: WarpOptions,
+) -> Views:
+    """The surface of the background as each camera sees it; nothing is painted where the surface was hidden.
+
+    Where no surface is hit, the camera sees a sphere with the panorama on it. All views show this one geometry, so
+    they are consistent. Each pixel that no earlier view shows becomes a point; its attribute `measured` is 0 on the
+    sphere, and `footprint` is the distance of neighbouring pixels there [m].
+    """
+    eye = panorama.pose.matrix[:3, 3]
+    surface = _surface(background.mesh, camera)
+    radius = max(options.backdrop_m, 1.05 * float(np.linalg.norm(surface.vertices - eye, axis=1).max()))
+    looks, images = [], {}
+    for name, pose in ordered(paths, eye).items():
+        looks.append(_look(surface, panorama, radius, camera, pose))
+        images[name] = encoded(looks[-1].pixels)
+        ctx.progress(len(looks), sum(len(path.stamps) for path in paths.items.values()), "views")
+    ctx.metric("without surface", 100.0 * float(np.mean([~look.measured for look in looks])), "%")
+    return Views(
+        images=images,
+        names=tuple(images),
+        camera=("1",) * len(images),
+        cameras={"1": camera},
+        poses=np.array([look.pose for look in looks]),
+        points=together(looks, camera),
+    )
+
+
+def _surface(mesh: Mesh, camera: Camera) -> raycast.Surface:
+    """The surface with a texture that is no finer than the pictures, so that no texel is skipped."""
+    texture = None if mesh.texture is None else mesh.texture.pixels
+    if texture is not None and texture.shape[1] > camera.width:
+        size = (camera.width, max(1, round(texture.shape[0] * camera.width / texture.shape[1])))
+        texture = np.asarray(cv2.resize(texture, size, interpolation=cv2.INTER_AREA))
+    return raycast.Surface(mesh.vertices.astype(np.float64), mesh.faces, mesh.uv, texture, mesh.colour)
+
+
+def _look(surface: raycast.Surface, panorama: Panorama, radius: float, camera: Camera, pose: np.ndarray) -> Look:
+    """What one camera sees."""
+    k = camera.matrix()
+    shown = raycast.render([surface], k, pose, camera.height, camera.width)
+    hit = shown.index >= 0
+    rays = pinhole.rays(camera.height, camera.width, k) @ pose[:3, :3].T
+    place = panorama.pose.matrix
+    # |start + depth * ray| = radius, from inside the sphere.
+    start = pose[:3, 3] - place[:3, 3]
+    along, square = rays @ start, (rays**2).sum(axis=-1)
+    behind = (np.sqrt(along**2 + square * (radius**2 - start @ start)) - along) / square
+    outwards = (start + behind[..., None] * rays) / radius
+    backdrop = sampled(panorama.image.pixels, outwards @ place[:3, :3])
+    return Look(
+        pose=pose,
+        pixels=np.where(hit[..., None], raycast.shade([surface], shown), backdrop),
+        depth=np.where(hit, shown.depth, behind),
+        normal=np.where(hit[..., None], shown.normal, -outwards),
+        measured=hit,
+    )

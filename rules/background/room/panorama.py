@@ -1,0 +1,42 @@
+"""background.panorama: widen the cleaned photograph to all directions around its camera."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.panorama import Panorama
+from dextera_build.artifacts.scene import Background
+from dextera_build.rule import Context, rule
+
+
+class PanoramaBackend(Protocol):
+    """What a backend of background.panorama defines."""
+
+    def widen(self, ctx: Context, background: Background, camera: Camera, support: Support, options: Any) -> Panorama:
+        """The panorama around the camera's place, in the world frame, with `seen` as far as it is known."""
+        ...
+
+
+@rule(version=1, packages=("numpy",))
+def panorama(ctx: Context[PanoramaBackend], background: Background, camera: Camera, support: Support) -> Panorama:
+    """Return a picture of all directions around the photograph's camera, with the pixels that the photograph shows.
+
+    The other pixels are filled in or generated: no camera saw them.
+    """
+    size = background.image.pixels.shape[:2]
+    if size != (camera.height, camera.width):
+        ctx.fail("the camera is that of another picture", picture=f"{size}", camera=f"{camera.height, camera.width}")
+    made: Panorama = ctx.backend.widen(ctx, background, camera, support, ctx.backend_options)
+    height, width = made.image.pixels.shape[:2]
+    ctx.check(width == 2 * height, "the panorama is not twice as wide as high", size=f"{width} x {height} px")
+    ctx.check(made.pose.parent == "world", "the panorama is not placed in the world", frame=made.pose.parent)
+    ahead = support.camera_pose.matrix[:3, 3] - made.pose.matrix[:3, 3]
+    ctx.check(abs(ahead).max() < 1e-9, "the panorama is not around the place of the camera")
+    part = "not known what of it was seen" if made.seen is None else f"{made.seen.mean():.0%} seen"
+    if made.seen is not None:
+        ctx.metric("seen", 100.0 * float(made.seen.mean()), "%")
+    ctx.say(f"{width} x {height} px, {part}")
+    ctx.preview(made.image.pixels, f"all directions around the camera; {part}")
+    return made

@@ -1,0 +1,70 @@
+"""background.panorama by HY-Pano 2.0 (HY-World 2.0, Tencent 2026) in an environment of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field, NonNegativeInt
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.panorama import Panorama
+from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.scene import Background
+from dextera_build.geometry import transforms
+from dextera_build.rule import Backend, Context, Options
+
+from .register import register
+from .sphere import level
+
+BACKEND = Backend(
+    summary="HY-Pano 2.0 with Qwen-Image-Edit generates what the photograph does not show",
+    packages=("opencv-python-headless", "pillow"),
+    extra="twin",
+    command=("{python}", "hy_pano_program.py"),
+    files=("dxb_backend.py",),
+    environment="venv:.envs/hy_pano",
+    lock="envs/hy_pano.lock",
+    server=True,
+    gpu_gb=60.0,
+    timeout_s=1800.0,
+    weights=("qwen_image_edit", "hy_pano_2"),
+    licence="Apache-2.0 (Qwen-Image-Edit), Tencent HY-World 2.0 Community License",
+)
+
+
+class HyPanoOptions(Options):
+    """Options of backend `hy_pano` of background.panorama."""
+
+    prompt: str = ""
+    """What else the model is told about the place."""
+    steps: int = Field(40, ge=1, le=200)
+    """Steps of the sampling."""
+    guidance: float = Field(7.5, ge=1.0, le=20.0)
+    """Weight of the prompts, the pipeline's `true_cfg_scale`."""
+    least_correlation: float = Field(0.7, ge=0.0, le=1.0)
+    """Correlation of the photograph with its place in the panorama below which nothing is marked as seen."""
+    seed: NonNegativeInt = 0
+    """Seed of the sampling."""
+
+
+def widen(ctx: Context, background: Background, camera: Camera, support: Support, options: HyPanoOptions) -> Panorama:
+    """The panorama that the model makes of the cleaned photograph, 1920 x 960 px.
+
+    The model paints the photograph anew and does not state where it put it. Assumed is a level panorama with the
+    photograph straight ahead; a registration with the known intrinsics finds pitch and yaw beside that, and `seen` are
+    the pixels where panorama and photograph agree. Without a registration the assumed pose stands and `seen` is left
+    out.
+    """
+    made = ctx.outside("panorama", Image, image=background.image)
+    pose = support.camera_pose.matrix
+    turn = level(pose)
+    found = register(made.pixels, background.image.pixels, camera, pose[:3, :3].T @ turn)
+    ctx.metric("registration", found.correlation)
+    seen = None
+    if found.correlation >= options.least_correlation:
+        seen, turn = found.seen, pose[:3, :3] @ found.camera_from_panorama
+    else:
+        ctx.log(f"the photograph was not found in the panorama: correlation {found.correlation:.2f}")
+    placed = Pose(parent="world", child="camera", matrix=transforms.rigid(turn, np.array(pose[:3, 3])))
+    return Panorama(image=made, pose=placed, seen=seen)
