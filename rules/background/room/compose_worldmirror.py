@@ -26,7 +26,6 @@ BACKEND = Backend(
     summary="WorldMirror 2.0 predicts Gaussians, points and depth from the views and their cameras",
     packages=("numpy", "pillow"),
     command=("{python}", "worldmirror_program.py"),
-    files=("dxb_backend.py",),
     environment="venv:.envs/worldmirror",
     lock="envs/worldmirror.lock",
     server=True,

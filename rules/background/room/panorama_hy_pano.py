@@ -22,7 +22,6 @@ BACKEND = Backend(
     packages=("opencv-python-headless", "pillow"),
     extra="twin",
     command=("{python}", "hy_pano_program.py"),
-    files=("dxb_backend.py",),
     environment="venv:.envs/hy_pano",
     lock="envs/hy_pano.lock",
     server=True,
