@@ -24,9 +24,9 @@ class ObjectView(Artifact):
     rgb: Image
     """Crop of the photograph around the mask, with a margin."""
     mask: Annotated[np.ndarray, Array("H W", "bool")]
-    """Visible pixels of the object, in the crop."""
+    """Visible pixels of the object, in the crop, and those that `factorize.complete` adds where `occluder` is."""
     occluder: Annotated[np.ndarray, Array("H W", "bool")]
-    """Pixels of the crop where something nearer may hide the object; nothing is known there."""
+    """Pixels of the crop where something nearer may hide the object; nothing was seen there."""
     camera: Camera
     """Intrinsics of the crop."""
     phrase: str
@@ -126,8 +126,10 @@ class Seen:
 
     @property
     def depth(self) -> np.ndarray:
-        """The crop's depth, (H, W) float32 [m]; 0 where nothing was measured."""
-        return self.measured.depth.depth
+        """The crop's depth, (H, W) float32 [m]; 0 where nothing was measured, or only what hides the object."""
+        completed = self.mask & self.occluder
+        depth = self.measured.depth.depth
+        return np.where(completed, np.float32(0.0), depth) if completed.any() else depth
 
     @property
     def world_from_camera(self) -> np.ndarray:

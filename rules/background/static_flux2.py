@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field, NonNegativeInt
@@ -13,6 +12,7 @@ from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.view import InstanceMap
+from dextera_build.learning.flux2 import load, paint
 from dextera_build.rule import Backend, Context, Fraction, Options
 
 from .holes import hole
@@ -30,9 +30,6 @@ BACKEND = Backend(
     weights=("flux2_klein",),
     licence="Apache-2.0",
 )
-
-_CELL = 16
-"""Side of the cells that the model paints whole [px]; width and height are multiples of it."""
 
 
 class Flux2Options(Options):
@@ -68,7 +65,8 @@ def clean(
     taken = hole(instances, options.dilate)
     if not taken.any():
         return made
-    painted = paint(ctx.load(load, "flux2_klein"), made.image.pixels, taken, options)
+    longest = min(options.longest_px, max(taken.shape))
+    painted = paint(ctx.load(load, "flux2_klein"), made.image.pixels, taken, options.prompt, options, longest)
     image = Image(pixels=np.where(taken[..., None], painted, made.image.pixels))
     return made.model_copy(update={"image": image, "mesh": made.mesh.model_copy(update={"texture": image})})
 
@@ -77,51 +75,5 @@ def self_test(ctx: Context) -> None:
     """The model paints a corner of a grey picture in one step."""
     taken = np.zeros((64, 64), bool)
     taken[:32, :32] = True
-    options = Flux2Options(steps=1, longest_px=64)
-    paint(ctx.load(load, "flux2_klein"), np.full((64, 64, 3), 128, np.uint8), taken, options)
-
-
-def load(folder: Path, device: str) -> Any:
-    """The pipeline from a folder of weights; bfloat16 on a GPU."""
-    import diffusers
-    import torch
-
-    library: Any = diffusers  # partly typed
-    kind = torch.bfloat16 if device == "cuda" else torch.float32
-    pipeline = library.Flux2KleinInpaintPipeline.from_pretrained(folder, dtype=kind, local_files_only=True)
-    pipeline.set_progress_bar_config(disable=True)
-    return pipeline.to(device)
-
-
-def paint(pipeline: Any, pixels: np.ndarray, taken: np.ndarray, options: Flux2Options) -> np.ndarray:
-    """The picture (H, W, 3) uint8 as the model paints it at the pixels `taken`."""
-    import torch
-    from PIL import Image as Pillow
-
-    height, width = taken.shape
-    factor = min(1.0, options.longest_px / max(height, width))
-    size = [max(_CELL, round(side * factor / _CELL) * _CELL) for side in (width, height)]
-    answer = pipeline(
-        prompt=options.prompt,
-        image=Pillow.fromarray(pixels).resize(size, Pillow.Resampling.LANCZOS),
-        mask_image=Pillow.fromarray(_cells(taken, size)),
-        width=size[0],
-        height=size[1],
-        strength=options.strength,
-        num_inference_steps=options.steps,
-        guidance_scale=options.guidance,
-        generator=torch.Generator("cpu").manual_seed(options.seed),
-    )
-    return np.asarray(answer.images[0].convert("RGB").resize((width, height), Pillow.Resampling.LANCZOS))
-
-
-def _cells(taken: np.ndarray, size: list[int]) -> np.ndarray:
-    """The mask (H, W) uint8, 0 or 255, at this width and height: a cell is painted if any pixel of it is taken.
-
-    The pipeline looks at one pixel of each cell only.
-    """
-    from PIL import Image as Pillow
-
-    small = np.asarray(Pillow.fromarray(taken.astype(np.uint8) * 255).resize(size, Pillow.Resampling.BOX)) > 0
-    cells = small.reshape(size[1] // _CELL, _CELL, size[0] // _CELL, _CELL).any(axis=(1, 3))
-    return np.repeat(np.repeat(cells.astype(np.uint8) * 255, _CELL, axis=0), _CELL, axis=1)
+    grey, options = np.full((64, 64, 3), 128, np.uint8), Flux2Options(steps=1)
+    paint(ctx.load(load, "flux2_klein"), grey, taken, options.prompt, options, 64)

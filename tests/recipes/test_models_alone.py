@@ -47,6 +47,7 @@ def test_a_generator_on_a_gpu_makes_the_assets(space) -> None:
     assert space.dxb("models", "accept", name).code == 0
     words = ("--profile", "gpu", "--resources", "gpu=1,gpu_memory=40")
     others = ("factorize.parse=written", "factorize.segment=grabcut", "factorize.articulate=crease")
+    others += ("factorize.complete=visible",)
     words += tuple(word for name in (*others, "background.static=planes") for word in ("--backend", name))
     answer = space.build("twin/tabletop", *words, *INPUTS)
     check(answer, name.replace("_", " "))

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.scene import Background
+from dextera_build.learning import flux2
 from dextera_build.testing import RuleRunner
-from rules.background import static_flux2
 from rules.background.holes import hole
+from rules.background.static_flux2 import Flux2Options
 from tests.rules.background import tiny_flux2
 from tests.rules.background.test_static import segmented, striped_table, with_box
 
@@ -67,10 +68,9 @@ def test_nothing_is_painted_where_nothing_is_taken_out(tmp_path: Path, weights: 
 def test_a_hole_smaller_than_a_cell_is_painted(weights: Path) -> None:
     pixels, taken = np.full((64, 64, 3), 120, np.uint8), np.zeros((64, 64), bool)
     taken[17:19, 17:19] = True
-    pipeline = static_flux2.load(weights, "cpu")
+    pipeline = flux2.load(weights, "cpu")
     first, second = (
-        static_flux2.paint(pipeline, pixels, taken, static_flux2.Flux2Options(steps=2, longest_px=64, seed=seed))
-        for seed in (1, 2)
+        flux2.paint(pipeline, pixels, taken, "a table", Flux2Options(steps=2, seed=seed), 64) for seed in (1, 2)
     )
     assert not np.array_equal(first[16:32, 16:32], second[16:32, 16:32])
 
@@ -79,8 +79,6 @@ def test_a_picture_of_any_size_keeps_it(weights: Path) -> None:
     taken = np.zeros((50, 70), bool)
     taken[10:30, 20:40] = True
     pixels = np.full((50, 70, 3), 120, np.uint8)
-    painted = static_flux2.paint(
-        static_flux2.load(weights, "cpu"), pixels, taken, static_flux2.Flux2Options(steps=1, longest_px=64)
-    )
+    painted = flux2.paint(flux2.load(weights, "cpu"), pixels, taken, "a table", Flux2Options(steps=1), 64)
     assert painted.shape == pixels.shape
     assert painted.dtype == np.uint8
