@@ -16,6 +16,8 @@ _MARGIN = 8
 """Pixels around an object in the crop where it is aligned with the first picture."""
 _AROUND = (5, 5)
 """Width and height of the square in which colours are compared [px]."""
+_TELLING = 0.25
+"""Part of an object that must be seen to tell how bright it is."""
 _CORRECTION_PX = 4.0
 """A larger correction in one picture is none [px]."""
 
@@ -49,6 +51,8 @@ class Layer:
     """(3, 3), affine, from pixels of the first picture to those of the current one."""
     visible: np.ndarray
     """(H, W) bool, where it is seen in the current picture."""
+    light: float = 1.0
+    """Brightness in the current picture, in that of the first."""
     lost: bool = False
 
     @classmethod
@@ -100,21 +104,15 @@ class Layer:
             self.motion = shift @ change @ np.linalg.inv(shift) @ self.motion
 
     def _difference(self, now: Picture, before: np.ndarray) -> np.ndarray:
-        """Mean difference of colours to the moved first picture around each pixel of the outline, (H, W) float32.
-
-        The current picture is first made as bright as the other one where the object is.
-        """
+        """Mean difference of colours to the moved first picture around each pixel of the outline, (H, W) float32."""
         import cv2
 
-        there = _moved(self.first.colours, self.motion, smooth=True).astype(np.float32)
-        here = now.colours.astype(np.float32)
-        inside = self.inside
-        sample = inside & before
-        if sample.any():
-            here *= np.maximum(np.median(there[sample], axis=0), 1) / np.maximum(np.median(here[sample], axis=0), 1)
-        around = [
-            cv2.blur(each.astype(np.float32), _AROUND) for each in (np.abs(here - there).mean(-1) * inside, inside)
-        ]
+        there, inside = _moved(self.first.colours, self.motion, smooth=True).astype(np.float32), self.inside
+        here, sample = now.colours.astype(np.float32), inside & before
+        if sample.sum() > _TELLING * self.outline.sum():
+            self.light = float(np.median(here[sample].mean(-1))) / max(float(np.median(there[sample].mean(-1))), 1.0)
+        off = np.abs(here / max(self.light, 0.1) - there).mean(-1)
+        around = [cv2.blur(each.astype(np.float32), _AROUND) for each in (off * inside, inside)]
         return np.asarray(around[0] / np.maximum(around[1], 1e-6))
 
 
