@@ -64,8 +64,8 @@ class Layer:
         """Follow the flow to the next picture.
 
         Returns:
-            Difference (H, W) float32 to the object's colours in the first picture, infinite where it is not seen, and
-            the share of consistent flow. `visible` stays for the caller, who knows the other objects.
+            Difference (H, W) float32 to the object's colours in the first picture, infinite where it is not seen; and
+            the share of its flow that is consistent. `visible` stays for the caller, who knows the other objects.
         """
         step, share = (None, 0.0) if self.lost else affine(way, self.visible, options.consistent_fraction)
         if step is not None:
@@ -84,6 +84,11 @@ class Layer:
     def inside(self) -> np.ndarray:
         """The moved outline, hidden parts included, (H, W) bool."""
         return _moved(self.outline, self.motion) > 0
+
+    @property
+    def seen(self) -> float:
+        """The part of the moved outline where the object is seen."""
+        return float(self.visible.sum() / max(self.inside.sum(), 1))
 
     def _correct(self, now: Picture, before: np.ndarray, least: float) -> None:
         """Align the moved first picture with the current one, so that errors of single steps do not add up."""

@@ -39,8 +39,8 @@ class FlowOptions(Options):
 def follow(ctx: Context, video: Video, first: np.ndarray, names: tuple[str, ...], options: FlowOptions) -> MaskTrack:
     """Masks by affine motions; of two objects that claim a pixel, the one with the smaller difference has it.
 
-    Colours tell what hides a part of an object and what shows again. An object that is lost stays lost; the score is
-    the share of consistent flow inside it.
+    Colours tell what hides a part of an object and what shows again. An object that is lost stays lost. The score is the
+    share of the flow inside an object that is consistent, times the part of its moved outline where it is seen.
     """
     return MaskTrack.of(names, video.stamps, _frames(ctx, video, first, len(names), options))
 
@@ -62,6 +62,6 @@ def _frames(
         labels = np.where(np.isfinite(off).any(0), off.argmin(0) + 1, 0).astype(np.uint8)
         for number, layer in enumerate(layers, 1):
             layer.visible = labels == number
-        scores = [share * layer.visible.any() for layer, (_, share) in zip(layers, moved, strict=True)]
+        scores = [share * layer.seen for layer, (_, share) in zip(layers, moved, strict=True)]
         yield labels, np.array(scores, np.float32)
         before = now
