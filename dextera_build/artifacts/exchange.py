@@ -2,7 +2,7 @@
 
 Plain JSON values stand for themselves, and
 
-    {"type": "Image", "file": "photo.png"}       a type with a file format: PNG, GLB, PLY, NPZ
+    {"type": "Image", "file": "photo.png"}       a type with a file format: PNG, GLB, PLY, NPZ, ZIP
     {"type": "Pose", "fields": {...}}              any other artifact, `Value`, dataclass or named tuple
     {"type": "array", "file": "mask.npy"}        an array: NPY, never with pickled objects
     {"type": "bytes", "file": "data"}            bytes, and the content of a `File`
@@ -34,6 +34,7 @@ from dextera_build.artifacts.feature_map import FeatureMap
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image, png
 from dextera_build.artifacts.labels import path_fault
+from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.splats import Splats
 from dextera_build.errors import ArtifactError
@@ -41,6 +42,7 @@ from dextera_build.errors import ArtifactError
 _SUFFIXES: dict[type[Artifact], str] = {
     FeatureMap: ".npz",
     Image: ".png",
+    MaskTrack: ".zip",
     Mesh: ".glb",
     PointCloud: ".ply",
     Splats: ".ply",

@@ -15,6 +15,7 @@ from dextera_build.artifacts.calibration import Board, Calibration
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt, Lens
+from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.panorama import Panorama
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose
@@ -179,6 +180,15 @@ def _video(draw: Draw) -> dict[str, Any]:
     return _size(draw) | {"file": file, "stamps": 0.1 * np.arange(count), "is_key": is_key}
 
 
+def _mask_track(draw: Draw) -> dict[str, Any]:
+    names = tuple(draw(st.lists(FRAMES, min_size=1, max_size=3, unique=True)))
+    random, count = np.random.default_rng(draw(st.integers(0, 1000))), draw(st.integers(1, 4))
+    labels = random.integers(0, len(names) + 1, (count, draw(SIZES), draw(SIZES)), dtype=np.uint8)
+    scores = random.random((count, len(names))) if draw(st.booleans()) else [None] * count
+    made = MaskTrack.of(names, np.cumsum(random.uniform(0.01, 1, count)), zip(labels, scores, strict=True))
+    return {name: getattr(made, name) for name in MaskTrack.model_fields}
+
+
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     BrownConrady: _brown_conrady,
     KannalaBrandt: _kannala_brandt,
@@ -193,4 +203,5 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Joints: _joints,
     Stream: _stream,
     Video: _video,
+    MaskTrack: _mask_track,
 }

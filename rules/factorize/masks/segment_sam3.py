@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.object import Element, Elements
+from dextera_build.learning.vision_input import VisionInput
 from dextera_build.rule import Backend, Context, Fraction, Options
 
 from ..measured import Measurements, Workspace
 from .overlap import Box, box_iou
-
-if TYPE_CHECKING:
-    from torch import Tensor
 
 BACKEND = Backend(
     summary="Grounding DINO boxes and SAM 3 masks; nothing measured is read",
@@ -54,14 +51,11 @@ class Detector:
 
 @dataclass(frozen=True)
 class Segmenter:
-    """SAM 3 with its tokenizer and the numbers of its image processor, which itself needs torchvision."""
+    """SAM 3 with its tokenizer and the form of its input."""
 
     model: Any
     tokenizer: Any
-    size: tuple[int, int]
-    """Height and width of the model's input [px]."""
-    mean: tuple[float, ...]
-    std: tuple[float, ...]
+    images: VisionInput
 
 
 def masks(
@@ -116,15 +110,10 @@ def load_segmenter(folder: Path, device: str) -> Segmenter:
     import transformers
 
     library: Any = transformers  # partly typed
-    names = ("processor_config.json", "preprocessor_config.json")
-    said = json.loads(next(folder / name for name in names if (folder / name).is_file()).read_text())
-    said = said.get("image_processor", said)
     return Segmenter(
         library.Sam3Model.from_pretrained(folder, use_safetensors=True).to(device).eval(),
         library.AutoTokenizer.from_pretrained(folder),
-        (said["size"]["height"], said["size"]["width"]),
-        tuple(said["image_mean"]),
-        tuple(said["image_std"]),
+        VisionInput.read(folder),
     )
 
 
@@ -153,19 +142,7 @@ def see(segmenter: Segmenter, pixels: np.ndarray) -> Any:
     import torch
 
     with torch.inference_mode():
-        return segmenter.model.get_vision_features(model_input(segmenter, pixels).to(segmenter.model.device))
-
-
-def model_input(segmenter: Segmenter, pixels: np.ndarray) -> Tensor:
-    """The picture as SAM 3 takes it, (1, 3, h, w) float32: resized without regard to its shape, and normalised."""
-    import torch
-
-    image = torch.from_numpy(pixels.transpose(2, 0, 1).copy())[None].float()
-    image = (
-        torch.nn.functional.interpolate(image, segmenter.size, mode="bilinear", antialias=True).round().clamp(0, 255)
-    )
-    mean, std = (torch.tensor(numbers).view(1, 3, 1, 1) for numbers in (segmenter.mean, segmenter.std))
-    return (image / 255.0 - mean) / std
+        return segmenter.model.get_vision_features(segmenter.images.tensor(pixels).to(segmenter.model.device))
 
 
 def masks_of(

@@ -72,7 +72,7 @@ def test_the_picture_enters_as_the_processor_of_the_model_prepares_it(backend, w
     from transformers.image_transforms import normalize, resize
 
     segmenter = backend.load_segmenter(weights["sam3"], "cpu")
-    made = backend.model_input(segmenter, photograph.rgb.pixels).numpy()[0]
+    made = segmenter.images.tensor(photograph.rgb.pixels).numpy()[0]
     pixels = resize(photograph.rgb.pixels, (56, 56), resample=2, input_data_format="channels_last")
     wanted = normalize(pixels / 255.0, [0.5] * 3, [0.5] * 3, input_data_format="channels_last").transpose(2, 0, 1)
     assert made.shape == wanted.shape == (3, 56, 56)

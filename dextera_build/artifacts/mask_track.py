@@ -1,0 +1,251 @@
+"""Masks of objects over time, with a ZIP archive of indexed PNGs as file format."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+from pydantic import Field, PositiveInt, model_validator
+
+from dextera_build.artifacts.base import Array, Artifact, File
+from dextera_build.artifacts.formats import suffix_among, unreadable
+from dextera_build.artifacts.image import png, smaller
+from dextera_build.artifacts.packed import DAY
+from dextera_build.errors import ArtifactError
+
+_FORM = "ZIP of a mask track"
+_META = "meta.json"
+_MOST_BYTES = 1 << 26
+"""Largest PNG of one frame."""
+_UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError, SyntaxError, zlib.error)
+_Frame = tuple[np.ndarray, np.ndarray | None]
+
+
+class MaskTrack(Artifact):
+    """Which pixels of each frame of a video belong to which object ("masklets" of video object segmentation).
+
+    An object that is not seen in a frame, because it is hidden, has left the picture or was lost, has no pixel there.
+    """
+
+    saves: ClassVar[tuple[str, ...]] = (".zip",)
+
+    file: File
+    """ZIP archive of `00000.png`, `00001.png`, ..., one indexed PNG per frame as in DAVIS: index 0 is everything else,
+    index k is the k-th object. Frames are decoded when they are asked for."""
+    names: tuple[str, ...] = Field(min_length=1, max_length=255)
+    """Name of object 1, 2, ..."""
+    width: PositiveInt
+    """Width of a frame [px]."""
+    height: PositiveInt
+    """Height of a frame [px]."""
+    stamps: Annotated[np.ndarray, Array("N", "float64", unit="s")]
+    """Time of each frame, as in the video."""
+    areas: Annotated[np.ndarray, Array("N K", "int32", unit="px")]
+    """Pixels of each object in each frame; 0 where it is not seen."""
+    scores: Annotated[np.ndarray, Array("N K", "float32")] | None = None
+    """How sure the method is that it sees the object, 0..1, if it says so."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        wrong = ""
+        if self.areas.shape != (len(self.stamps), len(self.names)) or not len(self.stamps):
+            shape = f"{len(self.stamps)} frames and {len(self.names)} names"
+            wrong = f"`areas` is {self.areas.shape} for {shape}; at least one of each is needed"
+        elif len(set(self.names)) != len(self.names):
+            wrong = "two objects have one name"
+        elif (np.diff(self.stamps) <= 0).any():
+            wrong = "its times do not increase"
+        elif self.areas.min() < 0 or self.areas.sum(axis=1).max() > self.width * self.height:
+            wrong = "the areas of a frame are negative, or larger than the frame"
+        elif self.scores is not None and (self.scores.min() < 0 or self.scores.max() > 1):
+            wrong = "a score is not within 0 and 1"
+        if wrong:
+            raise ArtifactError(
+                f"MaskTrack: {wrong}", code="DXB-A525", hint="`MaskTrack.of` makes one from label maps, frame by frame"
+            )
+        return self
+
+    @classmethod
+    def of(cls, names: Sequence[str], stamps: np.ndarray, frames: Iterable[_Frame]) -> MaskTrack:
+        """Encode label maps, one by one.
+
+        Args:
+            names: Name of label 1, 2, ...
+            stamps: (N,) time of each frame [s].
+            frames: Of each frame, labels (H, W) uint8 and scores (K,), or None if the method gives no scores.
+
+        Raises:
+            ArtifactError: There are more or fewer frames than stamps, of different sizes, or with unnamed labels.
+        """
+        written = io.BytesIO()
+        areas: list[np.ndarray] = []
+        scores: list[np.ndarray] = []
+        shape: tuple[int, ...] = ()
+        with zipfile.ZipFile(written, "w") as archive:
+            for number, (labels, sure) in enumerate(frames):
+                shape = shape or labels.shape
+                count = _areas(labels, len(names))
+                if count is None or labels.shape != shape:
+                    raise ArtifactError(
+                        f"frame {number} of a MaskTrack does not fit",
+                        code="DXB-A526",
+                        facts={
+                            "labels": f"{labels.dtype} {labels.shape}, up to {labels.max(initial=0)}",
+                            "needed": f"uint8 {shape}, up to {len(names)}",
+                        },
+                    )
+                areas.append(count)
+                scores += [] if sure is None else [np.asarray(sure, np.float32)]
+                archive.writestr(zipfile.ZipInfo(_member(number), DAY), _indexed(labels))
+        return cls(
+            file=File(data=written.getvalue()),
+            names=tuple(names),
+            width=shape[1] if shape else 1,
+            height=shape[0] if shape else 1,
+            stamps=stamps,
+            areas=np.array(areas, np.int32).reshape(-1, len(names)),
+            scores=np.array(scores) if scores else None,
+        )
+
+    @property
+    def seen(self) -> np.ndarray:
+        """Whether each object is seen in each frame, (N, K) bool."""
+        return self.areas > 0
+
+    def labels(self, number: int) -> np.ndarray:
+        """The label map of a frame, (H, W) uint8.
+
+        Raises:
+            ArtifactError: There is no such frame, or the archive is damaged.
+        """
+        return next(self._decoded([number]))
+
+    def every(self) -> Iterator[np.ndarray]:
+        """All label maps (H, W) uint8 in order, one at a time."""
+        return self._decoded(range(len(self.stamps)))
+
+    def _decoded(self, numbers: Iterable[int]) -> Iterator[np.ndarray]:
+        with self.file.open() as raw:
+            try:
+                archive = zipfile.ZipFile(raw)
+                for number in numbers:
+                    yield _read(archive.read(_member(number)), (self.height, self.width))
+            except (*_UNREADABLE, zipfile.BadZipFile) as error:
+                raise unreadable("masks.zip", _FORM, error) from None
+
+    def facts(self) -> Iterator[str]:
+        """Size, number of frames, duration, and in how many frames each object is seen."""
+        yield f"{self.width} x {self.height} px"
+        yield f"{len(self.stamps):,} frames"
+        yield f"{self.stamps[-1] - self.stamps[0]:.2f} s"
+        for name, count in zip(self.names, self.seen.sum(axis=0), strict=True):
+            yield f"{name} in {count:,}"
+
+    def picture(self) -> bytes:
+        """The first, the middle and the last frame, one colour for each object."""
+        last = len(self.stamps) - 1
+        shown = [smaller(palette()[labels], 320) for labels in self._decoded([0, last // 2, last])]
+        return png(np.hstack(shown))
+
+    def _write(self, path: Path) -> list[Path]:
+        """The archive, with names, times and scores in `meta.json`."""
+        said: dict[str, Any] = {"names": list(self.names), "stamps_s": self.stamps.tolist()}
+        if self.scores is not None:
+            said["scores"] = self.scores.tolist()
+        with self.file.open() as raw, zipfile.ZipFile(raw) as archive, zipfile.ZipFile(path, "w") as target:
+            for number in range(len(self.stamps)):
+                target.writestr(zipfile.ZipInfo(_member(number), DAY), archive.read(_member(number)))
+            target.writestr(zipfile.ZipInfo(_META, DAY), json.dumps(said) + "\n", zipfile.ZIP_DEFLATED)
+        return [path]
+
+    @classmethod
+    def load(cls, path: str | Path, stamps: np.ndarray | None = None) -> MaskTrack:
+        """Read an archive that `save` wrote, or another one of indexed PNGs whose names are in order of time.
+
+        Args:
+            path: The `.zip` file.
+            stamps: Time of each frame [s], for an archive without `meta.json`; its objects are named `1`, `2`, ...
+
+        Raises:
+            ArtifactError: It is no such archive.
+        """
+        suffix_among(cls.name(), Path(path), cls.saves)
+        try:
+            with zipfile.ZipFile(path) as archive:
+                return cls._of_archive(archive, stamps)
+        except (*_UNREADABLE, zipfile.BadZipFile) as error:
+            raise unreadable(path, _FORM, error) from None
+
+    @classmethod
+    def _of_archive(cls, archive: zipfile.ZipFile, stamps: np.ndarray | None) -> MaskTrack:
+        members = sorted((n for n in archive.namelist() if n.lower().endswith(".png")), key=lambda n: (len(n), n))
+        if not members or any(each.file_size > _MOST_BYTES for each in archive.infolist()):
+            raise ValueError("it holds no PNG" if not members else "a file in it is larger than 64 MiB")
+        said = json.loads(archive.read(_META)) if _META in archive.namelist() else {}
+        if "stamps_s" not in said and stamps is None:
+            raise ValueError(f"it has no `{_META}`, so the times of its frames must be given")
+        times = np.array(said["stamps_s"] if stamps is None else stamps, np.float64)
+        if times.shape != (len(members),):
+            raise ValueError(f"it holds {len(members)} frames, and {times.size} times")
+
+        def frames() -> Iterator[np.ndarray]:
+            return (_read(archive.read(name)) for name in members)
+
+        names = said.get("names") or range(1, max(int(labels.max(initial=0)) for labels in frames()) + 1)
+        scores = said.get("scores") or [None] * len(members)
+        return cls.of(list(map(str, names)), times, zip(frames(), scores, strict=True))
+
+
+def _member(number: int) -> str:
+    return f"{number:05d}.png"
+
+
+def _areas(labels: np.ndarray, most: int) -> np.ndarray | None:
+    """Pixels of label 1, 2, ..., `most`; None if the map is not (H, W) uint8 or holds others."""
+    if labels.dtype != np.uint8 or labels.ndim != 2 or labels.max(initial=0) > most:
+        return None
+    return np.bincount(labels.reshape(-1), minlength=most + 1)[1:]
+
+
+def _indexed(labels: np.ndarray) -> bytes:
+    from PIL import Image as Pillow
+
+    picture = Pillow.fromarray(np.ascontiguousarray(labels))
+    picture.putpalette(palette().tobytes())  # turns a grey picture into an indexed one with the same numbers
+    written = io.BytesIO()
+    picture.save(written, format="PNG")
+    return written.getvalue()
+
+
+def _read(data: bytes, shape: tuple[int, int] | None = None) -> np.ndarray:
+    """The indices of an indexed or grey PNG, (H, W) uint8.
+
+    Raises:
+        ValueError: It is another picture, or not (height, width).
+    """
+    from PIL import Image as Pillow
+
+    with Pillow.open(io.BytesIO(data), formats=("PNG",)) as picture:
+        if picture.mode not in ("P", "L") or (shape and picture.size != shape[::-1]):
+            size = f"{picture.width} x {picture.height} px"
+            raise ValueError(f"a frame is {size} of mode {picture.mode}, not an indexed picture of the declared size")
+        return np.array(picture)
+
+
+@cache
+def palette() -> np.ndarray:
+    """Colours of PASCAL VOC and DAVIS by label, (256, 3) uint8: bit 3 i + c of the label is bit 7 - i of channel c."""
+    labels = np.arange(256)
+    colours = np.zeros((256, 3), np.uint8)
+    for bit in range(8):
+        for channel in range(3):
+            colours[:, channel] |= ((labels >> (3 * bit + channel)) & 1).astype(np.uint8) << np.uint8(7 - bit)
+    colours.flags.writeable = False
+    return colours

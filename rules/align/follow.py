@@ -1,0 +1,109 @@
+"""align.follow: masks of objects through a video, from a label map of its first frame."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from dextera_build.artifacts.image import LabelImage
+from dextera_build.artifacts.mask_track import MaskTrack, palette
+from dextera_build.artifacts.video import Video
+from dextera_build.artifacts.view import InstanceMap, Segmentation
+from dextera_build.errors import listing
+from dextera_build.rule import Context, Options, rule
+
+
+class FollowOptions(Options):
+    """Options of align.follow."""
+
+    names: tuple[str, ...] = ()
+    """Name of label 1, 2, ... of a label map; left out, they are called `1`, `2`, ... A segmentation has names."""
+
+
+class FollowBackend(Protocol):
+    """What a backend of align.follow defines."""
+
+    def follow(self, ctx: Context, video: Video, first: np.ndarray, names: tuple[str, ...], options: Any) -> MaskTrack:
+        """The masks of all frames; `first` (H, W) uint8 has the labels of the first frame, and stays as it is."""
+        ...
+
+
+@rule(version=1, packages=("av", "numpy", "pillow"))
+def follow(
+    ctx: Context[FollowBackend],
+    video: Video,
+    first: Segmentation | InstanceMap | LabelImage,
+    *,
+    options: FollowOptions | None = None,
+) -> MaskTrack:
+    """Return which pixels of every frame belong to which object of the first; an object that is lost has none."""
+    labels, names = _objects(ctx, first, (options or FollowOptions()).names)
+    size = f"{labels.shape[1]} x {labels.shape[0]} px"
+    if labels.shape != (video.height, video.width):
+        ctx.fail(
+            "the label map is not of the size of the video",
+            labels=size,
+            video=f"{video.width} x {video.height} px",
+            hint="make it from the first frame of this video",
+        )
+    found = ctx.backend.follow(ctx, video, labels.astype(np.uint8), names, ctx.backend_options)
+    fits = (found.height, found.width) == labels.shape and np.array_equal(found.stamps, video.stamps)
+    ctx.check(
+        fits and found.names == names,
+        "the masks are not of the size, the frames or the objects that were asked for",
+        masks=", ".join(found.facts()),
+        video=", ".join(video.facts()),
+    )
+    ctx.check(np.array_equal(found.labels(0), labels), "the first frame is not the label map that was given")
+    ctx.say(_summary(found))
+    ctx.metric("seen", float(found.seen.mean()), "fraction")
+    ctx.preview(_overlay(video, found), "first, middle and last frame")
+    return found
+
+
+def _objects(
+    ctx: Context[Any], first: Segmentation | InstanceMap | LabelImage, stated: tuple[str, ...]
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Labels (H, W) int32 and the name of each."""
+    labels = first.map.labels if isinstance(first, Segmentation) else first.labels
+    if isinstance(first, Segmentation) and stated:
+        ctx.fail("the segmentation has names already", names=listing(first.names), hint="leave out `names`")
+    low, high = int(labels.min(initial=0)), int(labels.max(initial=0))
+    if low < 0 or not 0 < high <= 255:
+        ctx.fail(
+            "the label map has no objects that can be followed",
+            labels=f"{low} to {high}",
+            hint="0 is everything else, 1 to 255 are objects",
+        )
+    names = first.names if isinstance(first, Segmentation) else stated or tuple(map(str, range(1, high + 1)))
+    if len(set(names)) != len(names) or len(names) < high:
+        ctx.fail(
+            "the names are not those of the labels",
+            names=listing(names),
+            labels=f"1 to {high}",
+            hint="`names` lists one for each label, all different",
+        )
+    return labels, names
+
+
+def _summary(found: MaskTrack) -> str:
+    last = [int(np.flatnonzero(seen).max(initial=-1)) for seen in found.seen.T]
+    gone = [
+        f"{name} not seen after {found.stamps[number]:.2f} s" if number >= 0 else f"{name} never seen"
+        for name, number in zip(found.names, last, strict=True)
+        if number < len(found.stamps) - 1
+    ]
+    count = len(found.names)
+    return "; ".join([f"{count} object{'s' * (count > 1)} through {len(found.stamps):,} frames", *gone])
+
+
+def _overlay(video: Video, found: MaskTrack) -> np.ndarray:
+    """Three frames with the masks in the colours of their labels, (H, 3 W, 3) uint8."""
+    last = len(found.stamps) - 1
+    drawn = []
+    for number, pixels in zip(shown := [0, last // 2, last], video.frames(shown), strict=True):
+        labels = found.labels(number)
+        mixed = pixels // 2 + palette()[labels] // 2
+        drawn.append(np.where(labels[..., None] > 0, mixed, pixels))
+    return np.hstack(drawn)

@@ -1,0 +1,67 @@
+"""Backend flow of align.follow: each mask moves as the optical flow inside it, and is compared with the first frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from pydantic import PositiveFloat
+
+from dextera_build.artifacts.mask_track import MaskTrack
+from dextera_build.artifacts.video import Video
+from dextera_build.rule import Backend, Context, Fraction, Options
+
+from .flow_layers import Layer, Picture
+from .flow_motion import flow
+
+BACKEND = Backend(
+    summary="DIS optical flow, one affine motion per object and frame",
+    profiles=("cpu",),
+    packages=("opencv-python-headless",),
+    extra="twin",
+)
+
+
+class FlowOptions(Options):
+    """Options of backend `flow` of align.follow."""
+
+    consistent_fraction: Fraction = 0.3
+    """Part of an object whose forward and backward flow must agree; with less it is lost."""
+    area_fraction: Fraction = 0.02
+    """An object that shows less than this part of its area in the first frame is lost."""
+    colour_difference: PositiveFloat = 20.0
+    """Mean difference to the colours in the first frame, at equal brightness, up to which a pixel shows the object,
+    0..255. A pixel that showed it before and moves with it may differ twice as much."""
+    motion_px: PositiveFloat = 0.7
+    """Largest distance of the flow of a pixel from the motion of the object that it moves with [px]."""
+
+
+def follow(ctx: Context, video: Video, first: np.ndarray, names: tuple[str, ...], options: FlowOptions) -> MaskTrack:
+    """Masks by affine motions; of two objects that claim a pixel, the one with the smaller difference has it.
+
+    Colours tell what hides a part of an object and what shows again. An object that is lost stays lost. The score is
+    the share of the flow inside an object that is consistent, times the part of its moved outline where it is seen.
+    """
+    return MaskTrack.of(names, video.stamps, _frames(ctx, video, first, len(names), options))
+
+
+def _frames(
+    ctx: Context, video: Video, first: np.ndarray, count: int, options: FlowOptions
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Labels (H, W) uint8 and scores (K,) of each frame."""
+    frames = video.every()
+    before = Picture.of(next(frames))
+    layers = [Layer.of(before, first == number) for number in range(1, count + 1)]
+    yield first, np.array([layer.visible.any() for layer in layers], np.float32)
+    for done, pixels in enumerate(frames, 1):
+        ctx.progress(done, len(video.stamps), "frames")
+        now = Picture.of(pixels)
+        way = flow(before.grey, now.grey)
+        moved = [layer.move(now, way, options) for layer in layers]
+        off = np.stack([each for each, _ in moved])
+        labels = np.where(np.isfinite(off).any(0), off.argmin(0) + 1, 0).astype(np.uint8)
+        for number, layer in enumerate(layers, 1):
+            layer.visible = labels == number
+        scores = [share * layer.seen for layer, (_, share) in zip(layers, moved, strict=True)]
+        yield labels, np.array(scores, np.float32)
+        before = now
