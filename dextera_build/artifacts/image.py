@@ -61,6 +61,12 @@ class LabelImage(Artifact):
         return png(smaller(hues[np.where(self.labels > 0, (self.labels - 1) % 5 + 1, 0)].astype(np.uint8)))
 
 
+def faded(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """A copy of (H, W, 3) uint8 that is pale outside of a mask (H, W) bool."""
+    pale = (pixels.astype(np.uint16) + 3 * 255) // 4
+    return np.where(mask[..., None], pixels, pale).astype(np.uint8)
+
+
 def smaller(pixels: np.ndarray, longest: int = 640) -> np.ndarray:
     """Every n-th pixel, with n chosen to make no side longer than `longest`."""
     step = -(-max(pixels.shape[:2]) // longest) or 1

@@ -15,6 +15,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import DepthImage, png, smaller
 from dextera_build.artifacts.intrinsics import Intrinsics
 from dextera_build.geometry import lenses
+from dextera_build.geometry.plot import Line, plot
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Focal = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
@@ -227,10 +228,9 @@ class DepthNoise(Artifact):
         return DepthImage(depth=np.where(there, np.maximum(noisy, 0), 0).astype(np.float32))
 
     def picture(self) -> bytes:
-        """A slope from the nearest to the farthest depth, as measured."""
-        far = min(self.farthest_m, 5.0)
-        slope = np.tile(np.linspace(max(self.nearest_m, 0.05 * far), far, 320, dtype=np.float32), (120, 1))
-        return self.sample(DepthImage(depth=slope), seed=0).picture()
+        """Standard deviation over depth, from the nearest to the farthest."""
+        depth = np.linspace(self.nearest_m, min(self.farthest_m, 5.0), 200)
+        return png(plot([Line(np.column_stack([depth, 1000.0 * self.sigma(depth)]))], "depth [m]", "sigma [mm]"))
 
 
 def of(known: Intrinsics) -> Lens:

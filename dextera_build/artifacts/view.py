@@ -11,7 +11,7 @@ from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
-from dextera_build.artifacts.image import DepthImage, Image, LabelImage
+from dextera_build.artifacts.image import DepthImage, Image, LabelImage, faded, png, smaller
 from dextera_build.artifacts.object import AssetSource
 from dextera_build.artifacts.pose import Pose
 
@@ -33,6 +33,10 @@ class ObjectView(Artifact):
     """See `Element.phrase`."""
     asset_source: AssetSource = "rgb"
     """What the mask was made from."""
+
+    def picture(self) -> bytes:
+        """The object on a pale copy of its surroundings."""
+        return png(smaller(faded(self.rgb.pixels, self.mask), 640))
 
 
 class MeasuredView(Artifact):

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.image import Image, faded
 from dextera_build.artifacts.view import ObjectView
 from dextera_build.rule import Context, Fraction, Options, rule
 
@@ -57,7 +57,7 @@ def complete(ctx: Context[CompleteBackend], view: ObjectView, *, options: Comple
         ctx.say(f"{part:.0%} of the outline hidden, nothing completed")
         return view
     ctx.say(f"{part:.0%} of the outline hidden, {added.sum() / view.mask.sum():.0%} of the seen area added")
-    ctx.preview(np.hstack([_shown(view.rgb.pixels, view.mask), _shown(pixels, whole)]), "seen and completed")
+    ctx.preview(np.hstack([faded(view.rgb.pixels, view.mask), faded(pixels, whole)]), "seen and completed")
     colours = np.where(added[..., None], pixels, view.rgb.pixels)
     return view.model_copy(update={"rgb": Image(pixels=colours), "mask": whole})
 
@@ -70,9 +70,3 @@ def hidden_part(mask: np.ndarray, occluder: np.ndarray) -> float:
         grown |= np.roll(padded, shift, axis)
     around = (grown & ~padded)[1:-1, 1:-1]
     return float(occluder[around].mean()) if around.any() else 0.0
-
-
-def _shown(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """The object on a pale copy of its surroundings."""
-    pale = (pixels.astype(np.uint16) + 3 * 255) // 4
-    return np.where(mask[..., None], pixels, pale).astype(np.uint8)
