@@ -94,7 +94,7 @@ class RuleRunner:
         common, own = parted(found, chosen.backend.name if chosen else None, dict(options or {}))
         reads = ProjectReads(self._files, Store(self._scratch / "store")) if rule.discovers else None
         ctx = Context(
-            chosen.backend.module if chosen else None,
+            found.module(chosen.backend.name) if chosen else None,
             own,
             scratch=self._scratch,
             keep=self._keep,

@@ -75,7 +75,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     with _full_disk_told(store), ExitStack() as folders, _full_disk_told(store):
         # Most calls need no folder, and creating one takes longer than a small call.
         ctx = Context(
-            found.backends[task["backend"]].module if task["backend"] else None,
+            found.module(task["backend"]) if task["backend"] else None,
             own,
             scratch=lambda: Path(folders.enter_context(tempfile.TemporaryDirectory(prefix="dxb-"))),
             emit=emit,
@@ -185,7 +185,7 @@ def others(found: RuleFile, backend: str | None) -> Callable[[str], tuple[Any, O
                 hint=f'`BACKEND = Backend(..., uses=("{name}",))`',
             )
         file = found.backends[name]
-        return file.module, (file.options or Options)()
+        return found.module(name), (file.options or Options)()
 
     return other
 

@@ -24,7 +24,7 @@ from dextera_build.outside.messages import REQUEST, RESPONSE
 Emit = Callable[[str, Mapping[str, object]], None]
 _LOG = 1 << 20
 """How much output of a program is passed on as it comes [bytes]; of the rest, the end is kept."""
-_TAIL_LINES = 12
+_TAIL_LINES = 4
 _END_S = 15.0
 _SPARE_S = 5.0
 _GIB = 1 << 30
@@ -210,7 +210,7 @@ class Running:
         if ended.get("left_out"):
             facts["output"] = f"{ended['left_out']:,} bytes left out of the log"
         if self._tail:
-            facts["log"] = "\n".join(self._tail)
+            facts["last lines"] = "\n".join(self._tail)
         if why == "timeout":
             return RuleError(
                 f"the program took longer than {limits.timeout_s:g} s",

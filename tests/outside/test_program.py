@@ -56,6 +56,13 @@ def test_a_build_logs_the_program_and_follows_its_files(space, toy):
     assert "staring at" in space.dxb("log", "say/tint", "out").out
 
 
+def test_an_error_shows_what_the_program_printed_last(space, toy):
+    toy.program(ECHO.replace("    request.say", "    raise OSError('no camera')\n    request.say"))
+    failed = space.dxb("build", "say/tint")
+    assert failed.code == 1
+    assert "OSError: no camera" in failed.err
+
+
 def test_a_declared_copy_of_the_programs_side_is_the_one_that_counts(space, toy):
     toy.program(ECHO, files=("dxb_backend.py",))
     assert "the file `dxb_backend.py` of the program" in space.dxb("build", "say/tint").err

@@ -51,6 +51,8 @@ def _ask(ctx: Context, function: str, options: {kind}Options) -> bytes:
 
 def _send(request: dict[str, Any], timeout_s: float) -> bytes:
     """The host is not part of the request."""
+    if "{variable}" not in os.environ:
+        raise OSError("set {variable} to the address of the service")
     asked = urllib.request.Request(os.environ["{variable}"], json.dumps(request).encode())
     with urllib.request.urlopen(asked, timeout=timeout_s) as answer:
         return bytes(answer.read())
@@ -118,9 +120,13 @@ class Wanted:
 
     @property
     def other(self) -> str | None:
-        """The backend that it begins as."""
+        """The backend that it begins as: the stub, else one that needs neither a program nor another backend."""
         known = [name for name, each in self.found.backends.items() if not each.missing() and name != self.backend]
-        return "stub" if "stub" in known else next(iter(known), None)
+        return min(known, key=lambda name: (name != "stub", self._needs(name), name), default=None)
+
+    def _needs(self, backend: str) -> bool:
+        facts = self.found.backends[backend].facts
+        return bool(facts.uses or facts.command) or "cpu" not in facts.profiles
 
     @property
     def methods(self) -> list[Any]:
@@ -239,7 +245,7 @@ def _sorted(lines: set[str]) -> str:
         module, _, name = line.partition(" import ")
         merged.setdefault(module, []).extend(name.split(", ") if name else [])
     groups: list[list[str]] = [[], [], [], []]
-    for module, parts in sorted(merged.items()):
+    for module, parts in sorted(merged.items(), key=lambda each: (each[0].startswith("from"), each[0])):
         name = module.split()[1]
         top = name.partition(".")[0]
         place = 3 if not top else 2 if top == "dextera_build" else 0 if top in sys.stdlib_module_names else 1
