@@ -149,8 +149,8 @@ def test_two_classes_of_options_in_one_backend_are_refused(toned):
 
 
 def test_a_backend_without_a_function_of_the_protocol_is_told(toned):
-    toned.write("rules/toy/tone_loud.py", LOUD.replace("def tone(", "def tune("))
-    with pytest.raises(RecipeError, match=r"backend `loud` of toy\.tone has no function `tone`") as caught:
+    toned.write("rules/toy/tone_loud.py", LOUD.replace("def say(", "def shout("))
+    with pytest.raises(RecipeError, match=r"backend `loud` of toy\.tone has no function `say`") as caught:
         Library(toned.root).find("toy.tone").module("loud")
     assert (caught.value.code, caught.value.hint) == ("DXB-R215", "write what `ToneBackend` in `tone.py` asks for")
 
