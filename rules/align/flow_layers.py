@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .flow_motion import Flow, affine, flow, grid
-
-if TYPE_CHECKING:
-    from .follow_flow import FlowOptions
+from .flow_options import FlowOptions
 
 _MARGIN = 8
 """Pixels around an object in the crop where it is aligned with the first picture."""

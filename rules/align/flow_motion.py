@@ -31,7 +31,7 @@ class Flow:
 def flow(first: np.ndarray, second: np.ndarray) -> Flow:
     """DIS optical flow (Kroeger et al., 2016) of (H, W) uint8, both ways.
 
-    Forward and backward flow are consistent within the bound of Sundaram et al. (2010), Eq. 5.
+    Forward and backward flow are consistent within the bound of Sundaram et al. (2010).
     """
     import cv2
 
@@ -39,7 +39,7 @@ def flow(first: np.ndarray, second: np.ndarray) -> Flow:
     nothing = np.zeros((*first.shape, 2), np.float32)
     there, back = dis.calc(first, second, nothing.copy()), dis.calc(second, first, nothing.copy())
     ends = grid(first.shape) + there
-    returned = cv2.remap(back, ends, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
+    returned = cv2.remap(back, ends, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     lengths = (there**2).sum(-1) + (returned**2).sum(-1)
     inside = ((ends >= 0) & (ends <= np.array(first.shape[::-1]) - 1)).all(-1)
     consistent = (((there + returned) ** 2).sum(-1) < 0.01 * lengths + 0.5) & inside
@@ -70,7 +70,8 @@ def affine(seen: Flow, region: np.ndarray, least: float) -> tuple[np.ndarray | N
     rows, columns = rows[::step], columns[::step]
     points = np.stack([columns, rows, np.ones(len(rows))], axis=1)
     ways = seen.there[rows, columns].astype(np.float64)
-    used, change = np.ones(len(rows), bool), np.zeros((3, 2))
+    used: np.ndarray = np.ones(len(rows), bool)
+    change: np.ndarray = np.zeros((3, 2))
     for _ in range(_ROUNDS):
         change = np.linalg.lstsq(points[used], ways[used], rcond=None)[0]
         off = np.linalg.norm(points @ change - ways, axis=1)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from pydantic import PositiveFloat
 
 from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.video import Video
-from dextera_build.rule import Backend, Context, Fraction, Options
+from dextera_build.rule import Backend, Context
 
 from .flow_layers import Layer, Picture
 from .flow_motion import flow
+from .flow_options import FlowOptions
 
 BACKEND = Backend(
     summary="DIS optical flow, one affine motion per object and frame",
@@ -22,25 +22,11 @@ BACKEND = Backend(
 )
 
 
-class FlowOptions(Options):
-    """Options of backend `flow` of align.follow."""
-
-    consistent_fraction: Fraction = 0.3
-    """Part of an object whose forward and backward flow must agree; with less it is lost."""
-    area_fraction: Fraction = 0.02
-    """An object that shows less than this part of its area in the first frame is lost."""
-    colour_difference: PositiveFloat = 20.0
-    """Mean difference to the colours in the first frame, at equal brightness, up to which a pixel shows the object,
-    0..255. A pixel that showed it before and moves with it may differ twice as much."""
-    motion_px: PositiveFloat = 0.7
-    """Largest distance of the flow of a pixel from the motion of the object that it moves with [px]."""
-
-
 def follow(ctx: Context, video: Video, first: np.ndarray, names: tuple[str, ...], options: FlowOptions) -> MaskTrack:
     """Masks by affine motions; of two objects that claim a pixel, the one with the smaller difference has it.
 
-    Colours tell what hides a part of an object and what shows again. An object that is lost stays lost. The score is the
-    share of the flow inside an object that is consistent, times the part of its moved outline where it is seen.
+    Colours tell what hides a part of an object and what shows again. An object that is lost stays lost. The score is
+    the share of the flow inside an object that is consistent, times the part of its moved outline where it is seen.
     """
     return MaskTrack.of(names, video.stamps, _frames(ctx, video, first, len(names), options))
 

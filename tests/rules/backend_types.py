@@ -3,6 +3,10 @@
 Nothing imports this file: rules are found, not imported.
 """
 
+import rules.align.follow
+import rules.align.follow_flow
+import rules.align.follow_sam3_video
+import rules.align.follow_stub
 import rules.align.matches
 import rules.align.matches_disk_lightglue
 import rules.align.matches_sift
@@ -95,6 +99,9 @@ import rules.simulate.usd
 import rules.simulate.usd_openusd
 import rules.simulate.usd_stub
 
+align_follow_flow: rules.align.follow.FollowBackend = rules.align.follow_flow
+align_follow_sam3_video: rules.align.follow.FollowBackend = rules.align.follow_sam3_video
+align_follow_stub: rules.align.follow.FollowBackend = rules.align.follow_stub
 align_matches_disk_lightglue: rules.align.matches.MatchesBackend = rules.align.matches_disk_lightglue
 align_matches_sift: rules.align.matches.MatchesBackend = rules.align.matches_sift
 align_matches_stub: rules.align.matches.MatchesBackend = rules.align.matches_stub
