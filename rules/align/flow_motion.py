@@ -31,7 +31,7 @@ class Flow:
 def flow(first: np.ndarray, second: np.ndarray) -> Flow:
     """DIS optical flow (Kroeger et al., 2016) of (H, W) uint8, both ways.
 
-    Forward and backward flow are consistent within the bound of Sundaram et al. (2010), Eq. 5.
+    Forward and backward flow are consistent within the bound of Sundaram et al. (2010).
     """
     import cv2
 
@@ -70,7 +70,7 @@ def affine(seen: Flow, region: np.ndarray, least: float) -> tuple[np.ndarray | N
     rows, columns = rows[::step], columns[::step]
     points = np.stack([columns, rows, np.ones(len(rows))], axis=1)
     ways = seen.there[rows, columns].astype(np.float64)
-    used = np.ones(len(rows), bool)
+    used: np.ndarray = np.ones(len(rows), bool)
     change: np.ndarray = np.zeros((3, 2))
     for _ in range(_ROUNDS):
         change = np.linalg.lstsq(points[used], ways[used], rcond=None)[0]
