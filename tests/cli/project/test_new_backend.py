@@ -68,6 +68,8 @@ def test_a_server_of_any_rule_returns_what_it_was_sent(space, found):
         pytest.importorskip("robosuite")
     if found.path == "simulate.perturbed":
         pytest.skip("the only recipe that calls it needs a capture of the user's own")
+    if found.path in ("align.follow", "align.matches"):
+        pytest.skip("no recipe calls it yet, so there are no example inputs")
     written(space, found.path, "server")
     pytest_of(space)
 
