@@ -11,7 +11,7 @@ import pytest
 from dextera_build.artifacts.image import LabelImage
 from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.video import Video
-from dextera_build.artifacts.view import InstanceMap
+from dextera_build.artifacts.view import InstanceMap, Segmentation
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 
@@ -117,10 +117,14 @@ def still(folder: Path) -> tuple[Video, np.ndarray]:
 def test_the_label_map_of_a_twin_is_a_first_frame(tmp_path: Path) -> None:
     video, true = still(tmp_path)
     first = InstanceMap(labels=true[0].astype(np.int32), fixed=np.zeros(true[0].shape, bool))
-    inputs = {"video": video, "first": first}
+    inputs: dict[str, Any] = {"video": video, "first": first}
     found = RuleRunner(tmp_path).run("align.follow", backend="stub", options={"names": ["box"]}, **inputs)
     assert found.names == ("box",)
     assert np.array_equal(maps(found), true[[0, 0]])
+    inputs["first"] = Segmentation(items={}, names=("crate",), map=first)
+    assert RuleRunner(tmp_path).run("align.follow", backend="stub", **inputs).names == ("crate",)
+    with pytest.raises(RuleError, match="the segmentation has names already"):
+        RuleRunner(tmp_path).run("align.follow", backend="stub", options={"names": ["box"]}, **inputs)
 
 
 @pytest.mark.parametrize(
