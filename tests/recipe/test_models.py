@@ -120,7 +120,8 @@ def test_other_weights_make_their_nodes_stale_and_no_others(voiced):
     why = voiced.dxb("why", "say/b:t").out
     assert "weights" in why
     assert "voice" in why
-    digest = json.loads(voiced.dxb("models", "ls", "--json").out)[-1]["digest"]
+    models = {row["model"]: row for row in json.loads(voiced.dxb("models", "ls", "--json").out)}
+    digest = models["voice"]["digest"]
     assert voiced.dxb("build", "say/b").code == 0
     first = next(row for row in (voiced.root / "models" / "voice").glob("*.json") if digest[:12] not in row.name)
     voiced.write("recipes/model/voice.yaml", VOICE + f"digest: {json.loads(first.read_text())['digest']}\n")

@@ -22,7 +22,7 @@ def compose(request: Any) -> Any:
     import numpy as np
 
     options, inputs = request.options, request.inputs
-    poses, intrinsics = np.load(inputs["poses"].path), np.load(inputs["intrinsics"].path)
+    poses, intrinsics = (np.load(inputs[name].path, allow_pickle=False) for name in ("poses", "intrinsics"))
     with tempfile.TemporaryDirectory() as scratch:
         pictures, prior, out = Path(scratch, "pictures"), Path(scratch, "cameras.json"), Path(scratch, "out")
         pictures.mkdir()

@@ -79,7 +79,7 @@ def test_a_server_of_any_rule_returns_what_it_was_sent(space, found):
 @pytest.mark.parametrize("found", RULES, indirect=True)
 def test_what_is_written_is_short_python_that_lacks_nothing(found, kind, tmp_path):
     wanted = new_backend.Wanted(found, "mine", kind, tmp_path / "x_mine.py", "x_mine.py", False)
-    assert wanted.other == "stub"
+    assert wanted.other == "stub" or "stub" not in found.backends
     for text in new_backend.files(wanted, tmp_path / "tests").values():
         ast.parse(text)
         assert len(text.splitlines()) <= 60
