@@ -37,7 +37,7 @@ def thumbnail(parts: Sequence[tuple[np.ndarray, Paint]]) -> np.ndarray:
         if len(corners)
     ]
     places, colours = (np.concatenate(found) for found in zip(*seen, strict=True))
-    return _dotted(picture, (places - middle @ pose[:3, :3]) / reach, colours, 1)
+    return _dotted(picture, (places - middle @ pose[:3, :3]) / reach, colours, 2)
 
 
 def scatter(points: np.ndarray, colours: np.ndarray) -> np.ndarray:
