@@ -56,7 +56,7 @@ def test_what_the_protocol_does_not_name_or_no_artifact_is_the_modules_own():
     ("functions", "hint"), [({"sya": say}, "did you mean `sya`"), ({}, "`def say(ctx, word, options)`")]
 )
 def test_a_missing_function_is_told(functions, hint):
-    with pytest.raises(RuleError, match="backend `mine` of toy.say has no function `say`") as caught:
+    with pytest.raises(RuleError, match=r"backend `mine` of toy.say has no function `say`") as caught:
         backend(**functions).say(None, File(data=b""), None)
     assert caught.value.code == "DXB-B308"
     assert caught.value.facts["file"] == "rules/toy/say_mine.py"

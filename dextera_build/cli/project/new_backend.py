@@ -177,9 +177,10 @@ def _backend(wanted: Wanted) -> str:
     if wanted.kind == "call" and other:
         used |= {"import json", "import os", "import urllib.request", "from typing import Any"}
         parts.append(_ASK.format(variable=f"{wanted.backend.upper()}_URL", backend=wanted.backend))
+    profiles = '("stub",)' if wanted.backend == "stub" else "()"
     words = [
         'summary="what it does, in one line"',
-        f"profiles={('stub',) if wanted.backend == 'stub' else ()}",
+        f"profiles={profiles}",
         "packages=()",
     ]
     words += [f'uses=("{other}",)'] if other else []
