@@ -12,6 +12,7 @@ from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
 from dextera_build.build import examples
 from dextera_build.build.runner import ProjectReads, others, outside, parted
+from dextera_build.build.runner import chosen as as_called
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.code.machine import Machine
 from dextera_build.engine import missing
@@ -94,7 +95,7 @@ class RuleRunner:
         common, own = parted(found, chosen.backend.name if chosen else None, dict(options or {}))
         reads = ProjectReads(self._files, Store(self._scratch / "store")) if rule.discovers else None
         ctx = Context(
-            found.module(chosen.backend.name) if chosen else None,
+            as_called(found, facts.backend),
             own,
             scratch=self._scratch,
             keep=self._keep,

@@ -21,6 +21,7 @@ from dextera_build.code.loader import Library, RuleFile
 from dextera_build.errors import DxbError, MachineError, RuleError, listing
 from dextera_build.redact import hidden, redact_plain
 from dextera_build.rule import Context, Options
+from dextera_build.rule.chosen import Chosen
 from dextera_build.rule.pretrained import Device, Pretrained, out_of_memory, unload
 from dextera_build.store import disk_full, headers
 from dextera_build.store.entry import ActionResult
@@ -75,7 +76,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     with _full_disk_told(store), ExitStack() as folders, _full_disk_told(store):
         # Most calls need no folder, and creating one takes longer than a small call.
         ctx = Context(
-            found.module(task["backend"]) if task["backend"] else None,
+            chosen(found, task["backend"]),
             own,
             scratch=lambda: Path(folders.enter_context(tempfile.TemporaryDirectory(prefix="dxb-"))),
             emit=emit,
@@ -92,6 +93,13 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         # Before the scratch folder is removed, because the result may refer to files in it.
         reply = _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
         return reply | ({"reads": reads.finish()} if reads is not None else {})
+
+
+def chosen(found: RuleFile, backend: str | None) -> Chosen | None:
+    """What a rule is given as `ctx.backend`."""
+    if not backend:
+        return None
+    return Chosen(found.backends[backend].module, found.rule.protocol, f"`{backend}` of {found.path}")
 
 
 def parted(found: RuleFile, backend: str | None, given: Mapping[str, Any]) -> tuple[Options, Options]:
@@ -185,7 +193,7 @@ def others(found: RuleFile, backend: str | None) -> Callable[[str], tuple[Any, O
                 hint=f'`BACKEND = Backend(..., uses=("{name}",))`',
             )
         file = found.backends[name]
-        return found.module(name), (file.options or Options)()
+        return chosen(found, name), (file.options or Options)()
 
     return other
 

@@ -49,13 +49,12 @@ def self_test(project: Path, rule: str, backend: str, weights: tuple[str, ...], 
 
 def run(project: str, rule: str, backend: str, weights: tuple[str, ...]) -> None:
     """What the process of `self_test` does."""
-    asked = Library(Path(project)).find(rule)
-    found = asked.backends[backend]
+    found = Library(Path(project)).find(rule).backends[backend]
     for package in found.facts.packages:
         for module in sorted(modules_of(package)):
             if not module.startswith("_"):
                 importlib.import_module(module)
-    test = getattr(asked.module(backend), "self_test", None)
+    test = getattr(found.module, "self_test", None)
     if test is not None:
         with tempfile.TemporaryDirectory() as scratch:
             test(Context(found.module, scratch=Path(scratch), pretrained=pretrained({"weights": weights})))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import socket
 import threading
 import time
@@ -177,8 +179,19 @@ def _sent(asked: Question, send: Callable[[float], T], manner: Manner) -> T:
             raise _AgainError(why) from None
         # Replaced, since its traceback in the node's log could contain an address with a key.
         raise RuleError(
-            f"the call of `{asked.shown}` failed: {why.splitlines()[0][:_SHOWN]}", code="DXB-B344", facts=asked.facts()
+            f"the call of `{asked.shown}` failed: {why.splitlines()[0][:_SHOWN]}",
+            code="DXB-B344",
+            facts=asked.facts(),
+            hint=_unset(error),
         ) from None
+
+
+def _unset(error: Exception) -> str | None:
+    """The next step if `os.environ[NAME]` failed, as in a request that takes its address from a variable."""
+    name = str(error.args[0]) if isinstance(error, KeyError) and error.args else ""
+    if not re.fullmatch(r"[A-Z][A-Z0-9_]+", name) or name in os.environ:
+        return None
+    return f"set the environment variable `{name}`, or build with `--calls replay`"
 
 
 def within(timeout_s: float, send: Callable[[float], T]) -> T:

@@ -6,6 +6,7 @@ the source digests of the key with each task and runs exactly these sources; it 
 
 from __future__ import annotations
 
+import linecache
 import os
 import re
 import sys
@@ -232,7 +233,24 @@ def refused(path: str, file: Path, error: Exception) -> DxbError:
         return too_deep(str(file))
     said = str(error) if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
     said = re.sub(r"\bdxb_rules_[0-9a-f]{12}\b", "rules", said)
-    return RecipeError(f"{path} cannot be imported: {said}", code="DXB-R205", where=_last(error, file))
+    where = _last(error, file)
+    hint = _place_of_types(where) if isinstance(error, ImportError) else None
+    return RecipeError(f"{path} cannot be imported: {said}", code="DXB-R205", where=where, hint=hint)
+
+
+def _place_of_types(where: Place) -> str | None:
+    """The right import for a line that looks for artifact types in another module of `dextera_build.artifacts`."""
+    module, _, names = linecache.getline(where.file, where.line).partition(" import ")
+    if not module.startswith("from dextera_build.artifacts"):
+        return None
+    files = sorted((PACKAGE / "artifacts").glob("*.py"))
+    found = [
+        f"`from dextera_build.artifacts.{file.stem} import {name}`"
+        for name in re.findall(r"\w+", names)
+        for file in files
+        if re.search(rf"^class {name}\b", file.read_text(), re.MULTILINE)
+    ]
+    return ", ".join(found) or None
 
 
 def _last(error: Exception, file: Path) -> Place:

@@ -12,7 +12,6 @@ import glob
 import importlib
 import importlib.machinery
 import importlib.util
-import inspect
 import re
 import sys
 from collections.abc import Iterator, Sequence
@@ -118,27 +117,6 @@ class RuleFile:
                 name = file.stem.removeprefix(f"{self.file.stem}_")
                 found.setdefault(name, BackendFile(name, file, root, self.path, facts))
         return dict(sorted(found.items()))
-
-    def module(self, backend: str) -> ModuleType:
-        """The module of a backend.
-
-        Raises:
-            RecipeError: It cannot be imported, or lacks a function of the rule's `Protocol`.
-        """
-        chosen, protocol = self.backends[backend], self.rule.protocol
-        lacking = [
-            name
-            for name, asked in (vars(protocol) if protocol else {}).items()
-            if inspect.isfunction(asked) and name[0] != "_" and not callable(getattr(chosen.module, name, None))
-        ]
-        if protocol is not None and lacking:
-            raise RecipeError(
-                f"backend `{backend}` of {self.path} has no function `{listing(lacking)}`",
-                code="DXB-R215",
-                where=Place(str(chosen.file)),
-                hint=f"write what `{protocol.__name__}` in `{self.file.name}` asks for",
-            )
-        return chosen.module
 
     @cached_property
     def candidates(self) -> list[tuple[Root, Path]]:

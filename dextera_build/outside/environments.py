@@ -40,7 +40,11 @@ class Environment(Protocol):
     """Whether its content is stated by a lock file."""
 
     def lacking(self, lock: str) -> dict[str, str]:
-        """What this machine does not have -> the next step; `lock` is the lock file as the backend names it."""
+        """What this machine does not have -> the next step; `lock` is the lock file, if there is one."""
+        ...
+
+    def freeze(self) -> str:
+        """The command that prints what it holds."""
         ...
 
     def argv(self, start: Start) -> list[str]:
@@ -60,6 +64,10 @@ class Own:
     def lacking(self, lock: str) -> dict[str, str]:
         """Nothing."""
         return {}
+
+    def freeze(self) -> str:
+        """`pip freeze` of dxb's interpreter."""
+        return f"{sys.executable} -m pip freeze"
 
     def argv(self, start: Start) -> list[str]:
         """The command with dxb's interpreter."""
@@ -93,7 +101,13 @@ class Venv:
         if self.python.is_file():
             return {}
         step = f"`python -m venv {self.folder} && {self.folder}/bin/pip install -r {lock}`"
+        if not lock:
+            step = f"`python -m venv {self.folder}`, install the program's packages with `{self.folder}/bin/pip`"
         return {f"the virtual environment `{self.folder}`": step}
+
+    def freeze(self) -> str:
+        """`pip freeze` of its interpreter."""
+        return f"{self.folder}/bin/pip freeze --all"
 
     def argv(self, start: Start) -> list[str]:
         """The command with the environment's interpreter."""
@@ -118,14 +132,22 @@ class Conda:
             return {"conda or micromamba": "install micromamba, and put it on PATH"}
         if any(folder.is_dir() for folder in self._places()):
             return {}
-        step = f"`{Path(tool).name} create -{'p' if '/' in self.name else 'n'} {self.name} --file {lock}`"
+        step = f"`{Path(tool).name} create {self._option} {self.name}{f' --file {lock}' if lock else ' python'}`"
         return {f"the conda environment `{self.name}`": step}
+
+    @property
+    def _option(self) -> str:
+        return "-p" if "/" in self.name else "-n"
+
+    def freeze(self) -> str:
+        """`conda list` of it."""
+        return f"{Path(_conda() or 'conda').name} list {self._option} {self.name} --explicit"
 
     def argv(self, start: Start) -> list[str]:
         """`conda run` of the command."""
         tool = _conda() or "conda"
         live = ["--no-capture-output"] if Path(tool).name != "micromamba" else []
-        where = ["-p" if "/" in self.name else "-n", os.path.expanduser(self.name)]
+        where = [self._option, os.path.expanduser(self.name)]
         return [tool, "run", *where, *live, *_with(start.command, "python")]
 
     def last(self, root: Path) -> list[str]:
@@ -164,6 +186,10 @@ class Container:
         if not _has_image(self.tool, self.image):
             return {f"the image `{self.image}`": f"`{self.tool} pull {self.image}`"}
         return {}
+
+    def freeze(self) -> str:
+        """`pip freeze` inside."""
+        return f"{self.tool} run --rm {self.image} pip freeze"
 
     def argv(self, start: Start) -> list[str]:
         """`docker run` of the command: the exchange writable, the rest read-only, nothing else of the machine."""

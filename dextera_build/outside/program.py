@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import posixpath
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -67,16 +68,21 @@ class Program:
         Raises:
             RecipeError: The declaration is wrong.
         """
-        found = dict(self.place.lacking(self.lock or "LOCK"))
+        has_lock = bool(self.lock) and (self.base / self.lock).is_file()
+        found = dict(self.place.lacking(self.lock if has_lock else ""))
         if self.place.locked and not self.lock:
             raise self._wrong("an environment is named without its lock file", "`lock`")
-        if self.lock and not (self.base / self.lock).is_file():
-            step = f"write what the environment holds into `{self.lock}`: `pip freeze`, or `conda list --explicit`"
-            found[f"the lock file `{self.lock}`"] = step
+        if self.lock and not has_lock:
+            found[f"the lock file `{self.lock}`"] = f"write what the environment holds: `{self._freeze()}`"
         for pattern in self._patterns:
             if not self._matches(pattern):
                 found[f"the file `{pattern}` of the program"] = f"put it into `{self.here}`"
         return found
+
+    def _freeze(self) -> str:
+        """The command that writes the lock file, from the project's folder."""
+        folder = posixpath.dirname(self.lock)
+        return (f"mkdir -p {folder} && " if folder else "") + f"{self.place.freeze()} > {self.lock}"
 
     def parts(self) -> dict[str, Path]:
         """Name -> each file that makes up the program, and the lock file; their contents enter the key."""

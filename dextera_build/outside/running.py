@@ -210,7 +210,7 @@ class Running:
         if ended.get("left_out"):
             facts["output"] = f"{ended['left_out']:,} bytes left out of the log"
         if self._tail:
-            facts["last lines"] = "\n".join(self._tail)
+            facts["printed"] = "\n".join(self._tail)  # not `log`: the build puts the command for all of it there
         if why == "timeout":
             return RuleError(
                 f"the program took longer than {limits.timeout_s:g} s",

@@ -70,7 +70,7 @@ def choose(
                 facts={"backends": listing(found.backends)},
                 hint=f"name one: `backend: {next(iter(found.backends))}`",
             )
-    line = [_backend(found, name, origin, where) for name in names]
+    line = [backend_of(found, name, origin, where) for name in names]
     lacks = {backend.name: lacks_of(found, backend, machine) for backend in line[: None if fallback or wish else 1]}
     chosen = next((backend for backend in line if not lacks.get(backend.name, True)), line[0])
     passed = line[: line.index(chosen)]
@@ -88,7 +88,7 @@ def with_used(found: RuleFile, backend: BackendFile) -> list[BackendFile]:
         RecipeError: The rule has no such backend.
     """
     where, origin = Place(str(backend.file)), f"`uses` of backend `{backend.name}`"
-    return [backend, *(_backend(found, name, origin, where) for name in backend.facts.uses)]
+    return [backend, *(backend_of(found, name, origin, where) for name in backend.facts.uses)]
 
 
 def lacks_of(found: RuleFile, backend: BackendFile, machine: Machine) -> dict[str, str]:
@@ -100,7 +100,12 @@ def lacks_of(found: RuleFile, backend: BackendFile, machine: Machine) -> dict[st
     return {what: step for each in with_used(found, backend) for what, step in each.lacks(machine).items()}
 
 
-def _backend(found: RuleFile, name: str, origin: str, where: Place) -> BackendFile:
+def backend_of(found: RuleFile, name: str, origin: str, where: Place) -> BackendFile:
+    """The backend of this name; `origin` says who named it.
+
+    Raises:
+        RecipeError: The rule has no such backend.
+    """
     if name not in found.backends:
         raise RecipeError(
             f"`{found.path}` has no backend `{name}`",

@@ -342,7 +342,7 @@ class Process:
         fatal = next((place for place, line in enumerate(tail) if line.startswith("Fatal Python error")), None)
         tail = tail[-_TAIL_LINES:] if fatal is None else tail[fatal : fatal + _TAIL_LINES]
         if tail:
-            facts["log"] = "\n".join(tail)
+            facts["printed"] = "\n".join(tail)
         return RuleError(
             f"worker died ({reason})",
             code="DXB-B301",

@@ -285,3 +285,13 @@ def test_a_worker_searches_where_the_build_does_and_not_in_the_current_folder(pr
     assert (
         done.stderr.count("warning: toy.mul imports `scipy`, which is neither code of the project nor a package") == 1
     )
+
+
+def test_a_type_of_another_module_is_told_with_its_import(project):
+    file = project / "rules" / "toy" / "mul.py"
+    for module in ("geometry", "points"):
+        file.write_text(f"from dextera_build.artifacts.{module} import PointCloud, Nothing\n" + RULE.format(body=""))
+        with pytest.raises(RecipeError) as caught:
+            Library(project).find("toy.mul").rule  # noqa: B018 - imports it
+        assert caught.value.code == "DXB-R205"
+        assert caught.value.hint == "`from dextera_build.artifacts.point_cloud import PointCloud`"

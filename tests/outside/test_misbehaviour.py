@@ -178,7 +178,7 @@ def test_a_program_that_kills_its_guard_dies_too(toy, then):
 def test_the_error_shows_the_end_of_the_log(toy):
     with pytest.raises(RuleError) as caught:
         toy.run("for n in range(100): print('line', n)\nraise ValueError('by hand')")
-    lines = caught.value.facts["last lines"].splitlines()
+    lines = caught.value.facts["printed"].splitlines()
     assert len(lines) <= 4
     assert lines[-1] == "ValueError: by hand"
 

@@ -83,9 +83,17 @@ def test_what_is_missing_is_told_with_the_next_step(space, toy):
         "the virtual environment `.envs/tint`",
         "the lock file `envs/tint.lock`",
         "the file `model/*.py` of the program",
-        "`python -m venv .envs/tint && .envs/tint/bin/pip install -r envs/tint.lock`",
+        "`python -m venv .envs/tint`, install the program's packages with `.envs/tint/bin/pip`",
+        "`mkdir -p envs && .envs/tint/bin/pip freeze --all > envs/tint.lock`",
     ):
         assert word in refused.err
+
+
+def test_an_environment_with_a_lock_file_is_made_from_it(space, toy):
+    space.write("envs/tint.lock", "")
+    toy.program(ECHO, environment="venv:.envs/tint", lock="envs/tint.lock")
+    refused = space.dxb("build", "say/tint")
+    assert "hint: `python -m venv .envs/tint && .envs/tint/bin/pip install -r envs/tint.lock`\n" in refused.err
 
 
 def test_a_virtual_environment_is_used_and_its_lock_file_enters_the_key(space, toy, capfd):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.code.loader import Library
 from dextera_build.errors import RecipeError
 from dextera_build.recipe import settings
 from dextera_build.recipe.plan import Request, plan
@@ -146,13 +145,6 @@ def test_two_classes_of_options_in_one_backend_are_refused(toned):
     with pytest.raises(RecipeError, match="take no one class of options") as caught:
         call(toned, "")
     assert caught.value.code == "DXB-R212"
-
-
-def test_a_backend_without_a_function_of_the_protocol_is_told(toned):
-    toned.write("rules/toy/tone_loud.py", LOUD.replace("def say(", "def shout("))
-    with pytest.raises(RecipeError, match=r"backend `loud` of toy\.tone has no function `say`") as caught:
-        Library(toned.root).find("toy.tone").module("loud")
-    assert (caught.value.code, caught.value.hint) == ("DXB-R215", "write what `ToneBackend` in `tone.py` asks for")
 
 
 def test_a_project_adds_a_backend_to_a_rule_of_dxb(space):

@@ -32,6 +32,9 @@ def test_a_backend_that_is_not_installed_stands_in_the_plan_and_is_the_machines_
         assert "error[DXB-E301]: backend `cloud` of toy.spoken is missing" in answer.err
     assert "t\tmissing\ttoy.spoken\tcloud" in space.dxb("plan", "say/b").out
     assert space.dxb("build", "say/b:s").code == 0  # which needs no such backend
+    told = space.dxb("plan", "say/b").err  # where nothing else is stale
+    assert "1 cannot run here" in told
+    assert "up to date" not in told
 
 
 def test_the_next_in_line_is_taken_only_where_the_recipe_says_so(space):

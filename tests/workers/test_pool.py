@@ -163,9 +163,9 @@ def test_a_worker_that_dies_fails_its_node_only(
     assert result.nodes["end"].status == "waits"
     if how == "kill":
         assert error.facts["signal"] == "9 (SIGKILL)"
-        assert error.facts["log"] == "about to die"
+        assert error.facts["printed"] == "about to die"
     if how == "segfault":
-        assert "Segmentation fault" in error.facts["log"]
+        assert "Segmentation fault" in error.facts["printed"]
     again, _ = run(graph(call("good2")), store, pool)
     assert again.ok
     assert [event.node for event in record.of(NodeFinished) if event.status == "failed"] == ["bad"]

@@ -80,11 +80,12 @@ def _incomplete(plan: Plan, wanted: Sequence[Address], *, as_json: bool) -> int:
 def _sum(statuses: Sequence[str], nodes: Sequence[Planned]) -> str:
     """`12 of 41 nodes would run, 3 may follow, about 25 s`; the time is the sum of the last runs."""
     counts = Counter(statuses)
-    if not counts["stale"] + counts["remote"] + counts["unknown"]:
+    if not counts["stale"] + counts["remote"] + counts["unknown"] + counts["missing"]:
         return f"{count(len(statuses), 'node')}, all up to date"
     told = [f"{counts['stale']} of {count(len(statuses), 'node')} would run"]
     told += [f"{counts['remote']} would be fetched"] if counts["remote"] else []
     told += [f"{counts['unknown']} may follow"] if counts["unknown"] else []
+    told += [f"{counts['missing']} cannot run here"] if counts["missing"] else []
     stale = [node.seconds_last for node, status in zip(nodes, statuses, strict=True) if status == "stale"]
     known = [seconds for seconds in stale if seconds is not None]
     if known:

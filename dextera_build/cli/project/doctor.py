@@ -12,8 +12,9 @@ from collections.abc import Iterator
 
 from dextera_build.cli import options, table
 from dextera_build.code.loader import BackendFile, RuleFile
+from dextera_build.errors import Place
 from dextera_build.project.project import Project
-from dextera_build.recipe.backends import lacks_of
+from dextera_build.recipe.backends import backend_of, lacks_of
 from dextera_build.report import wording
 
 _LIBRARIES = {"libusb-1.0-0": "usb-1.0", "libgomp1": "gomp", "libegl1": "EGL", "libgl1": "GL"}
@@ -29,7 +30,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--self-test",
         nargs="*",
         metavar="RULE",
-        help="also run the self-tests of the profile's backends, of every rule (takes a minute) or of these",
+        help="also run the self-tests of the profile's backends, of every rule (takes a minute) or of these; "
+        "RULE=BACKEND tests another backend than the profile's",
     )
     options.project_arguments(parser)
     options.json_argument(parser)
@@ -72,11 +74,22 @@ def _libraries() -> Iterator[Finding]:
 def _backends(project: Project, tested: list[str] | None) -> Iterator[Finding]:
     """The backend that the profile prefers for each rule: what it is bound to, what is missing, its self-test."""
     profile = project.preferences
+    wanted = [_named(project, text) for text in tested or ()]
     for found in project.library.rules():
         names, _ = profile.preferred(found)
-        if names:
-            tests = tested is not None and (not tested or found.path in tested)
-            yield _backend(project, found, found.backends[names[0]], tests=tests)
+        own = [name for path, name in wanted if path == found.path]
+        for name in dict.fromkeys([*names[:1], *filter(None, own)]):
+            tests = tested is not None and (not tested or name in own or (name == names[0] and "" in own))
+            yield _backend(project, found, found.backends[name], tests=tests)
+
+
+def _named(project: Project, text: str) -> tuple[str, str]:
+    """`RULE` or `RULE=BACKEND` of `--self-test`; refuses what does not exist."""
+    path, _, name = text.partition("=")
+    found = project.library.find(path)
+    if name:
+        backend_of(found, name, "--self-test", Place("command line"))
+    return path, name
 
 
 def _backend(project: Project, found: RuleFile, backend: BackendFile, *, tests: bool) -> Finding:

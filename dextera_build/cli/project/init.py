@@ -11,7 +11,7 @@ _CONFIG = """# Settings of this project; `dxb show --config` prints each value w
 profile = "cpu"
 cache = "cache"
 """
-_IGNORE = "cache/\ndxb.local.toml\n__pycache__/\n"
+_IGNORE = "cache/\n.envs/\ndxb.local.toml\n__pycache__/\n"
 _RECIPE = """summary: The twin of my table.
 extends: twin/tabletop
 # Options of one object's nodes, by the object's name in the build log:

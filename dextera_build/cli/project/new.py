@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from pathlib import Path
 
 from dextera_build.cli import options
@@ -71,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     if not re.fullmatch(form, args.name):
         raise UsageError(f"`{args.name}` is not a valid name; one looks like `{example}`", code="DXB-U192")
     project = options.project(args)
-    files = _files(project, args.kind, args.name, args.backend_kind)
+    files, note = _files(project, args.kind, args.name, args.backend_kind)
     for path in files:
         if path.exists():
             raise UsageError(f"`{path}` exists already", code="DXB-U191")
@@ -79,24 +80,26 @@ def run(args: argparse.Namespace) -> int:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
         print(project.shown(path))
+    if note:
+        print(f"note: {note}", file=sys.stderr)
     return 0
 
 
-def _files(project: Project, kind: str, named: str, backend_kind: str | None) -> dict[Path, str]:
-    """Path -> text of each file."""
+def _files(project: Project, kind: str, named: str, backend_kind: str | None) -> tuple[dict[Path, str], str]:
+    """Path -> text of each file, and what they lack."""
     if backend_kind is not None and kind != "backend":
         raise UsageError(f"a {kind} has no kind", code="DXB-U197", hint=f"`dxb new {kind} {named}`")
     if kind == "recipe":
-        return {project.root / "recipes" / f"{named}.yaml": _RECIPE}
+        return {project.root / "recipes" / f"{named}.yaml": _RECIPE}, ""
     path, _, backend = named.partition("=")
     stage, _, name = path.partition(".")
     if kind == "rule":
         camel = "".join(part.capitalize() for part in name.split("_"))
-        return {project.root / "rules" / stage / f"{name}.py": _RULE.format(path=path, name=name, kind=camel)}
+        return {project.root / "rules" / stage / f"{name}.py": _RULE.format(path=path, name=name, kind=camel)}, ""
     found = project.library.find(path)
     own = found.file.is_relative_to((project.root / "rules").resolve())
     # A backend of a rule from elsewhere lies in the same stage of the project.
     folder = found.file.parent if own else project.root / "rules" / stage
     file = folder / f"{found.file.stem}_{backend}.py"
     wanted = new_backend.Wanted(found, backend, backend_kind or "in-process", file, project.shown(file), own)
-    return new_backend.files(wanted, project.root / "tests")
+    return new_backend.files(wanted, project.root / "tests"), new_backend.note(wanted)

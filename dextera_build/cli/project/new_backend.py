@@ -39,20 +39,18 @@ def {name}({parameters}) -> {returns}:
 _UNWRITTEN = '    ctx.fail("`{name}` of backend `{backend}` is not written yet", hint="fill it in: {file}")'
 _IN_PROCESS = """    # Write your own method here, and leave out `uses`.
     return ctx.other("{other}").{name}({arguments})"""
-_CALL = """    _ask(ctx, "{name}", options)  # make the result from this answer, and leave out `uses`
+_CALL = """    # Add all that the answer depends on; make the result from it, and leave out `uses`.
+    _ask(ctx, {{"function": "{name}", "seed": options.seed}})
     return ctx.other("{other}").{name}({arguments})"""
 _ASK = '''
 
-def _ask(ctx: Context, function: str, options: {kind}Options) -> bytes:
-    """The answer of the service, recorded under all of its inputs; bytes enter the request by their digest."""
-    request = {{"function": function, "seed": options.seed}}
+def _ask(ctx: Context, request: dict[str, Any]) -> bytes:
+    """The answer of the service, recorded under the whole request; bytes enter it by their digest."""
     return ctx.call("{backend}", request, lambda timeout_s: _send(request, timeout_s))
 
 
 def _send(request: dict[str, Any], timeout_s: float) -> bytes:
-    """The host is not part of the request."""
-    if "{variable}" not in os.environ:
-        raise OSError("set {variable} to the address of the service")
+    """The host is not part of the request; bytes need a form in JSON, such as base64."""
     asked = urllib.request.Request(os.environ["{variable}"], json.dumps(request).encode())
     with urllib.request.urlopen(asked, timeout=timeout_s) as answer:
         return bytes(answer.read())
@@ -83,14 +81,15 @@ from pathlib import Path
 from dextera_build.testing import RuleRunner
 
 PROJECT = Path(__file__).parents[1]
-
+{answer}
 
 def test_{backend}_answers_and_passes_the_checks_of_the_rule(tmp_path: Path) -> None:
     runner = RuleRunner(tmp_path, PROJECT{calls})
     inputs, options = runner.example("{path}")
     assert runner.run("{path}", backend="{backend}", options=options, **inputs) is not None
 '''
-_STANDARD_ANSWER = ', calls=lambda service, request, send, **manner: b"{}"'
+_ANSWER_OF_SERVICE = 'ANSWER = b"{}"  # what the service says to this request, in place of the service\n'
+_CALLS = ", calls=lambda service, request, send, **manner: ANSWER"
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,12 @@ class Wanted:
 
     @property
     def other(self) -> str | None:
-        """The backend that it begins as: the stub, else one that needs neither a program nor another backend."""
+        """The backend that it begins as: the stub, else one that needs neither a program nor another backend.
+
+        A stub begins as none, because it needs no package of another one.
+        """
+        if self.backend == "stub":
+            return None
         known = [name for name, each in self.found.backends.items() if not each.missing() and name != self.backend]
         return min(known, key=lambda name: (name != "stub", self._needs(name), name), default=None)
 
@@ -136,6 +140,17 @@ class Wanted:
         return [method for method in each if not method.__name__.startswith("_")]
 
 
+def note(wanted: Wanted) -> str:
+    """What the files lack, and why; empty if they lack nothing."""
+    path, name = wanted.found.path, wanted.backend
+    if not wanted.methods:
+        return f"{path} takes no `ctx: Context[PROTOCOL]`, which says what a backend defines: no function, no test"
+    if wanted.other is None:
+        first = "" if name == "stub" else f"; with a backend `stub` (`dxb new backend {path}=stub`), others begin as it"
+        return f"backend `{name}` has none to begin as: fill in its functions; no program, no test{first}"
+    return ""
+
+
 def files(wanted: Wanted, tests: Path) -> dict[Path, str]:
     """Path -> text of every file; the backend first.
 
@@ -144,7 +159,7 @@ def files(wanted: Wanted, tests: Path) -> dict[Path, str]:
         tests: The folder of the project's tests.
     """
     made = {wanted.file: _backend(wanted)}
-    if wanted.other is None:
+    if wanted.other is None or not wanted.methods:
         return made  # nothing to begin with: its functions fail until they are written
     if wanted.kind in ("command", "server"):
         names = [method.__name__ for method in wanted.methods]
@@ -154,8 +169,8 @@ def files(wanted: Wanted, tests: Path) -> dict[Path, str]:
             functions="\n".join(_ANSWER.format(name=name) for name in names),
             served=", ".join(f"{name}={name}" for name in names),
         )
-    calls = _STANDARD_ANSWER if wanted.kind == "call" else ""
-    test = _TEST.format(backend=wanted.backend, path=wanted.found.path, calls=calls)
+    answer, calls = (_ANSWER_OF_SERVICE, _CALLS) if wanted.kind == "call" else ("", "")
+    test = _TEST.format(backend=wanted.backend, path=wanted.found.path, answer=answer, calls=calls)
     return made | {tests / f"test_{wanted.found.path.replace('.', '_')}_{wanted.backend}.py": test}
 
 
@@ -168,8 +183,13 @@ def _backend(wanted: Wanted) -> str:
     parts = [_function(wanted, method, f"{kind}Options", known, used) for method in wanted.methods]
     if wanted.kind == "call" and other:
         used |= {"import json", "import os", "import urllib.request", "from typing import Any"}
-        parts.append(_ASK.format(variable=f"{wanted.backend.upper()}_URL", kind=kind, backend=wanted.backend))
-    words = ['summary="what it does, in one line"', "profiles=()", "packages=()"]
+        parts.append(_ASK.format(variable=f"{wanted.backend.upper()}_URL", backend=wanted.backend))
+    profiles = '("stub",)' if wanted.backend == "stub" else "()"
+    words = [
+        'summary="what it does, in one line"',
+        f"profiles={profiles}",
+        "packages=()",
+    ]
     words += [f'uses=("{other}",)'] if other else []
     if wanted.kind in ("command", "server") and other:
         folder = wanted.program.name
@@ -245,7 +265,7 @@ def _sorted(lines: set[str]) -> str:
         module, _, name = line.partition(" import ")
         merged.setdefault(module, []).extend(name.split(", ") if name else [])
     groups: list[list[str]] = [[], [], [], []]
-    for module, parts in sorted(merged.items(), key=lambda each: (each[0].startswith("from"), each[0])):
+    for module, parts in sorted(merged.items(), key=lambda item: (item[0].startswith("from "), item[0])):
         name = module.split()[1]
         top = name.partition(".")[0]
         place = 3 if not top else 2 if top == "dextera_build" else 0 if top in sys.stdlib_module_names else 1

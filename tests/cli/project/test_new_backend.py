@@ -188,6 +188,48 @@ def test_a_backend_of_a_rule_of_the_project_answers_as_its_stub(toy, tmp_path, k
     assert made.run("toy.say", backend="mine", options=options, **inputs).data == b"hello."
 
 
+@pytest.mark.parametrize("kind", new_backend.KINDS)
+def test_without_a_stub_there_is_a_skeleton_and_a_note(toy, kind):
+    (toy.root / "rules/toy/say_stub.py").unlink()
+    answer = toy.dxb("new", "backend", "toy.say=mine", "--kind", kind)
+    assert answer.out == "rules/toy/say_mine.py\n"
+    assert "note: backend `mine` has none to begin as" in answer.err
+    assert "`dxb new backend toy.say=stub`" in answer.err
+    refused = toy.dxb("build", "say/word", "--backend", "toy.say=mine")
+    assert "`say` of backend `mine` is not written yet" in refused.err
+
+
+def test_a_stub_uses_no_other_backend_and_is_one_of_its_profile(toy):
+    toy.edit("rules/toy/say_stub.py", '("stub", "cpu")', '("cpu",)')
+    (toy.root / "rules/toy/say_stub.py").rename(toy.root / "rules/toy/say_mine.py")
+    answer = toy.dxb("new", "backend", "toy.say=stub")
+    assert "fill in its functions" in answer.err
+    text = (toy.root / "rules/toy/say_stub.py").read_text()
+    assert "uses=" not in text
+    assert 'profiles=("stub",)' in text
+
+
+def test_a_rule_without_a_protocol_is_told(toy):
+    answer = toy.dxb("new", "backend", "toy.word=mine", "--kind", "command")
+    assert answer.out == "rules/toy/word_mine.py\n"
+    assert "note: toy.word takes no `ctx: Context[PROTOCOL]`" in answer.err
+
+
+def test_doctor_tests_a_backend_by_name(toy):
+    written(toy, "toy.say", "in-process")
+    answer = toy.dxb("doctor", "--self-test", "toy.say=mine")
+    assert re.search(r"^ok\ttoy.say=mine\t.*self-test", answer.out, re.MULTILINE)
+    assert not re.search(r"^ok\ttoy.say=stub\t.*self-test", answer.out, re.MULTILINE)
+    assert "error[DXB-R202]: `toy.say` has no backend `mime`" in toy.dxb("doctor", "--self-test", "toy.say=mime").err
+    assert "error[DXB-R201]: no rule is called `toy.sya`" in toy.dxb("doctor", "--self-test", "toy.sya").err
+
+
+def test_a_service_without_its_address_is_told(toy):
+    written(toy, "toy.say", "call")
+    answer = toy.dxb("build", "say/word", "--backend", "toy.say=mine")
+    assert "hint: set the environment variable `MINE_URL`" in answer.err
+
+
 def test_the_code_of_a_used_backend_enters_the_key(toy):
     written(toy, "toy.say", "in-process")
     words = ("say/word:b", "--backend", "toy.say=mine")
