@@ -11,8 +11,7 @@ from typing import Any
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
 from dextera_build.build import examples
-from dextera_build.build.runner import ProjectReads, others, outside, parted
-from dextera_build.build.runner import chosen as as_called
+from dextera_build.build.runner import ProjectReads, as_called, others, outside, parted
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.code.machine import Machine
 from dextera_build.engine import missing

@@ -43,6 +43,22 @@ class Camera(Artifact):
         """The camera of the sub-image whose upper left pixel is (`left`, `top`)."""
         return Camera(width=width, height=height, fx=self.fx, fy=self.fy, cx=self.cx - left, cy=self.cy - top)
 
+    def scaled(self, factor: float) -> Camera:
+        """The camera of the whole image at `factor` times its size, rounded to pixels.
+
+        The borders of the image scale; integer pixel centres are half a pixel inside.
+        """
+        width, height = (max(1, round(side * factor)) for side in (self.width, self.height))
+        across, down = width / self.width, height / self.height
+        return Camera(
+            width=width,
+            height=height,
+            fx=self.fx * across,
+            fy=self.fy * down,
+            cx=(self.cx + 0.5) * across - 0.5,
+            cy=(self.cy + 0.5) * down - 0.5,
+        )
+
     def project(self, points: np.ndarray) -> np.ndarray:
         """Pixels (N, 2) of points (N, 3) in the camera frame; NaN behind the camera."""
         ahead = np.where(points[:, 2:] > 0, points[:, 2:], np.nan)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -128,7 +129,7 @@ class Seen:
         """See `ObjectView.camera`."""
         return self.view.camera
 
-    @property
+    @cached_property
     def depth(self) -> np.ndarray:
         """The crop's depth, (H, W) float32 [m]; 0 where nothing was measured, or only what hides the object."""
         completed = self.mask & self.occluder

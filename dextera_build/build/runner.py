@@ -76,7 +76,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     with _full_disk_told(store), ExitStack() as folders, _full_disk_told(store):
         # Most calls need no folder, and creating one takes longer than a small call.
         ctx = Context(
-            chosen(found, task["backend"]),
+            as_called(found, task["backend"]),
             own,
             scratch=lambda: Path(folders.enter_context(tempfile.TemporaryDirectory(prefix="dxb-"))),
             emit=emit,
@@ -95,7 +95,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         return reply | ({"reads": reads.finish()} if reads is not None else {})
 
 
-def chosen(found: RuleFile, backend: str | None) -> Chosen | None:
+def as_called(found: RuleFile, backend: str | None) -> Chosen | None:
     """What a rule is given as `ctx.backend`."""
     if not backend:
         return None
@@ -193,7 +193,7 @@ def others(found: RuleFile, backend: str | None) -> Callable[[str], tuple[Any, O
                 hint=f'`BACKEND = Backend(..., uses=("{name}",))`',
             )
         file = found.backends[name]
-        return chosen(found, name), (file.options or Options)()
+        return as_called(found, name), (file.options or Options)()
 
     return other
 

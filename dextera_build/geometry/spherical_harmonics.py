@@ -35,6 +35,11 @@ def basis(directions: np.ndarray, count: int) -> np.ndarray:
     return np.stack(values[:count], axis=-1)
 
 
+def flat(colours: np.ndarray) -> np.ndarray:
+    """Coefficients (N, 1, 3) of colours (N, 3), sRGB 0..1, that are the same from all sides."""
+    return np.asarray((colours - 0.5) / basis(np.array([[0.0, 0.0, 1.0]]), 1)[0, 0])[:, None]
+
+
 def rotation(turn: np.ndarray, count: int) -> np.ndarray:
     """Matrix (count, count) that turns coefficients as the rotation (3, 3) turns space: f'(R d) = f(d).
 

@@ -195,14 +195,8 @@ class Container:
         """`docker run` of the command: the exchange writable, the rest read-only, nothing else of the machine."""
         words = [self.tool, "run", "--rm", "-i", "--init", "--network", "none", "--name", self._name(start.root)]
         words += ["--user", f"{os.getuid()}:{os.getgid()}", "--workdir", str(start.here)]
-        words += [
-            "--env",
-            f"TMPDIR={start.root}/tmp",
-            "--env",
-            f"PYTHONPATH={start.side}",
-            "--env",
-            "PYTHONUNBUFFERED=1",
-        ]
+        for variable in (f"TMPDIR={start.root}/tmp", f"PYTHONPATH={start.side}", "PYTHONUNBUFFERED=1"):
+            words += ["--env", variable]
         words += ["--memory", f"{start.memory_gb:g}g"] if start.memory_gb else []
         if start.gpu:
             names = os.environ.get("CUDA_VISIBLE_DEVICES") or "all"

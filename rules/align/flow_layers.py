@@ -69,9 +69,10 @@ class Layer:
             self.motion = step @ self.motion
             before = _moved(self.visible.astype(np.uint8), step) > 0
             self._correct(now, before, options.consistent_fraction)
-            off = self._difference(now, before)
+            inside = self.inside
+            off = self._difference(now, before, inside)
             steady = before & (_off_motion(way, step) < options.motion_px)
-            shown = self.inside & (off < options.colour_difference * np.where(steady, 2.0, 1.0))
+            shown = inside & (off < options.colour_difference * np.where(steady, 2.0, 1.0))
             if shown.sum() >= max(1.0, options.area_fraction * self.outline.sum()):
                 return np.where(shown, off, np.inf).astype(np.float32), share
         self.lost = True
@@ -105,11 +106,11 @@ class Layer:
             shift[:2, 2] = origin
             self.motion = shift @ change @ np.linalg.inv(shift) @ self.motion
 
-    def _difference(self, now: Picture, before: np.ndarray) -> np.ndarray:
+    def _difference(self, now: Picture, before: np.ndarray, inside: np.ndarray) -> np.ndarray:
         """Mean difference of colours to the moved first picture around each pixel of the outline, (H, W) float32."""
         import cv2
 
-        there, inside = _moved(self.first.colours, self.motion, smooth=True).astype(np.float32), self.inside
+        there = _moved(self.first.colours, self.motion, smooth=True).astype(np.float32)
         here, sample = now.colours.astype(np.float32), inside & before
         if sample.sum() > _TELLING * self.outline.sum():
             self.light = float(np.median(here[sample].mean(-1))) / max(float(np.median(there[sample].mean(-1))), 1.0)

@@ -35,12 +35,11 @@ from dextera_build.artifacts.view import InstanceMap, ObjectView
 from dextera_build.artifacts.views import Views, encoded
 from dextera_build.geometry import cameras
 from dextera_build.geometry.gaussians import Gaussians
+from dextera_build.geometry.spherical_harmonics import flat
 from dextera_build.sim.model.description import describe
 from tests import factories, object_views, tabletops
 
 SHEET = Path(__file__).parents[2] / "dextera_build" / "docs" / "images" / "previews.jpg"
-_DC = 0.28209479177387814
-"""The harmonic of degree 0: colour = 0.5 + _DC * coefficient."""
 _TILE, _LABEL, _COLUMNS = (312, 200), 24, 5
 
 
@@ -95,13 +94,12 @@ def splats() -> Splats:
     points = cloud()
     assert points.colours is not None
     count = len(points.points)
-    colours = (points.colours.astype(np.float64) / 255 - 0.5) / _DC
     made = Gaussians(
         points.points.astype(np.float64),
         np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
         np.full((count, 3), 0.003),
         np.full(count, 0.9),
-        colours[:, None],
+        flat(points.colours / 255.0),
     )
     return Splats.of(made, "world")
 

@@ -39,7 +39,7 @@ def {name}({parameters}) -> {returns}:
 _UNWRITTEN = '    ctx.fail("`{name}` of backend `{backend}` is not written yet", hint="fill it in: {file}")'
 _IN_PROCESS = """    # Write your own method here, and leave out `uses`.
     return ctx.other("{other}").{name}({arguments})"""
-_CALL = """    # Add all that the answer depends on; make the result from it, and leave out `uses`.
+_CALL = """    # Add everything on which the answer depends; make the result from it, and leave out `uses`.
     _ask(ctx, {{"function": "{name}", "seed": options.seed}})
     return ctx.other("{other}").{name}({arguments})"""
 _ASK = '''
@@ -185,11 +185,7 @@ def _backend(wanted: Wanted) -> str:
         used |= {"import json", "import os", "import urllib.request", "from typing import Any"}
         parts.append(_ASK.format(variable=f"{wanted.backend.upper()}_URL", backend=wanted.backend))
     profiles = '("stub",)' if wanted.backend == "stub" else "()"
-    words = [
-        'summary="what it does, in one line"',
-        f"profiles={profiles}",
-        "packages=()",
-    ]
+    words = ['summary="what it does, in one line"', f"profiles={profiles}", "packages=()"]
     words += [f'uses=("{other}",)'] if other else []
     if wanted.kind in ("command", "server") and other:
         folder = wanted.program.name

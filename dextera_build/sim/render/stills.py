@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.policy.layout import gathered
@@ -27,7 +26,7 @@ class Stills:
         if view is None:
             place = portrait.stand(self._replica.model, self._replica.data, width_px, width_px * 3 // 4)
         else:
-            place = scaled(view.camera, width_px / view.camera.width), view.camera_pose.matrix
+            place = view.camera.scaled(width_px / view.camera.width), view.camera_pose.matrix
         self._place = place
 
     def at(self, episode: Episode, rows: np.ndarray) -> np.ndarray:
@@ -41,17 +40,3 @@ class Stills:
                 self._replica.show(positions[row])
                 pictures.append(eye.rgb(self._replica.data))
         return np.stack(pictures)
-
-
-def scaled(camera: Camera, factor: float) -> Camera:
-    """The same camera with images of `factor` times the size; integer pixel centres."""
-    width, height = round(camera.width * factor), round(camera.height * factor)
-    across, down = width / camera.width, height / camera.height
-    return Camera(
-        width=width,
-        height=height,
-        fx=camera.fx * across,
-        fy=camera.fy * down,
-        cx=(camera.cx + 0.5) * across - 0.5,
-        cy=(camera.cy + 0.5) * down - 0.5,
-    )

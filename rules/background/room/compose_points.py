@@ -11,7 +11,7 @@ from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.splats import Splats
 from dextera_build.artifacts.views import Views
 from dextera_build.geometry.gaussians import Gaussians
-from dextera_build.geometry.spherical_harmonics import basis
+from dextera_build.geometry.spherical_harmonics import flat
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(
@@ -50,8 +50,8 @@ def compose(ctx: Context, views: Views, background: Background | None, options: 
         known = np.linalg.norm(points.normals, axis=1) > 0.5
         turns[known] = _upright(points.normals[known].astype(np.float64))
         scales[known, 2] *= options.thickness
-    flat = (points.colours / 255.0 - 0.5) / basis(np.array([[0.0, 0.0, 1.0]]), 1)[0, 0]
-    made = Gaussians(points.points.astype(np.float64), turns, scales, np.full(count, options.opacity), flat[:, None])
+    harmonics = flat(points.colours / 255.0)
+    made = Gaussians(points.points.astype(np.float64), turns, scales, np.full(count, options.opacity), harmonics)
     return Room(splats=Splats.of(made, points.frame), points=points)
 
 

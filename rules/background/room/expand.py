@@ -70,15 +70,4 @@ def expand(
 
 def smaller(camera: Camera, longest: int) -> Camera:
     """The camera with the same field of view and at most `longest` pixels a side."""
-    factor = min(1.0, longest / max(camera.width, camera.height))
-    width, height = max(1, round(camera.width * factor)), max(1, round(camera.height * factor))
-    across, down = width / camera.width, height / camera.height
-    # The edges of the picture scale; pixel centres are half a pixel inside.
-    return Camera(
-        width=width,
-        height=height,
-        fx=camera.fx * across,
-        fy=camera.fy * down,
-        cx=(camera.cx + 0.5) * across - 0.5,
-        cy=(camera.cy + 0.5) * down - 0.5,
-    )
+    return camera.scaled(min(1.0, longest / max(camera.width, camera.height)))

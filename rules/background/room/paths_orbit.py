@@ -61,7 +61,7 @@ def plan(
 
 
 def _range(background: Background) -> float:
-    """Depth [m] of the look-at point: the median of what is known around the middle, or of all that is known."""
+    """Depth [m] of the look-at point: the median of the known depths in the middle of the picture, or in all of it."""
     depth = background.depth.depth
     height, width = depth.shape
     middle = depth[height // 3 : height - height // 3, width // 3 : width - width // 3]

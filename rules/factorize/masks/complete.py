@@ -10,6 +10,8 @@ from dextera_build.artifacts.image import Image, faded
 from dextera_build.artifacts.view import ObjectView
 from dextera_build.rule import Context, Fraction, Options, rule
 
+from .occlusion import grown
+
 
 class CompleteOptions(Options):
     """Options of factorize.complete."""
@@ -64,9 +66,5 @@ def complete(ctx: Context[CompleteBackend], view: ObjectView, *, options: Comple
 
 def hidden_part(mask: np.ndarray, occluder: np.ndarray) -> float:
     """Fraction of the pixels next to a mask (H, W) bool that `occluder` (H, W) bool covers; 0 for an empty mask."""
-    padded = np.pad(mask, 1)
-    grown = padded.copy()
-    for axis, shift in ((0, 1), (0, -1), (1, 1), (1, -1)):
-        grown |= np.roll(padded, shift, axis)
-    around = (grown & ~padded)[1:-1, 1:-1]
+    around = grown(mask) & ~mask
     return float(occluder[around].mean()) if around.any() else 0.0

@@ -19,7 +19,7 @@ def occluders(mask: np.ndarray, raised: np.ndarray, depth: np.ndarray, step_m: f
     """
     reach = nearest_depth(mask & (depth > 0), depth)
     nearer = raised & ~mask & (depth > 0) & (reach > 0) & (depth < reach - step_m)
-    return np.asarray(_grown(nearer) & ~mask)
+    return np.asarray(grown(nearer) & ~mask)
 
 
 def lower_in_the_picture(labels: np.ndarray, fixed: np.ndarray, number: int) -> np.ndarray:
@@ -38,7 +38,7 @@ def lower_in_the_picture(labels: np.ndarray, fixed: np.ndarray, number: int) -> 
     for other in [*(labels == n for n in np.unique(labels) if n not in (0, number)), fixed]:
         if _lowest(other) > lowest:
             nearer |= other
-    return np.asarray(_grown(nearer) & ~mask)
+    return np.asarray(grown(nearer) & ~mask)
 
 
 def _lowest(mask: np.ndarray) -> int:
@@ -46,13 +46,14 @@ def _lowest(mask: np.ndarray) -> int:
     return int(rows[-1]) if len(rows) else -1
 
 
-def _grown(mask: np.ndarray) -> np.ndarray:
-    grown = mask.copy()
-    grown[1:] |= mask[:-1]
-    grown[:-1] |= mask[1:]
-    grown[:, 1:] |= mask[:, :-1]
-    grown[:, :-1] |= mask[:, 1:]
-    return grown
+def grown(mask: np.ndarray) -> np.ndarray:
+    """The mask (H, W) bool with its 4-neighbours."""
+    wider = mask.copy()
+    wider[1:] |= mask[:-1]
+    wider[:-1] |= mask[1:]
+    wider[:, 1:] |= mask[:, :-1]
+    wider[:, :-1] |= mask[:, 1:]
+    return wider
 
 
 def nearest_depth(mask: np.ndarray, depth: np.ndarray) -> np.ndarray:

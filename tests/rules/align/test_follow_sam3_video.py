@@ -137,7 +137,8 @@ def test_logits_become_labels(
     def said(tracker: object, frames: Iterator[np.ndarray], first: np.ndarray) -> Iterator[tuple[Any, Any]]:
         for labels, _ in zip(truth(), frames, strict=True):
             masks = torch.from_numpy(np.stack([labels == 1, labels == 3])).float()
-            wide = torch.tensor([[[0.5]], [[0.0]]])  # the first object claims all that no other claims more
+            # The first object has each pixel for which no other has a higher logit.
+            wide = torch.tensor([[[0.5]], [[0.0]]])
             there = masks.flatten(1).any(1)
             logits = torch.where(there[:, None, None], 4 * masks - 2 + wide * masks[1], torch.tensor(-1024.0))
             yield logits, torch.where(there, 5.0, -5.0)
