@@ -30,6 +30,14 @@ def wilson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float
     return low, high
 
 
+def bootstrap(values: np.ndarray, draws: int, confidence: float, seed: int) -> tuple[float, float]:
+    """Percentile bootstrap interval of the mean of (N,) values, N >= 1."""
+    picks = np.random.default_rng(seed).integers(0, len(values), size=(draws, len(values)))
+    tail = (1.0 - confidence) / 2.0
+    low, high = np.quantile(values[picks].mean(axis=1), [tail, 1.0 - tail])
+    return float(low), float(high)
+
+
 @dataclass(frozen=True)
 class Rate:
     """Successes among trials."""

@@ -167,6 +167,8 @@ class Group:
     overrides: Mapping[str, Mapping[str, Call]]
     """Label -> member -> the call that replaces it in that copy (`body[mug].mesh`)."""
     where: Place
+    lenient: bool = False
+    """Whether copies that fail are left out of collections, and do not fail the build."""
 
 
 @dataclass(frozen=True)
@@ -201,6 +203,10 @@ class Graph:
         group = members[path[-1]]
         assert isinstance(group, Group), f"{path} is a call"
         return group
+
+    def is_lenient(self, path: Names, outside: int = 0) -> bool:
+        """Whether a group around the call or group at `path` is lenient, not counting the `outside` outermost ones."""
+        return any(self.group(path[:depth]).lenient for depth in range(outside + 1, len(path)))
 
     def copy(self, path: Names, labels: tuple[str, ...] = ()) -> Call:
         """The call at `path`, or its replacement in the copy with these labels."""

@@ -101,11 +101,13 @@ class Scheduler:
         """Keys that ran in a forced build: of two nodes with the same key, only one runs."""
         self._measured = (0, 0)
         self._any_bare = False
+        self._is_broken = False
+        """Whether anything failed that no lenient group contains."""
 
     @property
     def stopping(self) -> bool:
         """Whether no new node may start."""
-        return bool(self.failed) and not self.policy.keep_going
+        return self._is_broken and not self.policy.keep_going
 
     def run(self, targets: Sequence[Address]) -> None:
         """Bring `targets` up to date, as far as possible.
@@ -180,7 +182,7 @@ class Scheduler:
         except DxbError as error:
             self._fail(unit, error)
             return
-        if any(source.state in LOST for source in unit.sources):
+        if not self._can_do_without(unit, unit.sources):
             self._block(unit)
         elif unit.pending == 0:
             self.states.set(unit, State.READY)
@@ -319,7 +321,7 @@ class Scheduler:
             except DxbError as error:
                 self._fail(dependent, error)
                 return
-            if any(fresh.state in LOST for fresh in dependent.sources[known:]):
+            if not self._can_do_without(dependent, dependent.sources[known:]):
                 self._block(dependent)
                 return
         if dependent.pending == 0:
@@ -343,6 +345,7 @@ class Scheduler:
         self.states.set(unit, State.FAILED)
         self.failed.append(unit)
         self.errors.append(error)
+        self._is_broken |= not self.graph.is_lenient(unit.path)
         if isinstance(unit, Node):
             unit.error, unit.status = error, "failed"
             followers = self._disown(unit)
@@ -361,12 +364,24 @@ class Scheduler:
         self._block_readers(unit)
 
     def _block_readers(self, unit: Unit) -> None:
-        stack = list(unit.dependents)
+        stack = [(unit, reader) for reader in unit.dependents]
         while stack:
-            reader = stack.pop()
-            if reader.state is State.WAITS:
+            source, reader = stack.pop()
+            if reader.state is not State.WAITS:
+                continue
+            if not self._can_do_without(reader, [source]):
                 self.states.set(reader, State.BLOCKED)
-                stack += reader.dependents
+                stack += [(reader, further) for further in reader.dependents]
+            elif reader.pending == 0:
+                self.states.set(reader, State.READY)
+
+    def _can_do_without(self, unit: Unit, sources: Sequence[Unit]) -> bool:
+        """Whether a gathering leaves out all `sources` that are lost; without such sources, any unit can."""
+        for source in [source for source in sources if source.state in LOST]:
+            if not (isinstance(unit, Gathering) and self.graph.is_lenient(source.path, len(unit.labels))):
+                return False
+            unit.leave_out(source)
+        return True
 
     def _tell_missed(self, node: Node, reader: Unit) -> None:
         self.listen(events.BytesMissed(time.time(), node.address, reader.address))

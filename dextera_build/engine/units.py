@@ -147,6 +147,14 @@ class Gathering(Unit):
     output: str | None = None
     """Digest of the collection."""
 
+    def leave_out(self, source: Unit) -> None:
+        """Go on without `source`, which will never be known."""
+        self.sources.remove(source)
+        self.pending -= 1
+        source.dependents = [other for other in source.dependents if other is not self]
+        if isinstance(source, Node):
+            del self.nodes[source.labels]
+
 
 class States:
     """The states of all units of one run, and the queues derived from them."""

@@ -47,3 +47,22 @@ def look_at(eye: np.ndarray, target: np.ndarray) -> np.ndarray:
         )
     forward, right = forward / np.linalg.norm(forward), right / np.linalg.norm(right)
     return transforms.rigid(np.stack([right, np.cross(forward, right), forward], axis=1), np.asarray(eye))
+
+
+def look_down(target: np.ndarray, distance: float, heading: float, pitch: float, roll: float) -> np.ndarray:
+    """T_world_camera (4, 4) of a camera that looks at `target` (3,) [m] from `distance` [m].
+
+    Args:
+        target: The point in the middle of the picture.
+        distance: From the optical centre to the target.
+        heading: Angle of the horizontal line of sight from +y towards +x [rad].
+        pitch: Angle of the line of sight below the horizon, up to pi/2 [rad].
+        roll: Rotation of the camera about the line of sight, clockwise as it sees [rad].
+    """
+    ahead = np.array([np.sin(heading), np.cos(heading), 0.0])
+    forward = np.cos(pitch) * ahead - np.array([0.0, 0.0, np.sin(pitch)])
+    right = np.array([ahead[1], -ahead[0], 0.0])
+    down = np.cross(forward, right)
+    c, s = np.cos(roll), np.sin(roll)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return transforms.rigid(np.stack([right, down, forward], axis=1) @ turn, np.asarray(target) - distance * forward)

@@ -103,6 +103,11 @@ def difference(body: Solid, taken: Solid) -> Solid:
     return _from_manifold(_to_manifold(body) - _to_manifold(taken))
 
 
+def intersection(one: Solid, other: Solid) -> Solid:
+    """The part of `one` inside `other`; empty if one of them is open."""
+    return _from_manifold(_to_manifold(one) ^ _to_manifold(other))
+
+
 def largest(body: Solid) -> Solid:
     """The connected component with the largest volume."""
     parts = [_from_manifold(part) for part in _to_manifold(body).decompose()]

@@ -15,6 +15,8 @@ from dextera_build.recipe.strict_yaml import Node
 _MOST_BYTES = 64 << 20
 """Maximum size of a recipe file; 100,000 nodes take about 10 MB."""
 _DEEPEST = 100
+ON_FAILURE = ("stop", "leave_out")
+"""What a failed copy of a group means: the build fails, or collections do without the copy."""
 _NAME = "abcdefghijklmnopqrstuvwxyz0123456789_"
 
 
@@ -67,6 +69,8 @@ class GroupDecl:
     nodes: dict[str, Decl]
     overrides: dict[str, dict[str, Node]]
     place: Place
+    lenient: bool
+    """Whether failed copies are left out of collections."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,7 @@ class MatrixDecl:
     """Label -> the values of that copy."""
     nodes: dict[str, Decl]
     place: Place
+    lenient: bool
 
 
 Decl: TypeAlias = CallDecl | UseDecl | GroupDecl | MatrixDecl
@@ -265,9 +270,9 @@ def _node(name: str, node: Node, place: Place) -> Decl:
     if kinds == ["each"]:
         return _group(name, node, place)
     if kinds == ["matrix"]:
-        parts = mapping(node, f"the matrix `{name}`", {"matrix", "nodes"})
+        parts = mapping(node, f"the matrix `{name}`", {"matrix", "nodes", "on_failure"})
         copies = matrix.copies(entries(parts["matrix"], "matrix"), parts["matrix"].place)
-        return MatrixDecl(name, copies, _nodes(parts.get("nodes"), place), place)
+        return MatrixDecl(name, copies, _nodes(parts.get("nodes"), place), place, _is_lenient(parts))
     if kinds == ["recipe"]:
         text(node.value["recipe"], "recipe")
         return UseDecl(name, node.value["recipe"], _arguments(node), place)
@@ -288,7 +293,7 @@ def _arguments(node: Node) -> dict[str, Node]:
 
 
 def _group(name: str, node: Node, place: Place) -> GroupDecl:
-    parts = mapping(node, f"the group `{name}`", {"each", "as", "nodes", "overrides"})
+    parts = mapping(node, f"the group `{name}`", {"each", "as", "nodes", "overrides", "on_failure"})
     text(parts["each"], "each")
     item = text(parts["as"], "as") if "as" in parts else "item"
     check_name(item, parts["as"].place if "as" in parts else place)
@@ -296,7 +301,21 @@ def _group(name: str, node: Node, place: Place) -> GroupDecl:
         label: entries(members, f"overrides.{label}")
         for label, members in entries(parts.get("overrides"), "overrides").items()
     }
-    return GroupDecl(name, parts["each"], item, _nodes(parts.get("nodes"), place), overrides, place)
+    return GroupDecl(name, parts["each"], item, _nodes(parts.get("nodes"), place), overrides, place, _is_lenient(parts))
+
+
+def _is_lenient(parts: dict[str, Node]) -> bool:
+    if "on_failure" not in parts:
+        return False
+    told = text(parts["on_failure"], "on_failure")
+    if told not in ON_FAILURE:
+        raise RecipeError(
+            f"`on_failure` is `stop` or `leave_out`, not `{told}`",
+            code="DXB-R131",
+            where=parts["on_failure"].place,
+            hint=did_you_mean(told, ON_FAILURE),
+        )
+    return told == "leave_out"
 
 
 def _target(node: Node) -> list[Node]:

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.camera import Capture, Measured, Photograph
+from dextera_build.artifacts.draw import Sensor
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import World
@@ -43,20 +44,24 @@ def reference(
     ctx: Context[CameraBackend],
     world: World,
     robot: RobotModel | None = None,
+    sensor: Sensor | None = None,
     *,
     options: ReferenceOptions | None = None,
 ) -> Capture:
     """Return the output of the world's camera: colours, depth [m] with noise and holes, intrinsics.
 
+    `sensor` gives the seed, multiplies the depth noise and adds lost patches.
+
     The backend offers `photograph(world, robot, supersample=...) -> Shot`.
     """
     options = options or ReferenceOptions()
     shot = ctx.backend.photograph(ctx, world, robot, options.supersample, ctx.backend_options)
-    rng = np.random.default_rng(options.seed)
-    depth = measure_depth(shot.depth, world.camera.matrix(), options.depth_noise, rng)
+    rng = np.random.default_rng(options.seed if sensor is None else sensor.seed)
+    noise = options.depth_noise if sensor is None else _scaled(options.depth_noise, sensor)
+    depth = measure_depth(shot.depth, shot.rgb, world.camera.matrix(), noise, rng)
     rgb = measure_colour(shot.rgb, options.colour_noise, rng)
     valid = depth > 0
-    ctx.check(bool(valid.mean() > 0.5), "most of the picture has no depth", hint="look at `world.camera`")
+    ctx.check(bool(valid.mean() > 0.25), "most of the picture has no depth", hint="look at `world.camera`")
     error = float(np.abs(depth - shot.depth)[valid].mean())
     ctx.say(f"{rgb.shape[1]} x {rgb.shape[0]} px, depth on {valid.mean():.0%}, mean depth noise {1000 * error:.1f} mm")
     ctx.preview(rgb, "photograph")
@@ -64,3 +69,9 @@ def reference(
         photograph=Photograph(rgb=Image(pixels=rgb), camera=world.camera),
         measured=Measured(depth=DepthImage(depth=depth)),
     )
+
+
+def _scaled(noise: DepthNoiseOptions, sensor: Sensor) -> DepthNoiseOptions:
+    """The noise of a sensor that is worse by a factor."""
+    patches = min(1.0, noise.patches + sensor.dropout)
+    return noise.model_copy(update={"subpixel_px": noise.subpixel_px * sensor.noise, "patches": patches})

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
 
@@ -14,7 +16,7 @@ from . import solids, textures
 
 
 class TableOptions(Options):
-    """A wooden table with its top at z = 0."""
+    """A table with its top at z = 0."""
 
     centre_m: tuple[float, float] = (0.0, 0.0)
     """x and y of the centre [m]."""
@@ -22,8 +24,10 @@ class TableOptions(Options):
     """Width, depth, thickness of the top [m]."""
     colour: tuple[Fraction, Fraction, Fraction] = (0.62, 0.45, 0.30)
     """sRGB."""
+    surface: Literal["wood", "plain", "speckled"] = "wood"
+    """What the top is made of: boards, one colour, or a colour with specks."""
     planks: PositiveInt = 6
-    """Number of boards of the top."""
+    """Number of boards of a wooden top."""
     gloss: Fraction = 0.25
     """Strength of highlights, 0..1."""
     seed: NonNegativeInt = 11
@@ -38,8 +42,7 @@ class TableOptions(Options):
         """Top and legs, in the world frame."""
         x, y, z = self.size_m
         rows = round(2048 * y / x)
-        grain = textures.wood(rows, 2048, self.colour, self.planks, self.seed)
-        edge = textures.wood(rows, 2048, self.colour, 1, self.seed + 1)
+        grain, edge = self._picture(rows, self.planks, self.seed), self._picture(rows, 1, self.seed + 1)
         top = solids.slab(self.size_m, 0.02, 0.003, np.concatenate([grain, edge]))
         parts = {"table": Part(mesh=_at(top, (*self.centre_m, -z)), gloss=self.gloss)}
         steel = textures.plain(64, 64, (0.2, 0.2, 0.21), 0.03, 4, self.seed)
@@ -48,6 +51,18 @@ class TableOptions(Options):
             leg = _at(solids.box((0.05, 0.05, 0.74 - z), steel), place)
             parts[f"leg_{number}"] = Part(mesh=leg)
         return parts
+
+    def _picture(self, rows: int, planks: int, seed: int) -> np.ndarray:
+        if self.surface == "plain":
+            return textures.plain(rows, 2048, self.colour, 0.03, 6, seed)
+        if self.surface == "speckled":
+            return textures.speckled(rows, 2048, self.colour, _darker(self.colour), 0.25, seed)
+        return textures.wood(rows, 2048, self.colour, planks, seed)
+
+
+def _darker(colour: tuple[float, float, float]) -> tuple[float, float, float]:
+    red, green, blue = (0.55 * value for value in colour)
+    return red, green, blue
 
 
 class RoomOptions(Options):

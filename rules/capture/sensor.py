@@ -13,6 +13,11 @@ from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, Pos
 from dextera_build.geometry import cameras
 from dextera_build.rule import Fraction, Options
 
+DARK, SHINE = 0.2, 0.98
+"""Mean of sRGB 0..1 below which surfaces return less of the projector's light, and above which they dazzle."""
+PATCH_PX = 4.0
+"""Standard deviation of the blur from which patches are cut [px]."""
+
 
 class DepthNoiseOptions(Options):
     """Noise of the depth stream."""
@@ -31,10 +36,18 @@ class DepthNoiseOptions(Options):
     """Relative depth step of an edge."""
     edge_loss: Fraction = 0.9
     """Fraction of the pixels in that band that are lost."""
+    smear: Fraction = 0.0
+    """Fraction of the kept pixels in that band whose depth is between that of both sides."""
+    dark_loss: Fraction = 0.0
+    """Fraction of black surface that is lost in patches; it falls to 0 at `DARK`."""
+    shine_loss: Fraction = 0.0
+    """Fraction of the highlights that is lost."""
     grazing_deg: float = Field(82.0, ge=0.0, le=90.0)
     """Angle between ray and normal beyond which depth is lost [deg]."""
     dropout: Fraction = 0.002
     """Fraction of all pixels lost at random."""
+    patches: Fraction = 0.0
+    """Fraction of all pixels lost in patches."""
     nearest_m: NonNegativeFloat = 0.2
     """Minimum measured depth [m]."""
     farthest_m: PositiveFloat = 6.0
@@ -52,11 +65,14 @@ class ColourNoiseOptions(Options):
     """Loss of brightness in the corners, 0..1."""
 
 
-def measure_depth(depth: np.ndarray, k: np.ndarray, options: DepthNoiseOptions, rng: np.random.Generator) -> np.ndarray:
+def measure_depth(
+    depth: np.ndarray, rgb: np.ndarray, k: np.ndarray, options: DepthNoiseOptions, rng: np.random.Generator
+) -> np.ndarray:
     """Simulate measured depth: (H, W) float32 [m], 0 if not measured.
 
     Args:
         depth: (H, W) true image-plane z [m], 0 if empty.
+        rgb: (H, W, 3) the faultless picture, sRGB 0..1.
         k: (3, 3) intrinsics [px].
         options: Noise parameters.
         rng: Source of all randomness.
@@ -65,9 +81,13 @@ def measure_depth(depth: np.ndarray, k: np.ndarray, options: DepthNoiseOptions, 
     noisy = depth + sigma * _correlated(depth.shape, options.correlation_px, rng)
     chance = rng.uniform(size=depth.shape)
     lost = (depth < options.nearest_m) | (depth > options.farthest_m)
-    lost |= edges(depth, options.edge_px, options.edge_step) & (chance < options.edge_loss)
+    edge = edges(depth, options.edge_px, options.edge_step)
+    lost |= edge & (chance < options.edge_loss)
     lost |= chance > 1.0 - options.dropout
     lost |= facing(depth, k) < np.cos(np.radians(options.grazing_deg))
+    lost |= _patches(depth.shape, _loss(rgb, options), rng)
+    if options.smear > 0:
+        noisy = np.where(edge & (rng.uniform(size=depth.shape) < options.smear), _between(noisy, options, rng), noisy)
     counts = np.round(noisy / options.step_m)
     return np.asarray(np.where(lost, 0.0, counts * options.step_m), np.float32)
 
@@ -106,6 +126,34 @@ def facing(depth: np.ndarray, k: np.ndarray) -> np.ndarray:
     normal = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
     length = np.linalg.norm(normal, axis=-1) * np.linalg.norm(points, axis=-1)
     return np.asarray(np.abs((normal * points).sum(axis=-1)) / np.maximum(length, 1e-18))
+
+
+def _loss(rgb: np.ndarray, options: DepthNoiseOptions) -> np.ndarray:
+    """Fraction (H, W) of the surface that is lost in patches: everywhere, where it is dark, and where it shines."""
+    light = rgb.mean(axis=-1)
+    dark = options.dark_loss * np.clip(1.0 - light / DARK, 0.0, 1.0)
+    return np.asarray(
+        np.maximum.reduce([np.full(light.shape, options.patches), dark, options.shine_loss * (light > SHINE)])
+    )
+
+
+def _patches(shape: tuple[int, ...], loss: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Pixels (H, W) bool, in patches that cover the fraction `loss` (H, W) of their surroundings."""
+    if not loss.any():
+        return np.zeros(shape, bool)
+    from scipy import ndimage, special
+
+    smooth = ndimage.gaussian_filter(rng.standard_normal(shape), PATCH_PX)
+    return np.asarray(special.ndtr(smooth / smooth.std()) < loss)
+
+
+def _between(depth: np.ndarray, options: DepthNoiseOptions, rng: np.random.Generator) -> np.ndarray:
+    """Depths (H, W) drawn between the nearest and the farthest of a pixel's neighbourhood."""
+    from scipy import ndimage
+
+    size = 2 * options.edge_px + 1
+    near, far = ndimage.minimum_filter(depth, size), ndimage.maximum_filter(depth, size)
+    return np.asarray(near + (far - near) * rng.uniform(size=depth.shape))
 
 
 def _correlated(shape: tuple[int, ...], width: int, rng: np.random.Generator) -> np.ndarray:

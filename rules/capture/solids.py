@@ -139,14 +139,14 @@ def union(meshes: list[Mesh]) -> Mesh:
 
     whole = manifold3d.Manifold()
     for mesh in meshes:
-        whole += _solid(mesh)
+        whole += solid(mesh)
     joined = whole.to_mesh()
     return Mesh(vertices=joined.vert_properties[:, :3].astype(np.float32), faces=joined.tri_verts.astype(np.int32))
 
 
 def gap(one: Mesh, other: Mesh, most: float = 0.05) -> float:
     """Distance between two closed surfaces in one frame [m], at most `most`; 0 if they overlap."""
-    return float(_solid(one).min_gap(_solid(other), most))
+    return float(solid(one).min_gap(solid(other), most))
 
 
 def moved(mesh: Mesh, matrix: np.ndarray) -> Mesh:
@@ -155,7 +155,8 @@ def moved(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     return mesh.model_copy(update={"vertices": vertices.astype(np.float32)})
 
 
-def _solid(mesh: Mesh) -> Any:
+def solid(mesh: Mesh) -> Any:
+    """The mesh as a `manifold3d.Manifold`; an empty one if it is not closed."""
     import manifold3d
 
     return manifold3d.Manifold(manifold3d.Mesh64(mesh.vertices.astype(np.float64), mesh.faces.astype(np.uint64)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from pydantic import PositiveInt
@@ -22,6 +22,8 @@ class TruthOptions(Options):
 
     supersample: PositiveInt = 2
     """Samples per pixel edge of the colour render."""
+    hidden: Literal["fail", "leave_out"] = "fail"
+    """How to treat things of which no pixel is visible."""
 
 
 class CameraBackend(Protocol):
@@ -48,7 +50,10 @@ def truth(
     }
     seen = {name: int((shot.labels == known.label).sum()) for name, known in objects.items()}
     for name, pixels in seen.items():
-        ctx.check(pixels > 0, f"`{name}` is hidden from the camera", hint=f"move `objects.{name}.at_m`")
+        if pixels == 0 and options.hidden == "leave_out":
+            del objects[name]
+        else:
+            ctx.check(pixels > 0, f"`{name}` is hidden from the camera", hint=f"move `objects.{name}.at_m`")
     ctx.say(", ".join(f"{name} {pixels:,} px" for name, pixels in seen.items()))
     rgb = np.asarray(np.round(np.clip(shot.rgb, 0, 1) * 255), np.uint8)
     ctx.preview(_tinted(rgb, shot.labels), "visible instances")

@@ -1,25 +1,27 @@
-"""evaluate.objects: compare a twin's assets with the ground truth of a reference world (paper, Table II)."""
+"""evaluate.objects: compare a twin's bodies with the ground truth of a reference world (paper, Table II)."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.object import Asset, Support
+from dextera_build.artifacts.object import Body, Placement, Support
 from dextera_build.artifacts.scene import Truth
 from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.geometry import metrics
 from dextera_build.rule import Context, Fraction, Options, rule
 
-from .sight import Seen, render_assets, true_objects
+from .sight import Seen, placed_bodies, render, true_objects, visible_fraction
 
 COLUMNS = (
     Column(name="Object"),
     Column(name="Asset"),
+    Column(name="Visible", digits=2),
     Column(name="Mask IoU", better="higher"),
     Column(name="Boundary F1", better="higher"),
     Column(name="Boundary F1 2 px", better="higher"),
@@ -30,11 +32,24 @@ COLUMNS = (
     Column(name="Chamfer-L1", unit="m", digits=4, better="lower"),
     Column(name="F-score@1cm", better="higher"),
 )
-MISSED: tuple[Cell, ...] = (0.0, 0.0, 0.0, None, None, None, None, None, 0.0)
+MISSED: tuple[Cell, ...] = (0.0, None, None, None, None, None, None, None, None)
+SPURIOUS = "-"
+"""Name of no true object, in the rows of assets that match none."""
 PAPER: tuple[tuple[Cell, ...], ...] = (
-    ("paper, Ours: mean", "86 instances, rgb", 0.731, 0.260, None, 0.182, 27.90, 0.0093, 0.0115, 0.0069, 0.906),
-    ("paper, Ours: deviation", None, 0.136, 0.120, None, 0.062, 7.64, 0.0099, 0.0160, 0.0076, 0.132),
+    ("paper, Ours: mean", "86 instances, rgb", None, 0.731, 0.260, None, 0.182, 27.90, 0.0093, 0.0115, 0.0069, 0.906),
+    ("paper, Ours: deviation", None, None, 0.136, 0.120, None, 0.062, 7.64, 0.0099, 0.0160, 0.0076, 0.132),
 )
+
+
+DEFINITIONS = (
+    "RGB MAE (sRGB 0..1), Delta E76 (float Lab, D65) and depth MAE over the intersection of the masks; the twin is "
+    "drawn with unlit textures, the truth is the faultless picture",
+    "paper: DexTera, Table II, row Ours: mean and deviation over 86 instances of its own scenes, another data set than "
+    "this one",
+    "rgb: made from the photograph alone, as all assets of the paper are, which uses depth to align them; rgbd: made "
+    "with the help of the photograph's depth",
+)
+"""Notes of every table with these columns."""
 
 
 class ObjectsOptions(Options):
@@ -44,6 +59,10 @@ class ObjectsOptions(Options):
     """Tolerance of the boundary F1 in pixels; below 1, a fraction of the image diagonal."""
     match_iou: Fraction = 0.1
     """Minimum mask IoU at which an asset matches a true object."""
+    least_visible: Fraction = 0.0
+    """Visible part of its outline from which a true object counts; others may be found, but are not missed."""
+    summary: bool = True
+    """Whether mean, deviation, count and the paper's row follow the objects."""
     samples: PositiveInt = 20000
     """Points on each surface."""
     seed: NonNegativeInt = 0
@@ -52,19 +71,21 @@ class ObjectsOptions(Options):
     """Distance threshold of the F-score [m]."""
 
 
-@rule(version=1, packages=("numpy", "scipy", "open3d"))
+@rule(version=2, packages=("numpy", "scipy", "open3d"))
 def objects(
     ctx: Context,
     truth: Truth,
-    assets: Collection[Asset],
+    bodies: Collection[Body],
+    placements: Collection[Placement],
     support: Support,
     camera: Camera,
     *,
     options: ObjectsOptions | None = None,
 ) -> Table:
-    """Return one row per true object with its metrics, then mean, deviation and count, then the paper's row.
+    """Return one row per true object with its metrics and one per spurious asset, then statistics, the paper's row.
 
-    Surfaces are compared in the camera frame [m]: assets through the twin's T_world_camera, the truth through its own.
+    Surfaces are compared in the camera frame [m]: bodies, scaled and placed, through the twin's T_world_camera, the
+    truth through its own. Nothing of physics and collision is needed.
     """
     options = options or ObjectsOptions()
     if camera != truth.camera:
@@ -80,20 +101,23 @@ def objects(
             hint="state one size (`object` and `size_m` of `align.scale`), or lay a marker on the support",
         )
     known = true_objects(truth)
-    found, rgb, depth = render_assets(assets, support, camera)
+    found, rgb, depth = render(placed_bodies(bodies, placements, support), camera)
     overlaps = np.array([[metrics.mask_iou(f.mask, t.mask) for f in found.values()] for t in known.values()])
     pairs = metrics.match(overlaps.reshape(len(known), len(found)), options.match_iou)
     asset_of = {list(known)[row]: list(found)[column] for row, column in pairs}
+    visible = {name: visible_fraction(thing, camera) for name, thing in known.items()}
+    counted = [name for name in known if visible[name] >= options.least_visible]
     rows: list[tuple[Cell, ...]] = []
-    for name, thing in known.items():
+    for name in counted:
         if name in asset_of:
-            numbers = _score(found[asset_of[name]], thing, truth, rgb, depth, options)
-            rows.append((name, asset_of[name], *numbers))
+            numbers = _score(found[asset_of[name]], known[name], truth, rgb, depth, options)
+            rows.append((name, asset_of[name], visible[name], *numbers))
         else:
-            rows.append((name, "missed", *MISSED))
+            rows.append((name, "missed", visible[name], *MISSED))
     spurious = sorted(set(found) - set(asset_of.values()))
     ctx.preview(_outlines(truth, known, found), "truth green, twin magenta")
-    return _table(ctx, rows, spurious, truth, _sources(assets), options)
+    rows += [(SPURIOUS, label, *[None] * (len(COLUMNS) - 2)) for label in spurious]
+    return _table(ctx, rows, spurious, len(known) - len(counted), _sources(bodies), truth, options)
 
 
 def _score(
@@ -119,57 +143,59 @@ def _score(
 
 
 def _table(
-    ctx: Context, rows: list[tuple[Cell, ...]], spurious: list[str], truth: Truth, sources: str, options: ObjectsOptions
+    ctx: Context,
+    rows: list[tuple[Cell, ...]],
+    spurious: list[str],
+    hidden: int,
+    sources: str,
+    truth: Truth,
+    options: ObjectsOptions,
 ) -> Table:
-    numbers = [[cell for cell in column if not isinstance(cell, str)] for column in list(zip(*rows, strict=True))[2:]]
-    summary = [metrics.mean_std(column) for column in numbers]
+    columns = list(zip(*rows, strict=True))[2:] or [()] * (len(COLUMNS) - 2)
+    summary = [metrics.mean_std([cell for cell in column if not isinstance(cell, str)]) for column in columns]
     missed = sum(row[1] == "missed" for row in rows)
+    true = len(rows) - len(spurious)
     means = dict(zip((column.name for column in COLUMNS[2:]), (mean for mean, _, _ in summary), strict=True))
     for name, mean in means.items():
         if mean is not None:
             ctx.metric(name, mean, next(column.unit for column in COLUMNS if column.name == name))
     ctx.metric("missed", missed)
     ctx.metric("spurious", len(spurious))
-    ctx.say(
-        f"{len(rows) - missed} of {len(rows)} found, {len(spurious)} spurious, mask IoU {means['Mask IoU']:.3f}, "
-        f"F@1cm {means['F-score@1cm']:.3f}"
-    )
+    told = [f"{name} {means[name]:.3f}" for name in ("Mask IoU", "F-score@1cm") if means[name] is not None]
+    ctx.say(", ".join([f"{true - missed} of {true} found, {len(spurious)} spurious", *told]))
     height, width = truth.labels.labels.shape
     tolerance = metrics.boundary_tolerance((height, width), options.boundary_tolerance)
     return Table(
         title="Objects of the twin against the truth",
         columns=COLUMNS,
-        rows=(
-            *rows,
-            ("mean", sources, *(mean for mean, _, _ in summary)),
-            ("deviation", None, *(deviation for _, deviation, _ in summary)),
-            ("count", None, *(count for _, _, count in summary)),
-            *PAPER,
-        ),
+        rows=(*rows, *(_summed(summary, sources) if options.summary else ())),
         notes=(
-            f"{len(rows)} true objects: {len(rows) - missed} found, {missed} missed; {len(spurious)} spurious assets"
+            f"{true} true objects: {true - missed} found, {missed} missed; {len(spurious)} spurious assets"
             + (f" ({', '.join(spurious)})" if spurious else ""),
-            "a missed object counts with IoU, boundary F1 and F-score 0; its other cells are empty, and `count` says "
-            "over how many objects each mean goes; deviation is that of a sample",
+            f"visible: part of the outline that is in the picture and not hidden; {hidden} objects of which less than "
+            f"{options.least_visible:g} is visible are left out",
+            "a missed object counts with IoU 0; its other cells are empty, and `count` says over how many objects each "
+            "mean goes; deviation is that of a sample",
             f"objects and assets are paired one to one by mask IoU (Hungarian), at least {options.match_iou:g}",
             f"boundary F1 as in DAVIS, tolerance {tolerance:g} px at {width} x {height} px, and 2 px; the paper does "
             "not state its tolerance",
-            "RGB MAE (sRGB 0..1), Delta E76 (float Lab, D65) and depth MAE over the intersection of the masks; the "
-            "twin is drawn with unlit textures, the truth is the faultless picture",
             f"centroid, Chamfer-L1 (half the sum of both mean nearest distances) and F-score at "
             f"{100 * options.threshold_m:g} cm over the full surfaces, in the camera frame; {options.samples:,} points "
             f"each by area, seed {options.seed}",
-            "paper: DexTera, Table II, row Ours: mean and deviation over 86 instances of its own scenes, another data "
-            "set than this one",
-            "rgb: made from the photograph alone, as all assets of the paper are, which uses depth to align them; "
-            "rgbd: made with the help of the photograph's depth",
+            *DEFINITIONS,
         ),
     )
 
 
-def _sources(assets: Collection[Asset]) -> str:
+def _summed(summary: list[tuple[Cell, Cell, Cell]], sources: str) -> Iterator[tuple[Cell, ...]]:
+    for name, cells in zip(("mean", "deviation", "count"), zip(*summary, strict=True), strict=True):
+        yield (name, sources if name == "mean" else None, *cells)
+    yield from PAPER
+
+
+def _sources(bodies: Collection[Body]) -> str:
     """`4 assets, rgbd`, or `3 assets, rgb; 1 asset, rgbd`."""
-    counts = Counter(asset.asset_source for asset in assets.items.values())
+    counts = Counter(body.asset_source for body in bodies.items.values())
     return "; ".join(f"{n} {'asset' if n == 1 else 'assets'}, {source}" for source, n in sorted(counts.items()))
 
 

@@ -1,4 +1,4 @@
-"""Views of true objects and a twin's assets, and their surfaces in the camera frame."""
+"""Views of true objects and of a twin's bodies, and their surfaces in the camera frame."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.object import Asset, Support
+from dextera_build.artifacts.object import Body, Placement, Support
 from dextera_build.artifacts.scene import Truth
 from dextera_build.geometry import kinematics, raycast, transforms
 
@@ -35,28 +35,59 @@ def true_objects(truth: Truth) -> dict[str, Seen]:
     }
 
 
-def render_assets(
-    assets: Collection[Asset], support: Support, camera: Camera
-) -> tuple[dict[str, Seen], np.ndarray, np.ndarray]:
-    """Assets by label, and the twin's colours (H, W, 3) uint8 and depth (H, W) [m], all in the camera frame."""
-    camera_from_world = support.camera_pose.inverse()
-    surfaces: list[raycast.Surface] = []
-    owners: list[int] = []
-    for number, asset in enumerate(assets.items.values()):
-        poses = kinematics.link_poses(asset.body)
-        for link, part in asset.body.links.items():
-            matrix = (camera_from_world @ asset.pose).matrix @ poses[link]
-            vertices = transforms.apply(matrix, part.mesh.vertices.astype(np.float64))
-            texture = part.mesh.texture.pixels if part.mesh.texture is not None else None
-            surfaces.append(raycast.Surface(vertices, part.mesh.faces, part.mesh.uv, texture, part.mesh.colour))
-            owners.append(number)
+def placed_bodies(
+    bodies: Collection[Body], placements: Collection[Placement], support: Support
+) -> dict[str, list[raycast.Surface]]:
+    """Surfaces of each body's links by label, scaled and posed as `simulate.asset` does, in the camera frame [m].
+
+    Bodies without a placement are left out.
+    """
+    camera_from_world = support.camera_pose.inverse().matrix
+    return {
+        label: _links(body, placements.items[label], camera_from_world, support.factor)
+        for label, body in bodies.items.items()
+        if label in placements.items
+    }
+
+
+def _links(body: Body, placement: Placement, camera_from_world: np.ndarray, factor: float) -> list[raycast.Surface]:
+    poses, surfaces = kinematics.link_poses(body), []
+    pose = placement.pose.matrix.copy()
+    pose[:3, 3] *= factor
+    for link, part in body.links.items():
+        own = transforms.apply(poses[link], part.mesh.vertices.astype(np.float64)) * (placement.scale * factor)
+        vertices = transforms.apply(camera_from_world @ pose, own)
+        texture = part.mesh.texture.pixels if part.mesh.texture is not None else None
+        surfaces.append(raycast.Surface(vertices, part.mesh.faces, part.mesh.uv, texture, part.mesh.colour))
+    return surfaces
+
+
+def render(things: dict[str, list[raycast.Surface]], camera: Camera) -> tuple[dict[str, Seen], np.ndarray, np.ndarray]:
+    """Things by label, their colours (H, W, 3) uint8 and their depth (H, W) [m] through the camera."""
+    surfaces = [surface for own in things.values() for surface in own]
+    owners = [number for number, own in enumerate(things.values()) for _ in own]
     seen = raycast.render(surfaces, camera.matrix(), np.eye(4), camera.height, camera.width)
     owner = np.array([*owners, -1])[seen.index]
-    found = {
-        label: _joined(owner == number, [s for s, o in zip(surfaces, owners, strict=True) if o == number])
-        for number, label in enumerate(assets.items)
-    }
+    found = {label: _joined(owner == number, own) for number, (label, own) in enumerate(things.items())}
     return found, raycast.shade(surfaces, seen), seen.depth
+
+
+def visible_fraction(thing: Seen, camera: Camera) -> float:
+    """Part of a thing's outline that is seen: neither hidden by other things nor beyond the picture, 0..1.
+
+    The outline is that through a picture twice as wide and high, at half the resolution.
+    """
+    half = Camera(
+        width=camera.width,
+        height=camera.height,
+        fx=camera.fx / 2,
+        fy=camera.fy / 2,
+        cx=camera.cx / 2 + camera.width / 4,
+        cy=camera.cy / 2 + camera.height / 4,
+    )
+    surface = raycast.Surface(thing.vertices, thing.faces)
+    whole = raycast.render([surface], half.matrix(), np.eye(4), half.height, half.width).index >= 0
+    return min(1.0, float(thing.mask.sum()) / max(1.0, 4.0 * float(whole.sum())))
 
 
 def _joined(mask: np.ndarray, surfaces: list[raycast.Surface]) -> Seen:

@@ -8,6 +8,7 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.rule import Context, Options, rule
+from dextera_build.statistics import bootstrap
 
 
 class SummaryOptions(Options):
@@ -54,15 +55,6 @@ def summary(ctx: Context, tables: Collection[Table], *, options: SummaryOptions)
     )
 
 
-def interval(values: np.ndarray, options: SummaryOptions) -> tuple[float, float]:
-    """Percentile bootstrap interval of the mean of (N,) values."""
-    rng = np.random.default_rng(options.seed)
-    picks = rng.integers(0, len(values), size=(options.draws, len(values)))
-    tail = (1.0 - options.confidence) / 2.0
-    low, high = np.quantile(values[picks].mean(axis=1), [tail, 1.0 - tail])
-    return float(low), float(high)
-
-
 def _kinds(tables: list[Table]) -> list[str]:
     """Values of the column `result`, in alphabetical order."""
     found = set()
@@ -83,7 +75,7 @@ def _row(
             cells += [0, None, None, None, None]
             continue
         spread = float(values.std(ddof=1)) if len(values) > 1 else None
-        low, high = interval(values, options)
+        low, high = bootstrap(values, options.draws, options.confidence, options.seed)
         cells += [len(values), float(values.mean()), spread, low, high]
     cells += [sum(kind in row for row in rows) for kind in kinds]
     return tuple(cells)

@@ -66,6 +66,16 @@ class RandomGraph:
             self._broken.append(self.random.choice(found))
             self._replace(self._broken[-1][0], lambda old: _with(old, do="fail"))
 
+    def forgive(self) -> None:
+        """Let about half of all groups leave out copies that fail."""
+        self.members = {name: self._forgiven(member) for name, member in self.members.items()}
+
+    def _forgiven(self, member: Call | Group) -> Call | Group:
+        if isinstance(member, Call):
+            return member
+        members = {name: self._forgiven(inner) for name, inner in member.members.items()}
+        return dataclasses.replace(member, members=members, lenient=self.random.random() < 0.5)
+
     def mend(self) -> None:
         """Let every call that was broken do what it did."""
         for path, do in self._broken:

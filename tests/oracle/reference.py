@@ -52,6 +52,16 @@ class Reference:
                 if target.matches(labels):
                     self.node(target.call, labels)
 
+    def ok(self, targets: list[Address]) -> bool:
+        """Whether all copies that `targets` name are built, apart from those that lenient groups leave out."""
+        return all(self._is_built(target) for target in targets)
+
+    def _is_built(self, target: Address) -> bool:
+        outside = len(target.labels or ())
+        copies = self.copies(target.call, ())
+        missing = [c for c in copies or () if target.matches(c) and self.node(target.call, c) is None]
+        return copies is not None and (not missing or self.is_lenient(target.call, outside))
+
     def node(self, path: tuple[str, ...], labels: Labels) -> str | None:
         address = node_address(path, labels)
         if address not in self.outputs:
@@ -127,6 +137,8 @@ class Reference:
             shared += 1
         copies = self.copies(source.call, labels[:shared])
         parts = {".".join(c[shared:]): self.node(source.call, c) for c in copies or ()}
+        if self.is_lenient(source.call, shared):
+            parts = {label: part for label, part in parts.items() if part is not None}
         if copies is None or None in parts.values():
             return None
         return self.put(collection_header({label: str(part) for label, part in parts.items()}))
@@ -137,13 +149,19 @@ class Reference:
         whole = True
         for depth in range(len(labels), len(call) - 1):
             opened = [(each, self.items(call[: depth + 1], each)) for each in found]
-            whole = whole and all(items is not None for _, items in opened)
+            # A group that cannot be opened is left out with the copy of the lenient group around it.
+            whole = whole and (
+                self.is_lenient(call[: depth + 1], len(labels)) or all(items is not None for _, items in opened)
+            )
             found = [(*each, label) for each, items in opened for label in items or {}]
         if not whole:  # a build still asks for the copies that it knows
             for each in found:
                 self.node(call, each)
             return None
         return found
+
+    def is_lenient(self, path: tuple[str, ...], outside: int) -> bool:
+        return any(self.member(path[:depth]).lenient for depth in range(outside + 1, len(path)))
 
     def items(self, path: tuple[str, ...], labels: Labels) -> dict[str, str] | None:
         listed = self.member(path).over

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -73,6 +74,27 @@ def test_with_failures_everything_independent_is_built(seed: int, tmp_path: Path
     for node in result.nodes.values():
         assert (node.status == "waits") == bool(node.blocked_by)
         assert set(node.blocked_by) <= expected.failed
+
+
+@pytest.mark.parametrize("seed", range(80))
+def test_lenient_groups_leave_out_what_failed(seed: int, tmp_path: Path) -> None:
+    random_graph, store = RandomGraph(seed, tmp_path, reads=True), Store(tmp_path / "store")
+    for _ in range(3):
+        random_graph.break_one()
+    random_graph.forgive()
+    graph, targets = random_graph.graph(), random_graph.targets()
+    expected = Reference(graph, {})
+    expected.build(targets)
+    result, _ = _build(graph, targets, store, keep_going=True)
+
+    status = {name: node.status for name, node in result.nodes.items()}
+    assert {name for name, s in status.items() if s == "failed"} == expected.failed
+    assert {name: node.output for name, node in result.nodes.items()} == expected.outputs
+    assert result.ok == expected.ok(targets)
+    again, _ = _build(graph, targets, store)  # failures in lenient groups alone do not stop it
+    if all(graph.is_lenient(tuple(re.sub(r"\[[^]]*\]", "", name).split("."))) for name in expected.failed):
+        assert {name: node.output for name, node in again.nodes.items()} == expected.outputs
+        assert again.ok == result.ok
 
 
 @pytest.mark.parametrize("seed", range(30))

@@ -303,6 +303,12 @@ def test_a_listed_cycle_is_found(space):
             "the node `a` needs exactly one of `rule`, `recipe`, `each`, `matrix`",
             "1:9",
         ),
+        (
+            "nodes: {s: {rule: toy.start}, g: {each: $s, on_failure: skip, nodes: {a: {rule: toy.start}}}}",
+            "R131",
+            "`on_failure` is `stop` or `leave_out`, not `skip`",
+            "",
+        ),
         ("nodes: {}", "R112", "no nodes are declared", "1:8"),
         ("node: {}", "R112", "a recipe has no `node`", "1:1"),
         ("nodes: {A: {rule: toy.start}}", "R112", "`A` is not a name", "1:9"),

@@ -1,0 +1,94 @@
+"""evaluate.compared: methods beside one another over many scenes, as in the paper's Table II."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field, NonNegativeInt, PositiveInt
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.table import Cell, Column, Table
+from dextera_build.rule import Context, Options, rule
+from dextera_build.statistics import bootstrap
+
+from . import objects
+from .pooled import Pool
+
+
+class ComparedOptions(Options):
+    """Options of evaluate.compared."""
+
+    draws: PositiveInt = 10000
+    """Bootstrap samples."""
+    confidence: float = Field(0.95, gt=0.0, lt=1.0)
+    """Coverage probability of the intervals."""
+    seed: NonNegativeInt = 0
+    """Seed of the bootstrap."""
+
+
+@rule(version=1, packages=("numpy",))
+def compared(
+    ctx: Context, tables: Collection[Table], expected: Table, *, options: ComparedOptions | None = None
+) -> Table:
+    """Return five rows per method: mean, deviation, both ends of the interval, and count, then the paper's rows.
+
+    `tables` holds the gathered tables of `evaluate.objects` (without a summary) of each method, by its name, and
+    `expected` those of `evaluate.visible`: objects of a photograph that became no twin are missed.
+    """
+    options = options or ComparedOptions()
+    rows: list[tuple[Cell, ...]] = []
+    for name, table in tables.items.items():
+        pool = Pool.of(table, expected)
+        rows += _rows(name, pool, options)
+        means = {key: float(np.mean(values)) for key, values in pool.metrics.items() if len(values)}
+        ctx.say(f"{name}: {pool.found} of {pool.true} found, mean IoU {means.get('Mask IoU', 0.0):.3f}")
+        for key, mean in means.items():
+            ctx.metric(f"{name}: {key}", mean, next(column.unit for column in objects.COLUMNS if column.name == key))
+        ctx.metric(f"{name}: found", 100.0 * pool.found / max(pool.true, 1), "%")
+    return Table(
+        title="Objects of many scenes against the truth",
+        columns=(
+            Column(name="Method"),
+            Column(name="Statistic"),
+            Column(name="Photographs"),
+            Column(name="True"),
+            Column(name="Found", unit="%", digits=1, better="higher"),
+            Column(name="Spurious", better="lower"),
+            *objects.COLUMNS[3:],
+        ),
+        rows=(*rows, *_paper()),
+        notes=(
+            f"low, high: {options.confidence:.0%} percentile bootstrap interval of the mean, {options.draws} draws of "
+            "instances",
+            "a missed object counts with IoU 0 and enters no other column; `count` says how many do",
+            "photographs: those that became a twin; the objects of the others are missed",
+            "spurious: assets that match no true object",
+            "true: objects of which the share that `evaluate.objects` states is visible",
+            *objects.DEFINITIONS,
+        ),
+    )
+
+
+def _rows(name: str, pool: Pool, options: ComparedOptions) -> list[tuple[Cell, ...]]:
+    metrics = list(pool.metrics.values())
+    ends = [
+        bootstrap(values, options.draws, options.confidence, options.seed) if len(values) else (None, None)
+        for values in metrics
+    ]
+    facts = (pool.scenes, pool.true, 100.0 * pool.found / max(pool.true, 1), pool.spurious)
+    none: tuple[Cell, ...] = (None,) * len(facts)
+    spreads = [float(values.std(ddof=1)) if len(values) > 1 else None for values in metrics]
+    return [
+        (name, "mean", *facts, *(float(values.mean()) if len(values) else None for values in metrics)),
+        (name, "deviation", *none, *spreads),
+        (name, "low", *none, *(low for low, _ in ends)),
+        (name, "high", *none, *(high for _, high in ends)),
+        (name, "count", *none, *(len(values) for values in metrics)),
+    ]
+
+
+def _paper() -> list[tuple[Cell, ...]]:
+    return [
+        ("paper, Ours", label.rsplit(" ", 1)[-1], None, 86 if number == 0 else None, None, None, *cells)
+        for number, (label, _, _, *cells) in enumerate(objects.PAPER)
+        if isinstance(label, str)
+    ]

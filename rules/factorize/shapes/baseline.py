@@ -1,0 +1,67 @@
+"""What the baselines of factorize.mesh share: the seen points, and the shape of a body made from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.object import Shape
+from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.view import Seen
+from dextera_build.geometry import transforms
+from dextera_build.geometry.solids import Solid
+from dextera_build.rule import Context
+
+from ..measured import Measurements
+from . import evidence as evidence_of
+from .evidence import Evidence
+from .paint import paint
+from .scoring import judge
+
+if TYPE_CHECKING:
+    from .mesh import MeshOptions
+
+
+def shape_of(
+    ctx: Context, name: str, measured: Measurements[Seen], common: MeshOptions, body_of: Callable[[Evidence], Solid]
+) -> Shape:
+    """The shape of the body that `body_of` makes of the seen points (world frame, the object stands on z = 0)."""
+    seen = measured.needed()
+    evidence = evidence_of.gather(seen)
+    if len(evidence.points) < common.least_points:
+        ctx.fail(
+            f"the view has {len(evidence.points)} pixels with trusted depth, {common.least_points} are needed",
+            hint="lower `least_points`, or use backend `stub`",
+        )
+    body = body_of(evidence)
+    judged = judge(body, evidence)
+    low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
+    base = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
+    own = Solid(body.vertices - base, body.faces)
+    pose = transforms.rigid(np.eye(3), base + np.array([0.0, 0.0, evidence.base]))
+    painted = paint(own, pose, seen, common.texture_px)
+    return Shape(
+        mesh=Mesh(
+            vertices=own.vertices.astype(np.float32),
+            faces=own.faces.astype(np.int32),
+            uv=painted.uv,
+            texture=Image(pixels=painted.pixels),
+        ),
+        pose=Pose(parent="world", child="object", matrix=pose),
+        hypothesis=name,
+        hollow=False,
+        residual_m=judged.residual_m,
+        mask_iou=judged.mask_iou,
+        unseen_fraction=1.0 - painted.seen_fraction,
+        scores={name: judged.score},
+    )
+
+
+def with_feet(evidence: Evidence) -> np.ndarray:
+    """The seen points (N, 3) and their projections onto the support [m]."""
+    points = evidence.points
+    return np.concatenate([points, points * [1.0, 1.0, 0.0]])
