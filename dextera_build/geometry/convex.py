@@ -35,7 +35,8 @@ def surface(points: np.ndarray, thinnest: float = THINNEST_M) -> tuple[np.ndarra
 
 def thicken(points: np.ndarray, thinnest: float = THINNEST_M) -> np.ndarray:
     """`points` (N, 3) [m], doubled to both sides along every direction in which they extend less than `thinnest`."""
-    _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)
+    # Rows of zeros give three axes also for one or two points; the full left matrix would take (N, N) numbers.
+    _, _, axes = np.linalg.svd(np.concatenate([points - points.mean(axis=0), np.zeros((3, 3))]), full_matrices=False)
     for axis in axes:
         along = points @ axis
         if along.max() - along.min() < thinnest:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
@@ -187,7 +187,7 @@ def _table(
     )
 
 
-def _summed(summary: list[tuple[Cell, Cell, Cell]], sources: str) -> Iterator[tuple[Cell, ...]]:
+def _summed(summary: Sequence[tuple[Cell, Cell, Cell]], sources: str) -> Iterator[tuple[Cell, ...]]:
     for name, cells in zip(("mean", "deviation", "count"), zip(*summary, strict=True), strict=True):
         yield (name, sources if name == "mean" else None, *cells)
     yield from PAPER

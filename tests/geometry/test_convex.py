@@ -40,3 +40,13 @@ def test_degenerate_pieces_get_a_thickness(points: np.ndarray) -> None:
     vertices, faces = convex.surface(points.astype(np.float32))
     assert volume(vertices, faces) > 0
     assert np.linalg.svd(vertices - vertices.mean(axis=0))[1][-1] > convex.THINNEST_M / 2
+
+
+def test_many_points_take_little_memory():
+    import tracemalloc
+
+    points = np.random.default_rng(0).normal(size=(20000, 3))
+    tracemalloc.start()
+    convex.surface(points)
+    assert tracemalloc.get_traced_memory()[1] < 50e6  # 20,000 squared numbers would take 3.2 GB
+    tracemalloc.stop()

@@ -79,9 +79,9 @@ def _spot(
         return bool(inside) and all(_apart(moved, other, gap) for other in taken)
 
     for _ in range(TRIES):
-        spot = middle + rng.normal(0.0, spread, 2)
+        spot: np.ndarray = middle + rng.normal(0.0, spread, 2)
         if contact == "piled":
-            return np.clip(spot, bounds[0] + 0.15, bounds[1] - 0.15)
+            return np.asarray(np.clip(spot, bounds[0] + 0.15, bounds[1] - 0.15))
         if contact == "touching" and taken:
             anchor = taken[int(rng.integers(len(taken)))].mean(axis=0)
             spot = _closest(anchor, rng.uniform(0, 2 * np.pi), lambda place: is_free(place, TOUCHING_M))

@@ -27,8 +27,10 @@ BACKEND = Backend(
     extra="twin",
 )
 
-LONGEST_HOLE = 5000
-"""Most edges of a hole that is closed; the surface is open where it leaves the octree."""
+ROOM = 2.0
+"""Edge of the octree by that of the points' bounding cube; the surface is open where it leaves the octree."""
+LONGEST_HOLE = 100
+"""Most edges of a hole that is closed."""
 UNDERSIDE_M = 0.004
 """Spacing of the points of the underside [m]."""
 
@@ -36,7 +38,7 @@ UNDERSIDE_M = 0.004
 class PoissonOptions(Options):
     """Options of backend `poisson` of factorize.mesh."""
 
-    depth: PositiveInt = 7
+    depth: PositiveInt = 8
     """Depth of the octree."""
 
 
@@ -59,7 +61,7 @@ def _surface(ctx: Context, evidence: Evidence, depth: int) -> Solid:
     down = np.broadcast_to([0.0, 0.0, -1.0], feet.shape)
     cloud.normals = o3d.utility.Vector3dVector(np.concatenate([normals, down]))
     # One thread, as the order of sums would change the surface.
-    mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
+    mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, scale=ROOM, n_threads=1)
     closed = repair.repaired(np.asarray(mesh.vertices), np.asarray(mesh.triangles), None, LONGEST_HOLE)
     inside = solids.intersection(Solid(closed.vertices, closed.faces.astype(np.int64)), hull(evidence))
     if not len(inside.faces):

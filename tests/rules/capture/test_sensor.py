@@ -12,6 +12,7 @@ import pytest
 
 FILE = Path(__file__).parents[3] / "rules" / "capture" / "sensor.py"
 K = np.array([[300.0, 0, 99.5], [0, 300.0, 74.5], [0, 0, 1]])
+GREY = np.full((150, 200, 3), 0.5)
 
 
 @pytest.fixture(scope="module")
@@ -54,16 +55,39 @@ def test_facing_is_the_cosine_between_ray_and_normal(sensor: ModuleType, tilt: f
 def test_nothing_comes_back_at_grazing_angles_or_out_of_range(sensor: ModuleType) -> None:
     rng = np.random.default_rng(0)
     clean = sensor.DepthNoiseOptions(dropout=0.0, edge_step=10.0)
-    assert (sensor.measure_depth(plane(1.48), K, clean, rng)[70:80] == 0).mean() > 0.9
-    assert (sensor.measure_depth(plane(1.0), K, clean, rng)[70:80] > 0).all()
-    assert (sensor.measure_depth(plane(0.0) * 0.1, K, clean, rng) == 0).all()
-    assert (sensor.measure_depth(plane(0.0) * 9.0, K, clean, rng) == 0).all()
+    assert (sensor.measure_depth(plane(1.48), GREY, K, clean, rng)[70:80] == 0).mean() > 0.9
+    assert (sensor.measure_depth(plane(1.0), GREY, K, clean, rng)[70:80] > 0).all()
+    assert (sensor.measure_depth(plane(0.0) * 0.1, GREY, K, clean, rng) == 0).all()
+    assert (sensor.measure_depth(plane(0.0) * 9.0, GREY, K, clean, rng) == 0).all()
 
 
 def test_neighbouring_errors_are_correlated_over_the_window(sensor: ModuleType) -> None:
     wide = sensor.DepthNoiseOptions(dropout=0.0, step_m=1e-6, correlation_px=3)
-    error = sensor.measure_depth(plane(0.0), K, wide, np.random.default_rng(1)).astype(np.float64) - 1.0
+    error = sensor.measure_depth(plane(0.0), GREY, K, wide, np.random.default_rng(1)).astype(np.float64) - 1.0
     neighbour = np.corrcoef(error[:, :-1].ravel(), error[:, 1:].ravel())[0, 1]
     far = np.corrcoef(error[:, :-3].ravel(), error[:, 3:].ravel())[0, 1]
     assert neighbour == pytest.approx(2 / 3, abs=0.05)
     assert abs(far) < 0.05
+
+
+def test_dark_and_shiny_surfaces_lose_depth_in_patches(sensor: ModuleType) -> None:
+    rgb = GREY.copy()
+    rgb[:, :60], rgb[:, 140:] = 0.0, 1.0
+    options = sensor.DepthNoiseOptions(dropout=0.0, dark_loss=0.6, shine_loss=0.8)
+    lost = sensor.measure_depth(np.ones((150, 200)), rgb, K, options, np.random.default_rng(2)) == 0
+    assert lost[:, :60].mean() == pytest.approx(0.6, abs=0.12)
+    assert lost[:, 140:].mean() == pytest.approx(0.8, abs=0.12)
+    assert not lost[:, 60:140].any()
+    # Patches, not single pixels: a lost pixel's neighbour is mostly lost, too.
+    assert (lost[:, 1:60] & lost[:, :59]).sum() / lost[:, 1:60].sum() > 0.8
+
+
+def test_smeared_edges_lie_between_both_sides(sensor: ModuleType) -> None:
+    depth = np.ones((150, 200))
+    depth[:, 100:] = 1.5
+    options = sensor.DepthNoiseOptions(dropout=0.0, subpixel_px=0.0, edge_loss=0.0, smear=1.0, grazing_deg=90.0)
+    seen = sensor.measure_depth(depth, GREY, K, options, np.random.default_rng(3))
+    band = seen[:, 98:102]
+    assert ((band >= 1.0) & (band <= 1.5)).all()
+    assert ((band > 1.05) & (band < 1.45)).mean() > 0.6
+    assert (seen[:, :97] == 1.0).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import DepthImage, Image, LabelImage
-from dextera_build.artifacts.object import Asset, Body, Collision, Joint, Link, Physics, Support
+from dextera_build.artifacts.object import Body, Joint, Link, Placement, Support
 from dextera_build.artifacts.scene import Truth, TruthObject
 from dextera_build.artifacts.table import Table
 from dextera_build.errors import RuleError
@@ -45,19 +46,22 @@ def look() -> np.ndarray:
     return transforms.rigid(np.stack([right, np.cross(forward, right), forward], axis=1), place)
 
 
+@dataclass(frozen=True)
+class Asset:
+    """A body and its place."""
+
+    body: Body
+    placement: Placement
+
+
 def asset(mesh: Mesh, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Asset:
     """A rigid asset that stands in the twin's world where `mesh` stands in the true one, moved by `shift` [m]."""
     return placed(Body(links={"base": Link(mesh=mesh)}, pose=factories.placed(np.eye(4))), shift)
 
 
 def placed(body: Body, shift: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Asset:
-    return Asset(
-        body=body,
-        physics=Physics(links={}, friction=0.5, friction_sigma=0.1, restitution=0.1, material="plastic"),
-        collision=Collision(links={}),
-        pose=factories.placed(TWIN_FROM_TRUE @ transforms.rigid(np.eye(3), np.array(shift))),
-        category="box",
-    )
+    pose = factories.placed(TWIN_FROM_TRUE @ transforms.rigid(np.eye(3), np.array(shift)))
+    return Asset(body, Placement(pose=pose, scale=1.0, method="by hand"))
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +80,13 @@ def truth() -> Truth:
 
 
 def evaluate(
-    tmp_path: Path, truth: Truth, assets: dict[str, Asset], camera: Camera = CAMERA, scale: str = "depth"
+    tmp_path: Path,
+    truth: Truth,
+    assets: dict[str, Asset],
+    camera: Camera = CAMERA,
+    scale: str = "depth",
+    factor: float = 1.0,
+    **options: object,
 ) -> tuple[Table, RuleRunner]:
     runner = RuleRunner(tmp_path)
     support = Support(
@@ -85,9 +95,16 @@ def evaluate(
         residual_m=0.0,
         inlier_fraction=1.0,
         scale=scale,
+        factor=factor,
     )
     table = runner.run(
-        "evaluate.objects", truth=truth, assets=Collection[Asset](items=assets), support=support, camera=camera
+        "evaluate.objects",
+        truth=truth,
+        bodies=Collection[Body](items={name: known.body for name, known in assets.items()}),
+        placements=Collection[Placement](items={name: known.placement for name, known in assets.items()}),
+        support=support,
+        camera=camera,
+        options=options,
     )
     return table, runner
 
@@ -133,7 +150,7 @@ def test_missed_and_spurious_things_are_counted_never_dropped(tmp_path: Path, tr
     assert cell(table, "right", "Mask IoU") == 0.0
     assert cell(table, "right", "Chamfer-L1") is None
     assert cell(table, "mean", "Mask IoU") == pytest.approx(0.5, abs=0.005)
-    assert cell(table, "mean", "F-score@1cm") == pytest.approx(0.5)
+    assert cell(table, "mean", "F-score@1cm") == 1.0
     assert (cell(table, "count", "Mask IoU"), cell(table, "count", "Chamfer-L1")) == (2, 1)
     assert runner.outcome.metrics["missed"] == (1.0, "")
     assert runner.outcome.metrics["spurious"] == (1.0, "")
@@ -197,7 +214,7 @@ def test_another_camera_is_refused(tmp_path: Path, truth: Truth) -> None:
 
 def test_the_table_says_what_the_assets_were_made_from(tmp_path: Path, truth: Truth) -> None:
     twins = {name: asset(box(low)) for name, low in PLACES.items()}
-    twins["left"] = twins["left"].model_copy(update={"asset_source": "rgbd"})
+    twins["left"] = replace(twins["left"], body=twins["left"].body.model_copy(update={"asset_source": "rgbd"}))
     table, _ = evaluate(tmp_path, truth, twins)
     made = {row[0]: row[1] for row in table.rows}
     assert made["mean"] == "1 asset, rgb; 1 asset, rgbd"
@@ -209,3 +226,62 @@ def test_a_twin_of_unknown_scale_is_not_compared(tmp_path: Path, truth: Truth) -
     with pytest.raises(RuleError, match="the scale of this twin is unknown, so it cannot be compared") as caught:
         evaluate(tmp_path, truth, {name: asset(box(low)) for name, low in PLACES.items()}, scale="unknown")
     assert "`size_m` of `align.scale`" in str(caught.value.hint)
+
+
+def test_bodies_are_scaled_as_assets_are(tmp_path: Path, truth: Truth) -> None:
+    # In the unit of the placement all lengths are half as long; `factor` makes them metres.
+    def halved(low: tuple[float, float, float]) -> Asset:
+        small = box(low).model_copy(update={"vertices": box(low).vertices / np.float32(4.0)})
+        pose = TWIN_FROM_TRUE.copy()
+        pose[:3, 3] /= 2.0
+        body = Body(links={"base": Link(mesh=small)}, pose=factories.placed(np.eye(4)))
+        return Asset(body, Placement(pose=factories.placed(pose), scale=2.0, method="by hand"))
+
+    table, _ = evaluate(tmp_path, truth, {name: halved(low) for name, low in PLACES.items()}, factor=2.0)
+    assert cell(table, "mean", "Mask IoU") == pytest.approx(1.0, abs=0.005)
+    assert cell(table, "mean", "Centroid") == pytest.approx(0.0, abs=1e-5)
+
+
+def test_objects_that_are_mostly_hidden_do_not_count(tmp_path: Path, truth: Truth) -> None:
+    # A cover hides all but a strip of the left box.
+    labels = truth.labels.labels.copy()
+    columns = np.flatnonzero((labels == 1).any(axis=0))
+    labels[:, columns[0] : columns[-len(columns) // 5]] = 0
+    covered = truth.model_copy(update={"labels": LabelImage(labels=labels)})
+    table, _ = evaluate(tmp_path, covered, {"right": asset(box(PLACES["right"]))})
+    assert cell(table, "right", "Visible") == pytest.approx(1.0, abs=0.05)
+    assert cell(table, "left", "Asset") == "missed"
+    assert 0.1 < cell(table, "left", "Visible") < 0.35  # type: ignore[operator]
+    table, runner = evaluate(tmp_path, covered, {"right": asset(box(PLACES["right"]))}, least_visible=0.4)
+    assert [row[0] for row in table.rows[:2]] == ["right", "mean"]
+    assert runner.outcome.line.startswith("1 of 1 found")
+    counted = RuleRunner(tmp_path).run("evaluate.visible", truth=covered, options={"least_visible": 0.4})
+    assert [row[0] for row in counted.rows] == ["right"]
+
+
+def test_an_object_cut_by_the_border_is_partly_visible(tmp_path: Path, truth: Truth) -> None:
+    # The picture begins at the middle of the left box.
+    first = int(np.median(np.nonzero(truth.labels.labels == 1)[1]))
+    half = CAMERA.model_copy(update={"width": CAMERA.width - first, "cx": CAMERA.cx - first})
+    surfaces = [raycast.Surface(m.mesh.vertices, m.mesh.faces) for m in truth.objects.values()]
+    seen = raycast.render(surfaces, half.matrix(), look(), half.height, half.width)
+    cut = truth.model_copy(
+        update={
+            "labels": LabelImage(labels=seen.index + 1),
+            "camera": half,
+            "rgb": Image(pixels=raycast.shade(surfaces, seen)),
+            "depth": DepthImage(depth=seen.depth.astype(np.float32)),
+        }
+    )
+    table, _ = evaluate(tmp_path, cut, {}, half)
+    inside = {name: float((seen.index == n).sum()) for n, name in enumerate(truth.objects)}
+    whole = {name: float((truth.labels.labels == n + 1).sum()) for n, name in enumerate(truth.objects)}
+    for name, pixels in inside.items():
+        assert cell(table, name, "Visible") == pytest.approx(pixels / whole[name], abs=0.04)
+    assert 0.3 < inside["left"] / whole["left"] < 0.7
+
+
+def test_without_a_summary_there_are_objects_and_spurious_assets_only(tmp_path: Path, truth: Truth) -> None:
+    twins = {"left": asset(box(PLACES["left"])), "ghost": asset(box((0.0, 0.3, 0.0)))}
+    table, _ = evaluate(tmp_path, truth, twins, summary=False)
+    assert [row[:2] for row in table.rows] == [("left", "left"), ("right", "missed"), ("-", "ghost")]
