@@ -8,8 +8,10 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera, Measured, Photograph
+from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import AssetSource, Support
 from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
+from dextera_build.geometry import upright
 from dextera_build.rule import Context
 
 T = TypeVar("T")
@@ -38,6 +40,24 @@ class Workspace:
     def world_from_camera(self) -> np.ndarray:
         """T_world_camera, (4, 4)."""
         return self.support.camera_pose.matrix
+
+    @property
+    def turns(self) -> int:
+        """Counter-clockwise quarter turns that make the photograph upright."""
+        return upright.turns(self.world_from_camera)
+
+    def upright(self) -> Workspace:
+        """The same scene as a camera held upright saw it: the photograph turned by `turns`, the same world."""
+        if not self.turns:
+            return self
+        camera = self.camera.turned(self.turns)
+        pose = self.support.camera_pose
+        matrix = pose.matrix @ np.linalg.inv(upright.turned_from_camera(self.turns))
+        return Workspace(
+            Photograph(rgb=Image(pixels=upright.turned(self.pixels, self.turns)), camera=camera),
+            upright.turned(self.depth, self.turns),
+            self.support.model_copy(update={"camera_pose": pose.model_copy(update={"matrix": matrix})}),
+        )
 
 
 class Measurements(Generic[T]):

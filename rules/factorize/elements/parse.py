@@ -35,7 +35,7 @@ class ParseBackend(Protocol):
         ...
 
 
-@rule(version=1)
+@rule(version=2)
 def parse(
     ctx: Context[ParseBackend],
     photograph: Photograph,

@@ -13,6 +13,7 @@ from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import Elements, Support
 from dextera_build.artifacts.view import Instance, InstanceMap, MeasuredView, ObjectView, Segmentation, Traits
 from dextera_build.errors import listing
+from dextera_build.geometry import upright
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..measured import Measurements, Workspace, of_workspace
@@ -45,7 +46,7 @@ class SegmentBackend(Protocol):
         ...
 
 
-@rule(version=2)
+@rule(version=3)
 def segment(
     ctx: Context[SegmentBackend],
     photograph: Photograph,
@@ -78,7 +79,9 @@ def segment(
     labels = np.zeros(photograph.rgb.pixels.shape[:2], np.int32)
     for number in range(len(names), 0, -1):
         labels[found[names[number - 1]]] = number
-    around = _surroundings(depth, labels, [mask for name, mask in masks.items() if name not in wanted])
+    others = [mask for name, mask in masks.items() if name not in wanted]
+    turns = 0 if support is None else upright.turns(support.camera_pose.matrix)
+    around = _surroundings(depth, labels, others, turns)
     source = depth.source(elements.asset_source)
     items = {}
     for number, name in enumerate(names, start=1):
@@ -115,22 +118,28 @@ class _Surroundings:
     """(H, W) bool, measured pixels above the support; None without depth."""
     depth: np.ndarray | None = None
     """(H, W) float32 [m]; None without depth."""
+    turns: int = 0
+    """Counter-clockwise quarter turns that make the photograph upright."""
 
     def hiding(self, number: int, box: Box) -> np.ndarray:
         """Pixels of a crop where something nearer may hide object `number`, (h, w) bool."""
         if self.raised is None or self.depth is None:
-            return np.ascontiguousarray(lower_in_the_picture(self.labels, self.fixed, number)[box])
+            labels, fixed = (upright.turned(picture, self.turns) for picture in (self.labels, self.fixed))
+            lower = upright.turned(lower_in_the_picture(labels, fixed, number), -self.turns)
+            return np.ascontiguousarray(lower[box])
         mask = np.ascontiguousarray(self.labels[box] == number)
         return occluders(mask, self.raised[box], self.depth[box].astype(np.float64))
 
 
-def _surroundings(depth: Measurements[Workspace], labels: np.ndarray, static: list[np.ndarray]) -> _Surroundings:
+def _surroundings(
+    depth: Measurements[Workspace], labels: np.ndarray, static: list[np.ndarray], turns: int
+) -> _Surroundings:
     if depth.taken:
         seen = depth.needed()
         raised = relief(seen).raised
         return _Surroundings(labels, raised & (labels == 0), raised, seen.depth)
     fixed = np.logical_or.reduce([np.zeros(labels.shape, bool), *static]) & (labels == 0)
-    return _Surroundings(labels, fixed)
+    return _Surroundings(labels, fixed, turns=turns)
 
 
 def _box(mask: np.ndarray, margin: int) -> Box:

@@ -76,7 +76,7 @@ def complete(
         common: The rule's options.
         options: The backend's.
     """
-    seen = measured.needed()
+    seen = measured.needed().upright()
     evidence = evidence_of.gather(seen)
     if len(evidence.points) < common.least_points:
         ctx.fail(
