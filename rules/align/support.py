@@ -57,8 +57,8 @@ def support(
 ) -> Support:
     """Return the support plane and the world frame on it: z up along the normal, origin at its centre [m].
 
-    The camera looks at the support from above and may be held in any way, see `up`. Without depth, the plane comes from a marker,
-    from the robot's pose T_camera_base, or from an assumed pitch; the scale is unknown in the last case.
+    The camera looks at the support from above and may be held in any way, see `up`. Without depth, the plane comes from
+    a marker, from the robot's pose T_camera_base, or from an assumed pitch; the scale is unknown in the last case.
     """
     options = options or SupportOptions()
     if measured is None:
