@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from dextera_build.artifacts.view import Instance, Seen
+from dextera_build.geometry import cameras
 
 from ..shapes import evidence
 
@@ -36,3 +39,25 @@ def _is_hidden(seen: evidence.Evidence) -> bool:
     """Whether the trust is missing because something stands in front, or because nothing was measured at all."""
     lost = seen.mask & ~seen.core
     return bool((lost & (~seen.known | (seen.depth <= 0))).sum() > 0.5 * lost.sum())
+
+
+SMALL_M, LARGE_M = 0.03, 0.45
+"""Things that hands take from tables; if all are smaller or all are larger, the unit is in doubt [m]."""
+
+
+def odd_scale(sizes: Mapping[str, float]) -> str:
+    """What is odd about the sizes of all objects [m]; empty if nothing is."""
+    if max(sizes.values()) < SMALL_M:
+        return f"every object is smaller than {1000 * max(sizes.values()):.0f} mm"
+    if min(sizes.values()) > LARGE_M:
+        return f"every object is larger than {1000 * min(sizes.values()):.0f} mm"
+    return ""
+
+
+def size(instance: Instance) -> float:
+    """The largest extent of the seen points, without the outermost 2 % [m]; 0 without depth."""
+    if instance.measured is None:
+        return 0.0
+    depth, mask = instance.measured.depth.depth, instance.view.mask
+    points = cameras.backproject(depth, instance.view.camera.matrix())[mask & (depth > 0)]
+    return float(np.max(np.quantile(points, 0.99, axis=0) - np.quantile(points, 0.01, axis=0))) if len(points) else 0.0
