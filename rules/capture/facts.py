@@ -129,7 +129,8 @@ def _infinite(facts: object) -> str:
     """The keys that hold NaN or an infinite number: fx is nan."""
     if not isinstance(facts, dict):
         return ""
-    bad = [key for key, value in facts.items() if isinstance(value, float) and not math.isfinite(value)]
+    numbers = {key: value if isinstance(value, list) else [value] for key, value in facts.items()}
+    bad = [key for key, value in numbers.items() if any(isinstance(x, float) and not math.isfinite(x) for x in value)]
     return ", ".join(f"`{key}` is {facts[key]}" for key in bad)
 
 

@@ -17,6 +17,8 @@ FEWEST = 400
 CLEARLY = 2.0
 """Agreement gained by the shift, in standard deviations over all shifts: true captures had up to 0.4, captures whose
 depth was shifted by 10 px and more at least 2.8."""
+MATCH = 0.25
+"""Smallest agreement that counts as a match; true captures had 0.27 to 1.4, a plain picture has none."""
 JUMP = 0.03
 """Relative difference of depth across an edge."""
 
@@ -47,7 +49,7 @@ def shift(pixels: np.ndarray, depth: np.ndarray) -> Shift | None:
     row, column = np.unravel_index(int(agreement.argmax()), agreement.shape)
     middle = slice(REACH - SLACK, REACH + SLACK + 1)
     gain = float(agreement.max() - agreement[middle, middle].max())
-    if gain < CLEARLY * float(agreement.std()):
+    if agreement.max() < MATCH or gain < CLEARLY * float(agreement.std()):
         return None
     return Shift(-factor * (int(column) - REACH), -factor * (int(row) - REACH))
 
