@@ -43,6 +43,20 @@ class Camera(Artifact):
         """The camera of the sub-image whose upper left pixel is (`left`, `top`)."""
         return Camera(width=width, height=height, fx=self.fx, fy=self.fy, cx=self.cx - left, cy=self.cy - top)
 
+    def turned(self, count: int) -> Camera:
+        """The camera of the picture turned counter-clockwise by `count` quarter turns, see `geometry.upright`."""
+        found = self
+        for _ in range(count % 4):
+            found = Camera(
+                width=found.height,
+                height=found.width,
+                fx=found.fy,
+                fy=found.fx,
+                cx=found.cy,
+                cy=found.width - 1 - found.cx,
+            )
+        return found
+
     def scaled(self, factor: float) -> Camera:
         """The camera of the whole image at `factor` times its size, rounded to pixels.
 

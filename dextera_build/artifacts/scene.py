@@ -51,10 +51,11 @@ class Background(Artifact):
 class Scene(Artifact):
     """A simulated scene that loads in MuJoCo."""
 
-    type_version: ClassVar[int] = 3
+    type_version: ClassVar[int] = 4
     readers: ClassVar[former.Readers] = {
         1: former.pose("world_from_camera", "camera_pose", "world", "camera"),
         2: former.unchanged,
+        3: former.unchanged,
     }
 
     model: Folder
@@ -65,6 +66,8 @@ class Scene(Artifact):
     """T_world_camera, OpenCV axes."""
     bodies: tuple[str, ...]
     """Names of the movable objects; each is the name of its MJCF root body."""
+    held: tuple[str, ...] = ()
+    """Names of the objects that would not rest and are a part of the static scene instead, see `simulate.steady`."""
     scale: ScaleSource = "depth"
     """Where the unit of length comes from; tasks refuse a scene of scale `unknown`."""
 

@@ -15,6 +15,7 @@ from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.image import DepthImage, Image, LabelImage, faded, png, smaller
 from dextera_build.artifacts.object import AssetSource
 from dextera_build.artifacts.pose import Pose
+from dextera_build.geometry import upright
 
 
 class ObjectView(Artifact):
@@ -140,3 +141,25 @@ class Seen:
     def world_from_camera(self) -> np.ndarray:
         """T_world_camera, (4, 4)."""
         return self.measured.camera_pose.matrix
+
+    def upright(self) -> Seen:
+        """The same view as a camera held upright saw it, see `geometry.upright`; the world stays."""
+        count = upright.turns(self.world_from_camera)
+        if not count:
+            return self
+        view, pose = self.view, self.measured.camera_pose
+        matrix = pose.matrix @ np.linalg.inv(upright.turned_from_camera(count))
+        return Seen(
+            view.model_copy(
+                update={
+                    "rgb": Image(pixels=upright.turned(self.rgb, count)),
+                    "mask": upright.turned(self.mask, count),
+                    "occluder": upright.turned(self.occluder, count),
+                    "camera": self.camera.turned(count),
+                }
+            ),
+            MeasuredView(
+                depth=DepthImage(depth=upright.turned(self.measured.depth.depth, count)),
+                camera_pose=pose.model_copy(update={"matrix": matrix}),
+            ),
+        )

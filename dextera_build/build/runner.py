@@ -333,7 +333,7 @@ def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[st
     writer: Callable[[bytes], str] = _careful(store.writer) if hidden() else store.writer
     return {
         "output": result.encode(writer),
-        "line": redact_plain(ctx.outcome.line),
+        "line": redact_plain(ctx.outcome.told),
         "previews": [[caption, writer(data)] for caption, data in ctx.outcome.previews],
         "metrics": {name: list(value) for name, value in ctx.outcome.metrics.items()},
     }

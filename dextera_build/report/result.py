@@ -25,6 +25,9 @@ def title(run: Run) -> Html:
     warnings = ["stub backends"] if run.profile == "stub" else []
     if any(node.artifact == "Scene" and node.fields.get("scale") == "unknown" for node in run.nodes):
         warnings.append("scale unknown")
+    doubtful = sum(f"; {node.line}".count("; warning: ") for node in run.nodes)
+    if doubtful:
+        warnings.append(count(doubtful, "warning"))
     made = {str(node.fields.get("asset_source", "")) for node in run.nodes if node.artifact == "Asset"}
     when = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(run.started))
     facts = [

@@ -26,11 +26,17 @@ B = typing_extensions.TypeVar("B", default=Any)
 
 @dataclass
 class Outcome:
-    """Line, previews and metrics of a rule, in addition to its result."""
+    """Line, warnings, previews and metrics of a rule, in addition to its result."""
 
     line: str = ""
+    warnings: list[str] = field(default_factory=list)
     previews: list[tuple[str, bytes]] = field(default_factory=list)
     metrics: dict[str, tuple[float, str]] = field(default_factory=dict)
+
+    @property
+    def told(self) -> str:
+        """The line with the warnings: `12 objects; warning: ...`. One line, because results travel in bundles."""
+        return "; ".join(filter(None, [self.line, *(f"warning: {text}" for text in self.warnings)]))
 
 
 class Reads(Protocol):
@@ -255,6 +261,13 @@ class Context(Calling, Generic[B]):
     def say(self, line: str) -> None:
         """Set the line about the result in the build log: `1 hinge, 0-131 deg`."""
         self.outcome.line = line
+
+    def warn(self, text: str) -> None:
+        """Add a warning about the result, which the build log and the report show below its line.
+
+        The rule returns its result all the same: what must not be used is refused by `fail` or `check`.
+        """
+        self.outcome.warnings.append(" ".join(text.split()))
 
     def preview(self, pixels: np.ndarray, caption: str = "") -> None:
         """Add a picture to the report: (H, W, 3) uint8 sRGB."""

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.camera import Measured, Photograph
+from dextera_build.artifacts.camera import Camera, Measured, Photograph
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.pose import Pose
-from dextera_build.geometry import cameras, planes, regions, transforms
+from dextera_build.geometry import cameras, planes, regions, transforms, upright
 from dextera_build.rule import Context, Options, rule
 
 from . import unmeasured
-from .surfaces import Surface, choose, find
+from .surfaces import Surface, carries, choose, find, quarter_turns
 from .unmeasured import MarkerOptions
+
+SIDES = ("top", "right", "bottom", "left")
+"""Side of the picture that is up, by the counter-clockwise quarter turns that make it upright."""
 
 
 class SupportOptions(Options):
@@ -27,6 +32,8 @@ class SupportOptions(Options):
     """Minimum visible area of a support [m^2]."""
     surfaces: PositiveInt = 6
     """Number of planes compared."""
+    up: Literal["auto", "top", "right", "bottom", "left"] = "auto"
+    """Side of the picture that is up; `auto` takes the top, unless the depth shows a support only if turned."""
     seed: NonNegativeInt = 0
     """Seed of the random sampling."""
     marker: MarkerOptions | None = None
@@ -39,7 +46,7 @@ class SupportOptions(Options):
     """Extent of a support that was not measured, in heights of the camera above it."""
 
 
-@rule(version=2)
+@rule(version=3)
 def support(
     ctx: Context,
     photograph: Photograph,
@@ -50,14 +57,13 @@ def support(
 ) -> Support:
     """Return the support plane and the world frame on it: z up along the normal, origin at its centre [m].
 
-    Assumes a roughly upright camera that looks at the support from above. Without depth, the plane comes from a marker,
-    from the robot's pose T_camera_base, or from an assumed pitch; the scale is unknown in the last case.
+    The camera looks at the support from above and may be held in any way, see `up`. Without depth, the plane comes from
+    a marker, from the robot's pose T_camera_base, or from an assumed pitch; the scale is unknown in the last case.
     """
     options = options or SupportOptions()
     if measured is None:
         return _unmeasured(ctx, photograph, robot, options)
     depth = measured.depth.depth
-    points = cameras.backproject(depth, photograph.camera.matrix())
     valid = (depth > 0) & (depth <= options.farthest_m)
     if valid.sum() < 1000:
         ctx.fail(
@@ -65,27 +71,59 @@ def support(
             pixels=f"{int(valid.sum()):,} within {options.farthest_m:g} m",
             hint="capture the table from 0.4 to 2 m, or raise `farthest_m`",
         )
-    found = find(points, valid, options.surfaces, options.warp_m, np.random.default_rng(options.seed))
+    turns, found, points = _found(photograph.camera, depth, valid, options)
     best = choose(found, options.smallest_m2)
     if best is None:
         ctx.fail(
             "no support plane is in view",
             planes=_listing(found),
             smallest=f"{options.smallest_m2:g} m^2, facing up",
-            hint="show more of the table, or lower `smallest_m2`",
+            hint="show more of the table, lower `smallest_m2`, or say with `up` which side of the picture is up",
         )
-    result = _support(best, points, valid)
+    result = _seen_from(_support(best, points, upright.turned(valid, turns)), turns)
     area = regions.area(result.polygon)
     below, rms = result.camera_pose.matrix[2, 3], 1000 * (result.residual_m or 0.0)
     ctx.check(rms < 20.0, "the support is not flat", residual=f"{rms:.1f} mm")
     ctx.say(f"{area:.2f} m² at {below:.2f} m below the camera, {rms:.1f} mm rms")
     ctx.metric("support residual", rms, "mm")
     ctx.metric("support inliers", result.inlier_fraction or 0.0)
-    ctx.preview(_painted(photograph.rgb.pixels, best.region), "support")
+    ctx.preview(_painted(photograph.rgb.pixels, upright.turned(best.region, -turns)), "support")
+    if turns and options.up == "auto":
+        ctx.warn(f"the camera was turned: up is taken to be the {SIDES[turns]} of the picture; set `up` if it is not")
     return result
 
 
+def _found(
+    camera: Camera, depth: np.ndarray, valid: np.ndarray, options: SupportOptions
+) -> tuple[int, list[Surface], np.ndarray]:
+    """Quarter turns that make the picture upright, and the surfaces and points (H, W, 3) of the upright picture."""
+
+    def look(count: int) -> tuple[list[Surface], np.ndarray]:
+        points = cameras.backproject(upright.turned(depth, count), camera.turned(count).matrix())
+        rng = np.random.default_rng(options.seed)
+        return find(points, upright.turned(valid, count), options.surfaces, options.warp_m, rng), points
+
+    turns = 0 if options.up == "auto" else SIDES.index(options.up)
+    found, points = look(turns)
+    count = quarter_turns(found, options.smallest_m2) if options.up == "auto" else 0
+    if count:
+        again, seen = look(count)
+        best = choose(again, options.smallest_m2)
+        # A bare wall seen from a little above looks like a bare table of an upside-down camera.
+        if best is not None and carries(best, seen, upright.turned(valid, count)):
+            return count, again, seen
+    return turns, found, points
+
+
+def _seen_from(support: Support, turns: int) -> Support:
+    """The support of the upright picture, for the camera as it was."""
+    pose = support.camera_pose
+    matrix = pose.matrix @ upright.turned_from_camera(turns)
+    return support.model_copy(update={"camera_pose": pose.model_copy(update={"matrix": matrix})})
+
+
 def _unmeasured(ctx: Context, photograph: Photograph, robot: Pose | None, options: SupportOptions) -> Support:
+    turns = 0 if options.up == "auto" else SIDES.index(options.up)
     if options.marker is not None:
         plane = unmeasured.marked(ctx, photograph, options.marker)
     elif robot is not None:
@@ -93,8 +131,8 @@ def _unmeasured(ctx: Context, photograph: Photograph, robot: Pose | None, option
         ctx.check(frames == ("camera", "base"), f"`robot` is T_{frames[0]}_{frames[1]}, but T_camera_base is needed")
         plane = unmeasured.under_robot(robot, options.base_above_m)
     else:
-        plane = unmeasured.assumed(options.pitch_deg)
-    result = unmeasured.support(ctx, photograph, plane, options.reach)
+        plane = unmeasured.assumed(options.pitch_deg, turns)
+    result = unmeasured.support(ctx, photograph, plane, options.reach, turns)
     below = result.camera_pose.matrix[2, 3]
     if plane.scale == "unknown":
         ctx.say(f"assumed: the camera looks down by {options.pitch_deg:g} deg; scale unknown")

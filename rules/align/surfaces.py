@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from dextera_build.geometry import planes, regions
+from dextera_build.geometry import planes, regions, upright
 
 CELL_M = 0.02
 SAMPLES = 8000
 GATE = 3.0
 LEVEL_M = 0.008
 """Maximum mean distance of a surface cell from the plane [m]."""
+CLEARLY = 0.1
+"""A picture is turned if an upright camera would see less than this part of what a turned one sees."""
 
 
 @dataclass(frozen=True)
@@ -86,26 +89,58 @@ def find(points: np.ndarray, valid: np.ndarray, most: int, warp_m: float, rng: n
     return found
 
 
-def choose(found: list[Surface], smallest_m2: float) -> Surface | None:
-    """Choose the surface that carries the objects: large in the image, facing up, not the floor below a table."""
-    fit = [s for s in found if s.area_m2 >= smallest_m2 and _upness(s) > 0]
+def choose(found: list[Surface], smallest_m2: float, turns: int = 0) -> Surface | None:
+    """Choose the surface that carries the objects: large in the image, facing up, not the floor below a table.
+
+    Args:
+        found: Surfaces in the frame of the camera.
+        smallest_m2: Minimum area [m^2].
+        turns: Counter-clockwise quarter turns that make the picture upright.
+    """
+    score = partial(_score, turns=turns)
+    fit = [s for s in found if s.area_m2 >= smallest_m2 and _upness(s, turns) > 0]
     if not fit:
         return None
-    best = max(fit, key=_score)
+    best = max(fit, key=score)
     # The camera is lower above a table than above the floor visible beside it.
-    tables = [s for s in fit if best.plane[1] - s.plane[1] > 0.3 and _score(s) > 0.2 * _score(best)]
+    tables = [s for s in fit if best.plane[1] - s.plane[1] > 0.3 and score(s) > 0.2 * score(best)]
     parallel = [s for s in tables if abs(float(best.plane[0] @ s.plane[0])) > np.cos(np.radians(10))]
-    return max(parallel, key=_score, default=best)
+    return max(parallel, key=score, default=best)
 
 
-def _upness(surface: Surface) -> float:
+def quarter_turns(found: list[Surface], smallest_m2: float) -> int:
+    """Counter-clockwise quarter turns after which the picture shows a support as an upright camera does.
+
+    A wall beside a table cannot be told from a table that a turned camera shows, so the picture counts as upright
+    unless it shows ten times more of a support if turned.
+    """
+    best = [choose(found, smallest_m2, turns) for turns in range(4)]
+    scores = [0.0 if surface is None else _score(surface, turns) for turns, surface in enumerate(best)]
+    return int(np.argmax(scores)) if scores[0] < CLEARLY * max(scores) else 0
+
+
+def carries(surface: Surface, points: np.ndarray, valid: np.ndarray) -> bool:
+    """Whether something stands out of the surface: at least 0.3 % of the pixels before it, 12 mm to 0.5 m high.
+
+    Args:
+        surface: The surface.
+        points: (H, W, 3) camera frame [m].
+        valid: (H, W) bool, pixels with a depth.
+    """
+    height = planes.distance(surface.plane, points)
+    over = valid & regions.inside_convex(points @ surface.axes[:2].T, surface.outline)
+    high = (height > 0.012 + GATE * planes.depth_sigma(points[..., 2])) & (height < 0.5)
+    return bool((over & high).sum() > 0.003 * over.sum())
+
+
+def _upness(surface: Surface, turns: int) -> float:
     """Weight of the normal: 1 if it points up in the image or at a camera above, 0 for walls and side faces."""
-    normal = surface.plane[0]
-    return float(np.clip((0.15 - normal[1]) / 0.3, 0.0, 1.0) * (abs(normal[0]) < 0.5))
+    normal = upright.turned_from_camera(turns)[:3, :3] @ surface.plane[0]
+    return float(np.clip((0.15 - normal[1]) / 0.3, 0.0, 1.0) * (abs(normal[0]) < 0.5 or abs(normal[0]) < -normal[1]))
 
 
-def _score(surface: Surface) -> float:
-    return float(surface.region.sum()) * _upness(surface) * max(0.0, 1.0 - 5.0 * surface.below)
+def _score(surface: Surface, turns: int) -> float:
+    return float(surface.region.sum()) * _upness(surface, turns) * max(0.0, 1.0 - 5.0 * surface.below)
 
 
 def _connected(plane: planes.Plane, points: np.ndarray, near: np.ndarray) -> Surface | None:

@@ -10,7 +10,7 @@ from pydantic import NonNegativeInt, PositiveFloat
 from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.object import ScaleSource, Support
 from dextera_build.artifacts.pose import Pose
-from dextera_build.geometry import cameras, regions, transforms
+from dextera_build.geometry import cameras, regions, transforms, upright
 from dextera_build.rule import Context, Options
 
 
@@ -73,20 +73,28 @@ def under_robot(robot: Pose, base_above_m: float) -> Plane:
     return Plane(normal, base_above_m - float(normal @ robot.matrix[:3, 3]), "robot")
 
 
-def assumed(pitch_deg: float) -> Plane:
-    """A level support one unit below a camera that looks down by `pitch_deg` [deg]; the unit is unknown."""
+def assumed(pitch_deg: float, turns: int) -> Plane:
+    """A level support one unit below a camera that looks down by `pitch_deg` [deg]; the unit is unknown.
+
+    The picture is upright after `turns` counter-clockwise quarter turns.
+    """
     pitch = np.radians(pitch_deg)
-    return Plane(np.array([0.0, -np.cos(pitch), -np.sin(pitch)]), 1.0, "unknown")
+    level = upright.turned_from_camera(-turns)[:3, :3]
+    return Plane(level @ np.array([0.0, -np.cos(pitch), -np.sin(pitch)]), 1.0, "unknown")
 
 
-def support(ctx: Context, photograph: Photograph, plane: Plane, reach: float) -> Support:
-    """The world frame on a plane; its outline is what the camera sees of it, up to `reach` heights of the camera."""
+def support(ctx: Context, photograph: Photograph, plane: Plane, reach: float, turns: int) -> Support:
+    """The world frame on a plane; its outline is what the camera sees of it, up to `reach` heights of the camera.
+
+    World x is the image right of the picture after `turns` counter-clockwise quarter turns.
+    """
     if plane.height <= 0:
         ctx.fail(
             "the camera is below the support", scale=plane.scale, hint="check the pose that the support comes from"
         )
     up = plane.normal / np.linalg.norm(plane.normal)
-    right = np.array([1.0, 0.0, 0.0]) - up[0] * up
+    image_right = upright.turned_from_camera(-turns)[:3, 0]
+    right = image_right - (image_right @ up) * up
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(up, right), up])
     lens = photograph.camera

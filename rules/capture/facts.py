@@ -22,18 +22,35 @@ _WIDEST_DEG, _NARROWEST_DEG = 170.0, 0.5
 
 def read(ctx: Context, data: bytes) -> Mapping[str, object]:
     """Parse the object in `capture.json`."""
+    facts: object = None
     try:
-        facts = json.loads(data, parse_constant=_refuse)
+        facts = json.loads(data)
+        json.loads(data, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:
         deep = isinstance(error, RecursionError)
         ctx.fail(
-            f"`{NAME}` is not valid JSON",
+            f"`{NAME}` is not valid JSON" + (f": {_infinite(facts)}" if _infinite(facts) else ""),
             parser="nested too deeply" if deep else str(error),
-            hint=f"`python -m json.tool {NAME}` shows the place of a syntax error; NaN and Infinity are not JSON",
+            hint="write the number that the camera's driver gives; NaN and Infinity are not JSON"
+            if _infinite(facts)
+            else f"`python -m json.tool {NAME}` shows the place of a syntax error; NaN and Infinity are not JSON",
         )
     if not isinstance(facts, dict):
         ctx.fail(f"`{NAME}` must hold an object", found=type(facts).__name__, hint='begin it with `{"width": 640, ...`')
     return facts
+
+
+def distortion_of(ctx: Context, facts: Mapping[str, object]) -> tuple[float, ...]:
+    """Coefficients of the lens in OpenCV's order, k1 k2 p1 p2 k3 k4 k5 k6; empty for a pinhole camera."""
+    value = facts.get("distortion", [])
+    numbers = [_finite(each) for each in value] if isinstance(value, list) else [None]
+    if len(numbers) not in (0, 4, 5, 8) or None in numbers:
+        ctx.fail(
+            f"`{NAME}`: `distortion` must be 4, 5 or 8 numbers",
+            found=reprlib.repr(value),
+            hint="copy OpenCV's k1, k2, p1, p2 and, if given, k3 or k3, k4, k5, k6; leave it out for a pinhole",
+        )
+    return tuple(number or 0.0 for number in numbers) if any(numbers) else ()
 
 
 def camera_of(ctx: Context, facts: Mapping[str, object]) -> Camera:
@@ -106,6 +123,15 @@ def _check_view(ctx: Context, camera: Camera) -> None:
                 plausible=f"{_NARROWEST_DEG:g} to {_WIDEST_DEG:g} deg",
                 hint=f"write `{key}` in pixels: focal length / sensor size * image size, both lengths in mm",
             )
+
+
+def _infinite(facts: object) -> str:
+    """The keys that hold NaN or an infinite number: fx is nan."""
+    if not isinstance(facts, dict):
+        return ""
+    numbers = {key: value if isinstance(value, list) else [value] for key, value in facts.items()}
+    bad = [key for key, value in numbers.items() if any(isinstance(x, float) and not math.isfinite(x) for x in value)]
+    return ", ".join(f"`{key}` is {facts[key]}" for key in bad)
 
 
 def _refuse(word: str) -> NoReturn:

@@ -24,7 +24,7 @@ def size(ctx: Context, data: bytes, name: str) -> tuple[int, int]:
     if name.endswith(".npy"):
         header = _array_header(ctx, data, name)
         return header.columns, header.rows
-    with _opened(ctx, data, name) as picture:
+    with opened(ctx, data, name) as picture:
         return picture.size
 
 
@@ -37,7 +37,7 @@ def pixels(ctx: Context, data: bytes, name: str, mode: str | None = None) -> np.
         name: The file's name, for messages.
         mode: `RGB` converts any image to red, green, blue; None keeps counts and palette indices.
     """
-    with _opened(ctx, data, name) as picture:
+    with opened(ctx, data, name) as picture:
         picture.load()
         return np.array(picture.convert(mode) if mode else picture)
 
@@ -53,6 +53,12 @@ def counts(ctx: Context, data: bytes, name: str) -> np.ndarray:
             hint=f"write `{name}` as an 8 or 16 bit grey PNG",
         )
     return values.astype(np.int64)
+
+
+def bits_of(ctx: Context, data: bytes, name: str) -> int:
+    """Bits per sample of an image file, from its header."""
+    with opened(ctx, data, name) as picture:
+        return 16 if picture.mode.startswith("I") else 8
 
 
 def metres(ctx: Context, data: bytes, name: str) -> np.ndarray:
@@ -100,7 +106,8 @@ def _array_header(ctx: Context, data: bytes, name: str) -> _Header:
 
 
 @contextmanager
-def _opened(ctx: Context, data: bytes, name: str) -> Iterator[Image]:
+def opened(ctx: Context, data: bytes, name: str) -> Iterator[Image]:
+    """An image file whose header was read; errors of reading it name the file."""
     from PIL import Image, UnidentifiedImageError
 
     try:

@@ -8,8 +8,10 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera, Measured, Photograph
+from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import AssetSource, Support
 from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
+from dextera_build.geometry import upright
 from dextera_build.rule import Context
 
 T = TypeVar("T")
@@ -39,6 +41,24 @@ class Workspace:
         """T_world_camera, (4, 4)."""
         return self.support.camera_pose.matrix
 
+    @property
+    def turns(self) -> int:
+        """Counter-clockwise quarter turns that make the photograph upright."""
+        return upright.turns(self.world_from_camera)
+
+    def upright(self) -> Workspace:
+        """The same scene as a camera held upright saw it: the photograph turned by `turns`, the same world."""
+        if not self.turns:
+            return self
+        camera = self.camera.turned(self.turns)
+        pose = self.support.camera_pose
+        matrix = pose.matrix @ np.linalg.inv(upright.turned_from_camera(self.turns))
+        return Workspace(
+            Photograph(rgb=Image(pixels=upright.turned(self.pixels, self.turns)), camera=camera),
+            upright.turned(self.depth, self.turns),
+            self.support.model_copy(update={"camera_pose": pose.model_copy(update={"matrix": matrix})}),
+        )
+
 
 class Measurements(Generic[T]):
     """What was measured, handed to a backend that may or may not read it.
@@ -66,7 +86,9 @@ class Measurements(Generic[T]):
         if self._value is None:
             self._ctx.fail(
                 f"this backend makes assets with the help of measured depth, but {self._lacking}",
-                hint="add the depth to the capture, or choose a backend that works without it: `dxb ls backends`",
+                hint="add the depth to the capture. Without it: `--backend factorize.parse=written` with the input "
+                "`description`, a `scene.yaml` with a box per object; `--backend factorize.segment=grabcut`; and for "
+                "`factorize.mesh` a model or service of `dxb ls backends`",
             )
         return self._value
 
@@ -99,7 +121,32 @@ def of_workspace(
             depth=f"{depth.shape[1]} x {depth.shape[0]} px",
             hint="take both from one capture",
         )
-    return Measurements(ctx, Workspace(photograph, depth, support), "")
+    return Measurements(ctx, Workspace(photograph, without_dropout(depth), support), "")
+
+
+SCATTERED = 0.1
+"""Fraction of the measured area that scattered gaps must be to be filled: then they are dropout, not borders."""
+
+
+def without_dropout(depth: np.ndarray) -> np.ndarray:
+    """Depth (H, W) [m] with single lost pixels filled from their neighbours, if many are lost; else as it is.
+
+    A gap between a near and a far surface gets the near one: depth cameras lose more of what is in front.
+    """
+    from scipy import ndimage
+
+    valid = depth > 0
+    around = ndimage.uniform_filter(valid.astype(np.float32), 5) > 0.3
+    if (around & ~valid).sum() < SCATTERED * around.sum():
+        return depth
+    filled = depth
+    for _ in range(3):
+        low = ndimage.minimum_filter(np.where(filled > 0, filled, np.inf), 3)
+        near = (filled > 0) & (filled < 1.03 * low)
+        sums = [ndimage.uniform_filter(x.astype(np.float64), 3) for x in (np.where(near, filled, 0.0), near)]
+        mean = np.divide(sums[0], sums[1], out=np.zeros(depth.shape), where=sums[1] > 0.3)
+        filled = np.where((filled <= 0) & around, mean, filled)
+    return np.asarray(filled.astype(np.float32))
 
 
 def of_view(ctx: Context, view: ObjectView, measured: MeasuredView | None) -> Measurements[Seen]:

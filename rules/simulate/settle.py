@@ -19,8 +19,8 @@ class SettleOptions(Options):
     """Simulated time [s]."""
     max_tilt_rad: PositiveFloat = 0.17
     """Maximum rotation of a body that did not fall over [rad]."""
-    max_drift_m: PositiveFloat = 0.05
-    """Maximum displacement of a body that was not thrown and did not slide off [m]."""
+    max_drift_m: PositiveFloat = 0.005
+    """Maximum displacement of a body that stays where the photograph has it [m]."""
     max_joint_rad: PositiveFloat = 0.05
     """Maximum motion of a joint that holds [rad or m]."""
     max_speed_m_s: PositiveFloat = 0.01
@@ -37,7 +37,7 @@ class SettleBackend(Protocol):
         ...
 
 
-@rule(version=1)
+@rule(version=2)
 def settle(ctx: Context[SettleBackend], scene: Scene, *, options: SettleOptions) -> SettleReport:
     """Return how far each body of `scene` moved [m, rad, world frame] within `options.seconds` of free simulation.
 
@@ -53,6 +53,8 @@ def settle(ctx: Context[SettleBackend], scene: Scene, *, options: SettleOptions)
     ctx.metric("resting", sum(body.resting for body in report.bodies), f"of {len(report.bodies)}")
     restless = [body.name for body in report.bodies if not body.resting]
     verdict = f"does not rest: {', '.join(restless)}" if restless else "settles"
+    if scene.held:
+        verdict += f", {len(scene.held)} held"
     if scene.scale == "unknown":
         verdict += ", scale unknown"
     ctx.say(f"{verdict}, drift {drift * 1000:.1f} mm, penetration {depth * 1000:.1f} mm")

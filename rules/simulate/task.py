@@ -104,8 +104,14 @@ def task(
             hint="state one size (`object` and `size_m` of `align.scale`), lay a marker on the support (`marker` of "
             "`align.support`), or measure depth",
         )
-    labels = names.body_names(assets.items)
+    labels = {label: body for label, body in names.body_names(assets.items).items() if body not in scene.held}
     bodies = {body: assets.items[label] for label, body in labels.items()}
+    if options.object in scene.held:
+        ctx.fail(
+            f"`{options.object}` cannot be moved: it would not rest, so it is a part of the static scene",
+            free=listing(bodies, most=20),
+            hint="see the warnings of `simulate.steady`, and correct its mask or shape",
+        )
     options = ctx.backend.fitted(
         ctx, {name: _joint_labels(assets, label) for label, name in labels.items()}, options, ctx.backend_options
     )

@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rich.console import Console as Terminal
@@ -19,6 +20,7 @@ from dextera_build.cli.consoles import can_move, console, lines
 from dextera_build.cli.consoles.live import LiveConsole
 from dextera_build.cli.consoles.record import Running, clock, foot
 from dextera_build.cli.errors import wants_colour
+from dextera_build.rule.context import Outcome
 from dextera_build.runs.events import Event, NodeFinished, NodeLog, NodeProgress, NodeStarted, RunFinished, RunStarted
 from tests.report.fabricate import Spec, fabricate
 
@@ -276,6 +278,26 @@ def test_a_line_of_a_rule_stays_one_line_and_cannot_move_the_cursor() -> None:
         time=1, node="a", rule="r.a", backend=None, status="ran", key="k", output="o", seconds=1, line="o\x1b[2Jne\ntwo"
     )
     assert lines.plain(lines.node(event)).endswith("  o [2Jne")
+
+
+def finished(status: Any, line: str) -> NodeFinished:
+    key = "a" * 64
+    return NodeFinished(0.0, "photo", "capture.folder", None, status, key, key, 1.0, line=line)
+
+
+@pytest.mark.parametrize("status", ["ran", "cached"])
+def test_warnings_of_a_rule_stand_below_its_line_even_if_its_result_was_known(status: str) -> None:
+    outcome = Outcome("12 things", ["one is cut", "the depth is shifted; by 30 px"])
+    event = finished(status, outcome.told)
+    assert "\n" not in outcome.told, "results travel in bundles as printable text"
+    shown = lines.line(event, verbose=False)
+    assert shown is not None
+    first, second, third = lines.plain(shown).split("\n")
+    assert first.endswith("12 things")
+    assert second.strip() == "warning: one is cut"
+    assert third.strip() == "warning: the depth is shifted; by 30 px"
+    assert Outcome("", ["only this"]).told == "warning: only this"
+    assert lines.line(finished("cached", "12 things"), verbose=False) is None
 
 
 def test_nodes_that_never_ran_are_told_at_the_end_by_what_they_wait_for() -> None:

@@ -36,4 +36,15 @@ def test_another_material_meshes_nothing_again(tmp_path):
     assert again.code == 0, again.err[-3000:]
     # Joints are rebuilt because they read the body type, and stop there: their bytes are the same.
     mug = {f"body[blue_mug].{node}" for node in ("joints", "physics", "asset", "urdf")}
-    assert again.nodes("ran") == {"parse", "objects", "named", *mug, "scene", "usd", "settle", "overlay", "metrics"}
+    assert again.nodes("ran") == {
+        "parse",
+        "objects",
+        "named",
+        *mug,
+        "composed",
+        "scene",
+        "usd",
+        "settle",
+        "overlay",
+        "metrics",
+    }

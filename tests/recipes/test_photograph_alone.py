@@ -118,7 +118,7 @@ def test_a_picture_becomes_a_twin_of_unknown_scale_and_one_size_gives_it_metres(
     assert metric.code == 0, metric.err[-3000:]
     # Nothing of a photograph is made again for a size that was stated later.
     ran = metric.nodes("ran")
-    assert ran == {"ground", "scene", "usd", "settle", "overlay"} | {
+    assert ran == {"ground", "composed", "scene", "usd", "settle", "overlay"} | {
         f"body[{name}].{node}" for name in PLACES for node in ("asset", "urdf")
     }
     # Against the truth: height of the camera, and how far apart the boxes stand.
@@ -149,4 +149,4 @@ def test_where_only_a_model_can_do_without_depth_the_error_says_so(space):
     assert {error["message"] for error in errors} == {
         "this backend makes assets with the help of measured depth, but the capture has no depth"
     }
-    assert "choose a backend that works without it" in errors[0]["hint"]
+    assert "`--backend factorize.segment=grabcut`" in errors[0]["hint"]

@@ -322,6 +322,15 @@ def test_the_title_says_what_assets_were_made_from_and_warns_of_an_unknown_scale
     assert "assets made from" not in result.title(Run())
 
 
+def test_the_title_counts_the_warnings_of_rules():
+    def node(number: int, line: str) -> Node:
+        return Node(number, f"n{number}", "a.b", None, "ran", None, None, 0.0, 1.0, line=line)
+
+    doubted = result.title(Run(nodes=[node(1, "well; warning: one; warning: two"), node(2, "warning: three")]))
+    assert '<span class="verdict warn">3 warnings</span>' in doubted
+    assert "warning" not in result.title(Run(nodes=[node(1, "well")]))
+
+
 def test_the_version_of_a_type_is_not_part_of_its_name():
     store = FakeStore()
     stored = store.blobs.put(json.dumps({"artifact": "Scene@3", "fields": {"scale": "unknown"}}).encode())

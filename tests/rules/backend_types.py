@@ -107,6 +107,9 @@ import rules.simulate.reference_stub
 import rules.simulate.settle
 import rules.simulate.settle_mujoco
 import rules.simulate.settle_stub
+import rules.simulate.steady
+import rules.simulate.steady_mujoco
+import rules.simulate.steady_stub
 import rules.simulate.task
 import rules.simulate.task_mujoco
 import rules.simulate.task_stub
@@ -188,6 +191,8 @@ simulate_reference_mujoco: rules.simulate.reference.ReferenceBackend = rules.sim
 simulate_reference_stub: rules.simulate.reference.ReferenceBackend = rules.simulate.reference_stub
 simulate_settle_mujoco: rules.simulate.settle.SettleBackend = rules.simulate.settle_mujoco
 simulate_settle_stub: rules.simulate.settle.SettleBackend = rules.simulate.settle_stub
+simulate_steady_mujoco: rules.simulate.steady.SteadyBackend = rules.simulate.steady_mujoco
+simulate_steady_stub: rules.simulate.steady.SteadyBackend = rules.simulate.steady_stub
 simulate_task_mujoco: rules.simulate.task.TaskBackend = rules.simulate.task_mujoco
 simulate_task_stub: rules.simulate.task.TaskBackend = rules.simulate.task_stub
 simulate_usd_openusd: rules.simulate.usd.UsdBackend = rules.simulate.usd_openusd

@@ -47,7 +47,7 @@ _FOLD = 4  # larger groups of nodes in one state are folded into one line
 def line(event: Event, *, verbose: bool) -> Line | None:
     """The log line of an event; None if it is summarised later or not shown."""
     if isinstance(event, NodeFinished):
-        return node(event) if event.status not in ("waits", "cancelled", "cached") else None
+        return node(event) if event.status not in ("waits", "cancelled", "cached") else _still(event)
     if isinstance(event, NodeLog):
         return logged(event.node, event.text) if verbose else None
     say = _SAID.get(type(event))
@@ -55,9 +55,9 @@ def line(event: Event, *, verbose: bool) -> Line | None:
 
 
 def node(event: NodeFinished) -> Line:
-    """`  +  body[mug].mesh   12.0 s   primitives   revolved, closed`."""
+    """`  +  body[mug].mesh   12.0 s   primitives   revolved, closed`, and below it the warnings of the rule."""
     time = duration(event.seconds) if event.status in ("ran", "fetched", "failed") else event.status
-    said = _first(event.line)
+    said, *warnings = _parts(event)
     if event.status == "failed" and event.error:
         said = _first(event.error.message)
     if event.status == "waits":
@@ -65,7 +65,19 @@ def node(event: NodeFinished) -> Line:
     if event.status == "fetched":
         said = said or "remote"
     # For a fetched node, its remote is more informative than the backend that it ran with.
-    return _row(event.status, event.node, time, event.remote or event.backend or "", said)
+    row = _row(event.status, event.node, time, event.remote or event.backend or "", said)
+    return [*row, *(piece for text in warnings for piece in (("\n       ", ""), (f"warning: {text}", "waits")))]
+
+
+def _parts(event: NodeFinished) -> list[str]:
+    """The rule's line and its warnings, see `Context.warn`."""
+    line, *warnings = f"; {_first(event.line)}".split("; warning: ")
+    return [line.removeprefix("; "), *warnings]
+
+
+def _still(event: NodeFinished) -> Line | None:
+    """The row of a known result, if it came with warnings."""
+    return node(event) if event.status == "cached" and len(_parts(event)) > 1 else None
 
 
 def left_over(events: Sequence[NodeFinished]) -> list[Line]:

@@ -16,6 +16,7 @@ from ..masks.marking import boxes
 from ..measured import Measurements, Workspace, of_workspace
 from ..regions.heights import relief
 from . import scene_file
+from .nothing import causes
 
 
 class ParseOptions(Options):
@@ -35,7 +36,7 @@ class ParseBackend(Protocol):
         ...
 
 
-@rule(version=1)
+@rule(version=2)
 def parse(
     ctx: Context[ParseBackend],
     photograph: Photograph,
@@ -82,11 +83,13 @@ def _nothing(ctx: Context, measured: Measurements[Workspace], found: tuple[Eleme
     seen = measured.needed()
     heights = relief(seen)
     depth = seen.depth > 0
+    (cause, todo), *more = causes(seen, tuple(element for element in found if not element.interactive))
     ctx.fail(
-        "no object stands on the support",
+        f"no object stands on the support: {cause}",
+        **({"besides": more[0][0]} if len(more) > 1 else {}),
         points_above=f"{int((heights.raised & heights.over).sum()):,} px over the support",
         threshold=f"{1000 * float(np.median(heights.threshold[heights.valid])):.1f} mm at the median depth",
         static=static,
         depth=f"{depth.mean():.0%} of the pixels, median {float(np.median(seen.depth[depth])):.2f} m",
-        hint="look at the preview of `support` and at the depth's unit; things that the image border cuts are static",
+        hint=todo,
     )

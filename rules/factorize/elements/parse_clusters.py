@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.object import Element
+from dextera_build.geometry.upright import turned_box
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements, Workspace
@@ -22,5 +23,12 @@ def propose(
     ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Options
 ) -> tuple[Element, ...]:
     """Every object above the support with its box [px], largest first."""
-    seen = scenery(measured.needed())
-    return naming.elements(seen.objects, seen.relief, colour_lab(photograph.rgb.pixels))
+    workspace = measured.needed()
+    level = workspace.upright()
+    seen = scenery(level)
+    found = naming.elements(seen.objects, seen.relief, colour_lab(level.pixels))
+    size = (level.camera.width, level.camera.height)
+    return tuple(
+        element.model_copy(update={"box": element.box and turned_box(element.box, size, -workspace.turns)})
+        for element in found
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -10,9 +11,10 @@ from pydantic import NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.camera import Measured, Photograph
 from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.object import Elements, Support
+from dextera_build.artifacts.object import AssetSource, Element, Elements, Support
 from dextera_build.artifacts.view import Instance, InstanceMap, MeasuredView, ObjectView, Segmentation, Traits
 from dextera_build.errors import listing
+from dextera_build.geometry import upright
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..measured import Measurements, Workspace, of_workspace
@@ -20,6 +22,7 @@ from ..regions.heights import relief
 from .marking import outlines
 from .occlusion import lower_in_the_picture, occluders
 from .overlap import suppress
+from .smeared import odd_scale, size, why_no_body
 
 
 class SegmentOptions(Options):
@@ -45,7 +48,7 @@ class SegmentBackend(Protocol):
         ...
 
 
-@rule(version=2)
+@rule(version=3)
 def segment(
     ctx: Context[SegmentBackend],
     photograph: Photograph,
@@ -74,30 +77,70 @@ def segment(
         elements=listing(wanted),
         hint="check the boxes of the elements against the photograph",
     )
-    names = tuple(name for name in wanted if name in found)
-    labels = np.zeros(photograph.rgb.pixels.shape[:2], np.int32)
-    for number in range(len(names), 0, -1):
-        labels[found[names[number - 1]]] = number
-    around = _surroundings(depth, labels, [mask for name, mask in masks.items() if name not in wanted])
-    source = depth.source(elements.asset_source)
-    items = {}
-    for number, name in enumerate(names, start=1):
-        box = _box(labels == number, options.margin_px)
-        mask, element = np.ascontiguousarray(labels[box] == number), wanted[name]
+    picture = _Picture(photograph, measured, support, depth, masks, wanted, depth.source(elements.asset_source))
+    result = picture.cut_out(found, options.margin_px)
+    bad: dict[str, str] = {}
+    if depth.taken:
+        bad = {name: why for name, one in result.items.items() if (why := why_no_body(one))}
+        for name, why in bad.items():
+            ctx.warn(f"{name} stays in the background: {why}")
+        found = {name: mask for name, mask in found.items() if name not in bad}
+        ctx.check(
+            bool(found),
+            "nothing that was found can become a body",
+            objects=listing(f"{name}: {why}" for name, why in bad.items()),
+            hint="capture it from nearer, in better light, or name it in a `scene.yaml` and choose a backend of "
+            "`factorize.mesh` that needs no depth: `dxb ls backends`",
+        )
+        result = picture.cut_out(found, options.margin_px) if bad else result
+        odd = odd_scale({name: size(one) for name, one in result.items.items()})
+        if odd:
+            ctx.warn(f"{odd}: check `depth_scale_m` and the focal length of the capture")
+    lost = sorted(set(wanted) - set(result.names) - set(bad))
+    ctx.say(f"{', '.join(result.names)}" + (f"; nothing of {', '.join(lost)}" if lost else ""))
+    ctx.preview(outlines(photograph.rgb.pixels, result.map.labels), "instances")
+    return result
+
+
+@dataclass(frozen=True)
+class _Picture:
+    """A photograph with the masks of its elements."""
+
+    photograph: Photograph
+    measured: Measured | None
+    support: Support | None
+    depth: Measurements[Workspace]
+    masks: Mapping[str, np.ndarray]
+    wanted: Mapping[str, Element]
+    source: AssetSource
+
+    def cut_out(self, found: Mapping[str, np.ndarray], margin: int) -> Segmentation:
+        """The instances of these masks; of two that share a pixel, the earlier element has it."""
+        names = tuple(name for name in self.wanted if name in found)
+        labels = np.zeros(self.photograph.rgb.pixels.shape[:2], np.int32)
+        for number in range(len(names), 0, -1):
+            labels[found[names[number - 1]]] = number
+        others = [mask for name, mask in self.masks.items() if name not in self.wanted]
+        turns = 0 if self.support is None else upright.turns(self.support.camera_pose.matrix)
+        around = _surroundings(self.depth, labels, others, turns)
+        items = {
+            name: self._instance(labels, number, name, around, margin) for number, name in enumerate(names, start=1)
+        }
+        return Segmentation(items=items, names=names, map=InstanceMap(labels=labels, fixed=around.fixed))
+
+    def _instance(self, labels: np.ndarray, number: int, name: str, around: _Surroundings, margin: int) -> Instance:
+        box = _box(labels == number, margin)
+        mask, element = np.ascontiguousarray(labels[box] == number), self.wanted[name]
         view = ObjectView(
-            rgb=Image(pixels=np.ascontiguousarray(photograph.rgb.pixels[box])),
+            rgb=Image(pixels=np.ascontiguousarray(self.photograph.rgb.pixels[box])),
             mask=mask,
             occluder=around.hiding(number, box),
-            camera=photograph.camera.crop(box[1].start, box[0].start, mask.shape[1], mask.shape[0]),
+            camera=self.photograph.camera.crop(box[1].start, box[0].start, mask.shape[1], mask.shape[0]),
             phrase=element.phrase,
-            asset_source=source,
+            asset_source=self.source,
         )
         traits = Traits(**{name: getattr(element, name) for name in Traits.model_fields})
-        items[name] = Instance(view=view, traits=traits, measured=_measured(measured, support, box))
-    lost = sorted(set(wanted) - set(names))
-    ctx.say(f"{', '.join(names)}" + (f"; nothing of {', '.join(lost)}" if lost else ""))
-    ctx.preview(outlines(photograph.rgb.pixels, labels), "instances")
-    return Segmentation(items=items, names=names, map=InstanceMap(labels=labels, fixed=around.fixed))
+        return Instance(view=view, traits=traits, measured=_measured(self.measured, self.support, box))
 
 
 Box = tuple[slice, slice]
@@ -115,22 +158,28 @@ class _Surroundings:
     """(H, W) bool, measured pixels above the support; None without depth."""
     depth: np.ndarray | None = None
     """(H, W) float32 [m]; None without depth."""
+    turns: int = 0
+    """Counter-clockwise quarter turns that make the photograph upright."""
 
     def hiding(self, number: int, box: Box) -> np.ndarray:
         """Pixels of a crop where something nearer may hide object `number`, (h, w) bool."""
         if self.raised is None or self.depth is None:
-            return np.ascontiguousarray(lower_in_the_picture(self.labels, self.fixed, number)[box])
+            labels, fixed = (upright.turned(picture, self.turns) for picture in (self.labels, self.fixed))
+            lower = upright.turned(lower_in_the_picture(labels, fixed, number), -self.turns)
+            return np.ascontiguousarray(lower[box])
         mask = np.ascontiguousarray(self.labels[box] == number)
         return occluders(mask, self.raised[box], self.depth[box].astype(np.float64))
 
 
-def _surroundings(depth: Measurements[Workspace], labels: np.ndarray, static: list[np.ndarray]) -> _Surroundings:
+def _surroundings(
+    depth: Measurements[Workspace], labels: np.ndarray, static: list[np.ndarray], turns: int
+) -> _Surroundings:
     if depth.taken:
         seen = depth.needed()
         raised = relief(seen).raised
         return _Surroundings(labels, raised & (labels == 0), raised, seen.depth)
     fixed = np.logical_or.reduce([np.zeros(labels.shape, bool), *static]) & (labels == 0)
-    return _Surroundings(labels, fixed)
+    return _Surroundings(labels, fixed, turns=turns)
 
 
 def _box(mask: np.ndarray, margin: int) -> Box:

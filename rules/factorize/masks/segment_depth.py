@@ -6,6 +6,7 @@ import numpy as np
 
 from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.object import Element, Elements
+from dextera_build.geometry.upright import turned, turned_box
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements, Workspace
@@ -27,20 +28,32 @@ def masks(
     ctx: Context, photograph: Photograph, measured: Measurements[Workspace], elements: Elements, options: Options
 ) -> dict[str, np.ndarray]:
     """Interactive element -> mask (H, W) bool, in the elements' order."""
-    seen = scenery(measured.needed())
-    owners = [_owner(proposal, elements.elements) for proposal in seen.objects]
+    workspace = measured.needed()
+    level, turns = workspace.upright(), workspace.turns
+    size = (workspace.camera.width, workspace.camera.height)
+    wanted = tuple(
+        element.model_copy(update={"box": element.box and turned_box(element.box, size, turns)})
+        for element in elements.elements
+    )
+    return {name: turned(mask, -turns) for name, mask in _masks(level, wanted).items()}
+
+
+def _masks(level: Workspace, elements: tuple[Element, ...]) -> dict[str, np.ndarray]:
+    """The masks of elements in an upright photograph."""
+    seen = scenery(level)
+    owners = [_owner(proposal, elements) for proposal in seen.objects]
     raised: dict[str, np.ndarray] = {}
-    for element in elements.elements:
+    for element in elements:
         parts = [p.mask for p, owner in zip(seen.objects, owners, strict=True) if owner == element.name]
         if parts:
             raised[element.name] = np.logical_or.reduce(parts)
     everything = np.logical_or.reduce([proposal.mask for proposal in seen.objects] or [np.zeros_like(seen.other)])
     finished: dict[str, np.ndarray] = {}
     taken = np.zeros_like(everything)
-    for element in elements.elements:
+    for element in elements:
         if element.interactive and element.name in raised:
             own = raised[element.name]
-            mask = matte.complete(own, (everything & ~own) | taken, seen.relief, photograph.rgb.pixels)
+            mask = matte.complete(own, (everything & ~own) | taken, seen.relief, level.pixels)
             finished[element.name] = mask
             taken |= mask
     return finished

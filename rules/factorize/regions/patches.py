@@ -37,6 +37,7 @@ class Surfaces:
     floor: np.ndarray  # (h, w) bool, measured pixels of the support
     pixel_m2: np.ndarray  # (h, w) area covered by a block, face on [m^2]
     lab: np.ndarray  # (h, w, 3) float32 CIE L*a*b*
+    eye: np.ndarray  # (3,) the camera in the world [m]
 
     def full(self, labels: np.ndarray, mask: np.ndarray) -> np.ndarray:
         """Expand block labels to the pixels of a full-size mask; pixels next to a block get its label."""
@@ -83,6 +84,7 @@ def surfaces(relief: Relief, raised: np.ndarray, seen: Workspace, lab: np.ndarra
         floor=floor & ~mask,
         pixel_m2=np.where(mask, np.square(mean), 0.0) / (k[0, 0] * k[1, 1]),
         lab=colour,
+        eye=seen.world_from_camera[:3, 3],
     )
 
 

@@ -13,6 +13,10 @@ FOOT_M = 0.025
 """Maximum height above the support of a standing object's lowest pixels [m]."""
 LOOK = 4
 """Distance below an object's lowest pixels at which the ground is sampled [px]."""
+STEEP = 0.9
+"""Sine of the angle at which a line of sight looks down from which an object hides its own foot."""
+MOSTLY = 0.6
+"""Fraction of the surroundings of an object seen from above that belongs to the support."""
 FEW = 0.15
 """Fraction of an object's lower border that must rest on something."""
 
@@ -61,11 +65,31 @@ def _below(parts: Grouping, number: int) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def _on_floor(s: Surfaces, parts: Grouping, number: int) -> bool:
+    if _seen_from_above(s, parts, number):
+        return True
     rows, columns, below = _below(parts, number)
     # The lower border of a round bowl is tangent to the lines of sight, well above its foot.
     limit = np.clip(0.8 * parts.groups[number].top_m, FOOT_M, 2.4 * FOOT_M)
     low = s.height[np.maximum(rows - 1, 0), columns] < limit
     return bool((low & (parts.labels[below, columns] == 0)).mean() > FEW)
+
+
+def _seen_from_above(s: Surfaces, parts: Grouping, number: int) -> bool:
+    """Whether a group is seen so steeply that it hides its own foot, with the support all around it.
+
+    Then its borders are those of its top, and what stands cannot be told from what hangs.
+    """
+    from scipy import ndimage
+
+    own = np.zeros(parts.labels.size, bool)
+    own[parts.groups[number].pixels] = True
+    towards = np.median(s.points.reshape(-1, 3)[own], axis=0) - s.eye
+    if -towards[2] < STEEP * np.linalg.norm(towards):
+        return False
+    mask = own.reshape(parts.labels.shape)
+    near, ring = (ndimage.binary_dilation(mask, iterations=reach) for reach in (1, LOOK))
+    around = ring & ~near & (s.floor | s.raised)
+    return bool(around.any() and s.floor[around].mean() > MOSTLY)
 
 
 def _rests(parts: Grouping, number: int, found: set[int]) -> bool:

@@ -25,6 +25,7 @@ from .hypotheses import Candidate, Finished, propose
 from .paint import HALF_TURN, MIRROR, paint
 from .refine import descend, fit, undetermined
 from .scoring import Judgement, judge
+from .standing_hull import standing_hull
 
 if TYPE_CHECKING:
     from .mesh import MeshOptions
@@ -76,21 +77,14 @@ def complete(
         common: The rule's options.
         options: The backend's.
     """
-    seen = measured.needed()
+    seen = measured.needed().upright()
     evidence = evidence_of.gather(seen)
     if len(evidence.points) < common.least_points:
-        ctx.fail(
-            f"the view has {len(evidence.points)} pixels with trusted depth, {common.least_points} are needed",
-            hint="lower `least_points`, or use backend `stub`",
-            mask=f"{int(seen.mask.sum()):,} pixels, {int((seen.mask & (seen.depth > 0)).sum()):,} with depth",
-        )
-    candidates = propose(evidence, options.hypotheses, options.wall_m)
-    fitted = []
-    for done, candidate in enumerate(candidates):
-        ctx.progress(done, len(candidates), candidate.model.name)
-        fitted.append(_fitted(candidate, evidence, options.refine_steps))
+        why = f"{len(evidence.points)} pixels with trusted depth, {common.least_points} are needed to fit a body"
+        return _stand_in(ctx, evidence, seen, common, why)
+    fitted = _fits(ctx, evidence, options)
     if not fitted:
-        ctx.fail("no hypothesis is left to try", hint="allow more `hypotheses`", known=listing(HYPOTHESES))
+        return _stand_in(ctx, evidence, seen, common, "no family of bodies fits the view")
     best = max(fitted, key=lambda found: found.score)
     body, judged, left = _finished(best, evidence, options.refine_steps)
     scores = {found.candidate.model.name: found.score for found in fitted}
@@ -107,6 +101,39 @@ def complete(
             "rival": _rival(best, fitted),
         }
     )
+
+
+def _fits(ctx: Context, evidence: evidence_of.Evidence, options: PrimitivesOptions) -> list[_Fitted]:
+    """The best body of each family; a family that cannot be fitted to such a view is left out with a warning."""
+    fitted = []
+    names = [name for name in HYPOTHESES if name in options.hypotheses]
+    if not names:
+        ctx.fail("no hypothesis is left to try", hint="allow more `hypotheses`", known=listing(HYPOTHESES))
+    for done, name in enumerate(names):
+        ctx.progress(done, len(names), name)
+        try:
+            fitted += [
+                _fitted(candidate, evidence, options.refine_steps)
+                for candidate in propose(evidence, (name,), options.wall_m)
+            ]
+        except (ArithmeticError, ValueError, IndexError, np.linalg.LinAlgError) as error:
+            ctx.warn(f"{name} was not tried: {type(error).__name__}: {error}")
+    return fitted
+
+
+def _stand_in(ctx: Context, evidence: evidence_of.Evidence, seen: Seen, common: MeshOptions, why: str) -> Shape:
+    """The hull of what was seen, with a warning, so that one bad view does not cost the scene."""
+    body = standing_hull(evidence)
+    if body is None:
+        ctx.fail(
+            f"the view has {len(evidence.points)} pixels with trusted depth, too few for any body",
+            mask=f"{int(seen.mask.sum()):,} pixels, {int((seen.mask & (seen.depth > 0)).sum()):,} with depth",
+            hint="set the element's `interactive: false` in a `scene.yaml`, or capture it nearer",
+        )
+    ctx.warn(f"{why}: the convex hull of what was seen stands in")
+    judged = judge(body.solid.moved(body.pose), evidence)
+    body = _lifted(body, evidence.base)
+    return _shape("hull", body, judged, {"hull": judged.score}, seen, common)
 
 
 def _fitted(candidate: Candidate, evidence: evidence_of.Evidence, steps: int) -> _Fitted:
@@ -192,7 +219,7 @@ def _shape(
         pose=Pose(parent="world", child="object", matrix=body.pose),
         hypothesis=name,
         hollow=body.hollow,
-        residual_m=judged.residual_m,
+        residual_m=judged.residual_m if np.isfinite(judged.residual_m) else None,
         mask_iou=judged.mask_iou,
         unseen_fraction=1.0 - painted.seen_fraction,
         scores=scores,

@@ -86,7 +86,7 @@ def test_too_little_depth_is_refused(runner):
 def test_a_wall_alone_is_no_support(runner):
     wall = factories.box_mesh((-3, 0.1, -3), (3, 0.2, 3))
     eye = factories.look_at((0.0, -0.3, 0.0), (0.0, 0.1, -0.15))
-    scene = tabletops.tabletop((wall, factories.pose()), eye=eye, half=0.01)
+    scene = tabletops.tabletop((wall, factories.pose()), eye=eye, half=0.001)
     with pytest.raises(RuleError, match="no support plane is in view") as caught:
         runner.run("align.support", **factories.shot(scene.capture))
     assert "m^2 tilted" in caught.value.facts["planes"]

@@ -1,0 +1,91 @@
+"""Find the bodies of a scene that would not stay where they are, and what holds the others at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.sim.model import model as models
+from dextera_build.sim.model.held import hold
+from dextera_build.sim.worlds.settle import Motion, let_go
+
+OVERLAP_M = 0.001
+"""Deeper contacts at the start push bodies apart."""
+SHALLOW_M = 0.004
+"""Bodies this deep in each other are neighbours whose shapes are a little too large."""
+ROUNDS = 6
+"""Attempts; each one holds at least one body more."""
+
+Pair = tuple[str, str]
+
+
+@dataclass
+class Steady:
+    """A scene in which the bodies that are not held rest."""
+
+    scene: Folder
+    """`scene.xml` and its files."""
+    held: dict[str, str] = field(default_factory=dict)
+    """Body that is held -> why."""
+    apart: dict[Pair, float] = field(default_factory=dict)
+    """Bodies that do not collide, because they are in one place -> by how much [m]."""
+
+
+def steady(scene: Folder, bodies: tuple[str, ...], seconds: float, rests: Callable[[Motion], bool]) -> Steady:
+    """Let the scene go and hold what does not rest, until everything else does.
+
+    Bodies in one place no longer collide. If one is more than 4 mm inside the other, the lighter one is held: one of
+    them is a part of the other, or should not be there. What still moves is held as well.
+
+    Args:
+        scene: `scene.xml` and its files.
+        bodies: Root bodies, each with a free joint.
+        seconds: Simulated time of an attempt [s].
+        rests: Whether a body with this motion rests.
+
+    Raises:
+        RuleError: MuJoCo rejects the scene.
+    """
+    found = Steady(scene)
+    for _ in range(ROUNDS):
+        free = tuple(name for name in bodies if name not in found.held)
+        run = let_go(found.scene, free, seconds)
+        restless = {motion.name: motion for motion in run.motions if run.diverged or not rests(motion)}
+        if not restless:
+            break
+        overlapping = {p: depth for p, depth in _overlaps(found.scene, bodies).items() if restless.keys() & set(p)}
+        for pair, depth in overlapping.items():
+            found.apart[pair] = depth
+            if depth > SHALLOW_M and not found.held.keys() & set(pair):
+                found.held[pair[1]] = f"it is {1000 * depth:.0f} mm inside {pair[0]}"
+        if not overlapping:
+            found.held |= {name: _moved(motion) for name, motion in restless.items()}
+        found.scene = hold(scene, found.held, found.apart)
+    return found
+
+
+def _moved(motion: Motion) -> str:
+    if motion.drift_m > 0.002:
+        return f"it would move by {1000 * motion.drift_m:.0f} mm"
+    return f"it would turn by {motion.tilt_rad:.2f} rad" if motion.tilt_rad > 0.02 else "it would not come to rest"
+
+
+def _overlaps(scene: Folder, bodies: tuple[str, ...]) -> dict[Pair, float]:
+    """(heavier, lighter) bodies that are in one place -> depth [m], deepest first."""
+    model = models.compile_folder(scene)
+    data = models.at_home(model)
+    roots = {int(model.body(name).id): name for name in bodies}
+    found: dict[Pair, float] = {}
+    for contact in data.contact[: data.ncon]:
+        ids = sorted({_root(model, geom) for geom in contact.geom}, key=lambda b: -float(model.body_subtreemass[b]))
+        if len(ids) == 2 and ids[0] in roots and ids[1] in roots and -contact.dist > OVERLAP_M:
+            pair = roots[ids[0]], roots[ids[1]]
+            found[pair] = max(found.get(pair, 0.0), -float(contact.dist))
+    return dict(sorted(found.items(), key=lambda each: (-each[1], each[0])))
+
+
+def _root(model: Any, geom: int) -> int:
+    """The root body of a geom; a held body is its own root, though MuJoCo counts it to the world."""
+    return int(model.body_rootid[model.geom_bodyid[geom]])

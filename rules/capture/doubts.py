@@ -1,0 +1,76 @@
+"""Warnings about captures that can be built, but are probably not what they say."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.rule import Context
+
+from .registered import shift
+
+NARROW_DEG, WIDE_DEG = 32.0, 110.0
+"""Horizontal fields of view of cameras that photograph tables: Kinect 57, RealSense 55 to 90, phones 60 to 105."""
+SQUARE = 0.05
+"""Largest relative difference of fx and fy; pixels of cameras are square."""
+OFF_CENTRE = 0.2
+"""Largest distance of the principal point from the middle, in image sizes."""
+NEAR_M, FAR_M = 0.2, 3.0
+"""Median depths of photographs of tables [m]."""
+COARSE_M = 0.004
+"""Steps of the depth above which bodies become staircases [m]."""
+
+
+def of_camera(ctx: Context, camera: Camera) -> None:
+    """Warn of intrinsics that few cameras have."""
+    if abs(camera.fx / camera.fy - 1.0) > SQUARE:
+        ctx.warn(
+            f"fx {camera.fx:g} and fy {camera.fy:g} px differ by {abs(camera.fx / camera.fy - 1):.0%}, but pixels are "
+            "square: one of them is of another resolution, and widths or heights will be wrong"
+        )
+    view = 2 * math.degrees(math.atan(camera.width / (2 * camera.fx)))
+    if not NARROW_DEG <= view <= WIDE_DEG:
+        ctx.warn(
+            f"fx {camera.fx:g} px is a field of view of {view:.0f} deg at a width of {camera.width} px: intrinsics of "
+            "another resolution make everything too small or too large"
+        )
+    off = (
+        abs(camera.cx - (camera.width - 1) / 2) / camera.width,
+        abs(camera.cy - (camera.height - 1) / 2) / camera.height,
+    )
+    if max(off) > OFF_CENTRE:
+        ctx.warn(
+            f"the principal point {camera.cx:g}, {camera.cy:g} px is far from the middle of {camera.width} x "
+            f"{camera.height} px: was the picture cropped or resized after calibration?"
+        )
+
+
+def of_depth(ctx: Context, depth: np.ndarray, source: str) -> None:
+    """Warn of depths that photographs of tables do not have; `source` says where the unit comes from."""
+    middle = float(np.median(depth[depth > 0]))
+    if not NEAR_M <= middle <= FAR_M:
+        large = "large" if middle > FAR_M else "small"
+        ctx.warn(
+            f"the median depth is {middle:.2f} m, but tables are photographed from {NEAR_M:g} to {FAR_M:g} m: {source} "
+            f"may be too {large}, e.g. by a factor of 10"
+        )
+
+
+def of_bits(ctx: Context, name: str, scale: float) -> None:
+    """Warn of a depth image of 8 bit."""
+    if scale > COARSE_M:
+        ctx.warn(f"`{name}` has 8 bit, so its depths are steps of {1000 * scale:.0f} mm: write it with 16 bit")
+
+
+def of_registration(ctx: Context, pixels: np.ndarray, depth: np.ndarray) -> None:
+    """Warn of depth that is not registered to the photograph."""
+    found = shift(pixels, depth)
+    if found is not None:
+        across = f"{abs(found.right)} px {'right' if found.right > 0 else 'left'}"
+        down = f"{abs(found.down)} px {'below' if found.down > 0 else 'above'}"
+        ctx.warn(
+            f"the edges of the depth lie about {across} and {down} of those of the colours: register the depth to the "
+            "colour camera, or objects get wrong outlines and the colours of their surroundings"
+        )

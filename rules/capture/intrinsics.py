@@ -1,0 +1,60 @@
+"""The camera of a capture folder: from `capture.json`, from a calibration's file, or from the photograph's EXIF."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from dextera_build.artifacts import camera_files
+from dextera_build.artifacts import lens as lens_files
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.lens import BrownConrady, Equirectangular
+from dextera_build.errors import listing
+from dextera_build.rule import Context
+
+from .exif import Exif
+from .facts import INTRINSICS, NAME, camera_of, distortion_of
+from .pinhole import Lens, distorted
+
+CALIBRATIONS = ("camera_info.yaml", "cameras.txt")
+"""Files that calibration programs write: ROS camera_info, COLMAP."""
+FOCAL = ("fx", "fy", "cx", "cy")
+
+
+def lens_of(ctx: Context, folder: Folder, facts: Mapping[str, object], tags: Exif) -> Camera | Lens:
+    """The intrinsics; those in `capture.json` count before those of other files."""
+    if any(key in facts for key in FOCAL):
+        camera, coefficients = camera_of(ctx, facts), distortion_of(ctx, facts)
+        return distorted(camera, coefficients) if coefficients else camera
+    for name in CALIBRATIONS:
+        if name in folder.files:
+            return _calibrated(ctx, folder.files[name], name)
+    camera_of_exif = tags.camera()
+    if camera_of_exif is not None:
+        ctx.warn(
+            f"no intrinsics are given: fx = fy = {camera_of_exif.fx:.0f} px is from the EXIF (a focal length of "
+            f"{tags.focal_35mm:g} mm on 35 mm film), which is uncertain by about 5 %, and so are all sizes across the "
+            f"picture; a calibration in `{NAME}` is exact"
+        )
+        return camera_of_exif
+    if NAME not in folder.files:
+        ctx.fail(
+            f"`{NAME}` is missing in the capture",
+            wanted=f"`{NAME}`, {' or '.join(f'`{name}`' for name in CALIBRATIONS)}, or a focal length in the EXIF",
+            here=listing(folder.files),
+            hint=f"put `{NAME}` into the capture's folder, with {', '.join(INTRINSICS)} in pixels",
+        )
+    return camera_of(ctx, facts)
+
+
+def _calibrated(ctx: Context, data: bytes, name: str) -> Camera | Lens:
+    found = lens_files.of(camera_files.parse(data, Path(name)))
+    if isinstance(found, Equirectangular):
+        ctx.fail(
+            f"`{name}` is of a panorama, but a capture is a picture of a pinhole or fisheye camera",
+            hint="cut a perspective picture out of the panorama first",
+        )
+    if isinstance(found, BrownConrady) and not found.coefficients().any():
+        return Camera(width=found.width, height=found.height, fx=found.fx, fy=found.fy, cx=found.cx, cy=found.cy)
+    return found

@@ -1,0 +1,98 @@
+"""Why no object was found in a photograph with depth: the cause, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dextera_build.artifacts.object import Element
+from dextera_build.geometry import cameras, regions
+
+from ..measured import Workspace
+from ..regions.heights import relief
+from ..regions.proposals import SMALLEST_M2
+
+Cause = tuple[str, str]
+"""What is the matter, and what to do."""
+FRONTAL = 0.9
+"""Cosine between the support's normal and the camera's axis from which it may be a wall."""
+FAR_M = 2.0
+"""Height of a camera above a support from which the unit of the depth is in doubt [m]."""
+SPARSE = 0.6
+"""Fraction of pixels with depth over the support below which the depth is too sparse."""
+FEW = 30
+"""Raised pixels that are no more than noise."""
+
+
+def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
+    """Everything that may be the matter, most telling first.
+
+    Args:
+        seen: Photograph, depth and support.
+        static: What was found and is no object.
+    """
+    heights = relief(seen)
+    raised, outline = int((heights.raised & heights.over).sum()), _outline(seen)
+    cut = [element.name for element in static if element.box and _at_border(element.box, seen.depth.shape)]
+    if cut:
+        things = "the thing" if len(cut) == 1 else f"{len(cut)} things"
+        yield (
+            f"the border of the picture cuts {things} found there",
+            "turn or move the camera so that every object is whole in the picture",
+        )
+    if abs(seen.world_from_camera[2, 2]) > FRONTAL:
+        yield (
+            "the support is seen frontally, as a wall is",
+            "aim at the table from above; a camera that hangs straight over it must see more than 12 mm of height",
+        )
+    if seen.world_from_camera[2, 3] > FAR_M:
+        yield (
+            f"the support is {seen.world_from_camera[2, 3]:.1f} m below the camera, where noise hides lower things",
+            "check `depth_scale_m` in `capture.json`, or capture the table from 0.4 to 1.5 m",
+        )
+    empty = outline & (seen.depth <= 0)
+    hole = _largest_hole(empty)
+    if (outline & (seen.depth > 0)).sum() < SPARSE * outline.sum():
+        share = (outline & (seen.depth > 0)).sum() / max(1, outline.sum())
+        yield f"only {share:.0%} of the support has depth", "capture it from nearer, without sun and mirrors"
+    elif hole is not None:
+        yield (
+            f"a region of the support has no depth, {hole}; an object there may be shiny, clear or black",
+            "cover it with a matt spray or tape, or name it in a `scene.yaml` and choose backends that need no depth",
+        )
+    if raised < FEW:
+        yield "nothing is higher than the noise above the support", "check that objects are on it"
+    elif not static:
+        yield (
+            f"what stands out is smaller than {1e4 * SMALLEST_M2:.0f} cm² of surface or 12 mm of height",
+            "capture it from nearer",
+        )
+    yield "what stands there is too large, hangs, or is no thing of its own", "look at the preview of `support`"
+
+
+def _outline(seen: Workspace) -> np.ndarray:
+    """Pixels (H, W) whose line of sight meets the support inside its outline."""
+    camera, pose = seen.camera, seen.world_from_camera
+    rays = cameras.rays(camera.height, camera.width, camera.matrix()) @ pose[:3, :3].T
+    ahead = rays[..., 2] < -1e-6
+    meets = pose[:2, 3] + rays[..., :2] * (pose[2, 3] / np.where(ahead, -rays[..., 2], 1.0))[..., None]
+    return np.asarray(ahead & regions.inside_convex(meets, seen.support.polygon))
+
+
+def _largest_hole(empty: np.ndarray) -> str | None:
+    """The largest connected region without depth as `box [left, top, right, bottom]`, if it is 0.3 % of the picture."""
+    labels, count = regions.label(empty)
+    if not count:
+        return None
+    sizes = np.bincount(labels.ravel())
+    sizes[0] = 0
+    best = int(sizes.argmax())
+    if sizes[best] < 0.003 * empty.size:
+        return None
+    rows, columns = np.nonzero(labels == best)
+    return f"box [{columns.min()}, {rows.min()}, {columns.max() + 1}, {rows.max() + 1}]"
+
+
+def _at_border(box: tuple[int, int, int, int], shape: tuple[int, ...]) -> bool:
+    return box[0] <= 2 or box[1] <= 2 or box[2] >= shape[1] - 2 or box[3] >= shape[0] - 2

@@ -1,0 +1,33 @@
+"""simulate.steady with MuJoCo."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from dextera_build.artifacts.scene import Scene
+from dextera_build.rule import Backend, Context, Options
+from dextera_build.sim.worlds import steady as runner
+
+from .settle_mujoco import rests
+
+if TYPE_CHECKING:
+    from .steady import SteadyOptions
+
+BACKEND = Backend(
+    summary="MuJoCo, implicit integration, from keyframe `home`, until what is free rests",
+    profiles=("cpu",),
+    packages=("mujoco",),
+    extra="twin",
+)
+
+
+def hold(ctx: Context, scene: Scene, common: SteadyOptions, options: Options) -> tuple[Scene, list[str]]:
+    """Let the scene go and hold what does not rest by `common`."""
+    found = runner.steady(scene.model, scene.bodies, common.seconds, lambda motion: rests(motion, common))
+    free = tuple(name for name in scene.bodies if name not in found.held)
+    held = (*scene.held, *found.held)
+    done = [f"{name} is held where the photograph has it: {why}" for name, why in found.held.items()]
+    for (one, other), depth in found.apart.items():
+        if not found.held.keys() & {one, other}:
+            done.append(f"{one} and {other} do not collide: their shapes overlap by {1000 * depth:.1f} mm")
+    return scene.model_copy(update={"model": found.scene, "bodies": free, "held": held}), done

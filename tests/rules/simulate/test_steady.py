@@ -1,0 +1,83 @@
+"""simulate.steady: what would not rest is held, and the rest stays free."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.scene import Scene
+from dextera_build.rule import Context
+from dextera_build.sim.model import model as models
+from rules.simulate import settle_mujoco, steady_mujoco, steady_stub
+from rules.simulate.scene import scene
+from rules.simulate.settle import SettleOptions, settle
+from rules.simulate.steady import SteadyOptions, steady
+from tests import factories
+
+
+def placed(tmp_path: Path, **assets: Asset) -> Scene:
+    found = Collection[Asset](items=assets)
+    return scene(Context(scratch=tmp_path), found, factories.background(), factories.support(), factories.camera())
+
+
+def made_steady(tmp_path: Path, **assets: Asset) -> tuple[Scene, Context]:
+    context = Context(backend=steady_mujoco, scratch=tmp_path)
+    return steady(context, placed(tmp_path, **assets), options=SteadyOptions(seconds=1.0)), context
+
+
+def settles(twin: Scene, tmp_path: Path) -> bool:
+    return settle(Context(backend=settle_mujoco, scratch=tmp_path), twin, options=SettleOptions(seconds=1.5)).passed
+
+
+def test_a_standing_scene_stays_as_it_is(tmp_path):
+    assets = {"box": factories.box_asset(), "lap": factories.laptop_asset(factories.pose(0.25, 0.1))}
+    twin, context = made_steady(tmp_path, **assets)
+    assert twin.model.files == placed(tmp_path, **assets).model.files
+    assert twin.bodies == ("box", "lap")
+    assert not context.outcome.warnings
+
+
+def test_of_two_bodies_in_one_place_one_is_held_and_the_other_rests(tmp_path):
+    first, second = factories.box_asset(), factories.box_asset(factories.pose(0.03))
+    assert not settles(placed(tmp_path, a=first, b=second), tmp_path)
+    twin, context = made_steady(tmp_path, a=first, b=second, far=factories.box_asset(factories.pose(-0.3)))
+    assert len(twin.held) == 1
+    assert set(twin.bodies) | set(twin.held) == {"a", "b", "far"}
+    assert "far" in twin.bodies
+    assert "is held where the photograph has it: it is" in context.outcome.warnings[0]
+    assert settles(twin, tmp_path)
+    model = models.compile_folder(twin.model)
+    data = models.at_home(model)
+    assert model.nq == 14
+    for name, x in (("a", 0.0), ("b", 0.03), ("far", -0.3)):
+        assert data.xpos[model.body(name).id][0] == pytest.approx(x, abs=1e-6), "keyframe `home` still fits"
+
+
+def test_what_would_fall_is_held_and_an_articulated_neighbour_keeps_its_joint(tmp_path):
+    beside = factories.box_asset(factories.pose(0.9))
+    lap = factories.laptop_asset(factories.pose(0.25, 0.1))
+    twin, context = made_steady(tmp_path, lost=beside, lap=lap)
+    assert twin.held == ("lost",)
+    assert "it would move by" in context.outcome.warnings[0]
+    model = models.compile_folder(twin.model)
+    home, alone = models.at_home(model), models.at_home(models.compile_folder(placed(tmp_path, lap=lap).model))
+    assert home.qpos == pytest.approx(alone.qpos)
+    assert settles(twin, tmp_path)
+
+
+def test_neighbours_that_overlap_a_little_both_stay_free(tmp_path):
+    box = factories.box_asset()
+    width = float(next(iter(box.body.links.values())).mesh.extent[0])
+    twin, context = made_steady(tmp_path, a=box, b=factories.box_asset(factories.pose(width - 0.003)))
+    assert not twin.held
+    if context.outcome.warnings:
+        assert "do not collide: their shapes overlap by" in context.outcome.warnings[0]
+    assert settles(twin, tmp_path)
+
+
+def test_the_stub_holds_nothing(tmp_path):
+    twin = placed(tmp_path, a=factories.box_asset(), b=factories.box_asset(factories.pose(0.03)))
+    assert steady(Context(backend=steady_stub, scratch=tmp_path), twin, options=SteadyOptions()) == twin
