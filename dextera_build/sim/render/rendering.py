@@ -67,6 +67,10 @@ class Eye:
         """Free the GL context."""
         self._renderer.close()
 
+    def look_from(self, world_from_camera: np.ndarray) -> None:
+        """Move the camera to (4, 4) T_world_camera."""
+        self._pose = np.asarray(world_from_camera, np.float64)
+
     def rgb(self, data: Any) -> np.ndarray:
         """Colours (H, W, 3) uint8 sRGB of the state in `data` (after `mj_forward`)."""
         self._look(data)
