@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 SOFT = 9
-"""Pixels over which an outline is averaged."""
+"""Half pixels over which an outline is averaged."""
 FINE = 4
 """Raster per pixel in which triangles are tested."""
 
@@ -57,14 +57,16 @@ def cut(mask: np.ndarray, stride: float, spacing: float, rim: int = 0) -> tuple[
 
 def _outlines(wide: np.ndarray, spacing: float) -> list[np.ndarray]:
     """Closed outlines (N, 2), column and row, averaged along their length and resampled."""
-    found, _ = cv2.findContours(wide, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    # Contours run through the centres of border pixels: of finer ones, they are nearer to the pixels' own border.
+    double = cv2.resize(wide, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
+    found, _ = cv2.findContours(double, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     lines = []
     for contour in found:
-        line = contour[:, 0].astype(np.float64)
+        line = contour[:, 0] / 2 - 0.25
         if len(line) < 2 * SOFT:
             continue
         around = np.concatenate([line[-(SOFT // 2) :], line, line[: SOFT // 2]])
         soft = np.stack([np.convolve(around[:, axis], np.ones(SOFT) / SOFT, "valid") for axis in (0, 1)], axis=1)
-        count = max(6, round(len(soft) / spacing))
+        count = max(6, round(len(soft) / 2 / spacing))
         lines.append(soft[np.linspace(0, len(soft), count, endpoint=False).astype(int)])
     return lines

@@ -20,7 +20,7 @@ from .patches import divide
 from .pieces import atlas, one_picture
 from .scenery import Scenery
 from .shell import enclose, shell
-from .slab import outline, slab
+from .slab import broad, outline, slab
 
 if TYPE_CHECKING:
     from .static import StaticOptions
@@ -41,7 +41,7 @@ def survey(
     """
     pose, k = support.camera_pose.matrix, camera.matrix()
     plane = pose[2, :3], float(pose[2, 3])
-    labels, patches = divide(pixels, depth, k, behind, plane, step_m)
+    labels, patches = divide(pixels, depth, k, broad(behind), plane, step_m)
     return Scenery(pixels, labels, patches, k, pose)
 
 
@@ -70,10 +70,11 @@ def furnished(
     room = enclose(scenery, edge, box.yaw)
     meets = scenery.patches[0].depth(_pixels(scenery.labels.shape), scenery.k)
     inside = np.isfinite(meets) & regions.inside_convex(floor, edge)
-    shown = one_picture(front(scenery, stride, inside), scenery.pixels)
+    wider, behind = continued(scenery, room, stride)
+    shown = one_picture(front(scenery, stride, inside, behind), scenery.pixels)
     vertices = shown.vertices.copy()
     vertices[np.abs(vertices[:, 2]) < 1e-5, 2] = 0.0
-    made = [*continued(scenery, room, stride), *slab(scenery, edge, common.thickness_m), *shell(room, scenery)]
+    made = [*wider, *slab(scenery, edge, common.thickness_m), *shell(room, scenery)]
     return Background(
         image=Image(pixels=scenery.pixels),
         depth=DepthImage(depth=scenery.depth.astype(np.float32)),

@@ -19,9 +19,15 @@ HALF = 2
 BESIDE = 0.5
 """Border of the wider picture, as a fraction of the photograph's size."""
 LARGE = 0.02
-"""Planes that cover this fraction of the photograph go on as far as the room does."""
+"""Planes along the room's walls that cover this fraction of the photograph are broad: they may go on far."""
+ALONG = 0.985
+"""Cosine of the largest angle between such a plane and the wall."""
+FAR = 1.5
+"""Broad planes go on this far, in multiples of the square root of their area, and beyond the photograph's border."""
 NEAR = 0.06
-"""Other surfaces go on this far, as a fraction of the photograph's width, and not beyond its border."""
+"""All surfaces go on this far, as a fraction of the photograph's width."""
+FADE = 0.25
+"""Distance at which colours have faded to the surface's mean, as a fraction of the wider picture's width."""
 BEHIND_M = 0.02
 """A surface goes on only where it is at least this far behind what was seen [m]."""
 PUSH = 1.0015
@@ -41,30 +47,41 @@ class _Wide:
     colour: np.ndarray  # (h, w, 3) float32
 
 
-def continued(scenery: Scenery, room: Room, stride: float) -> list[Piece]:
-    """Surfaces behind and beside what was seen; `stride` is the spacing of their vertices [photograph pixels]."""
+def continued(scenery: Scenery, room: Room, stride: float) -> tuple[list[Piece], np.ndarray]:
+    """Surfaces behind and beside what was seen; `stride` is the spacing of their vertices [photograph pixels].
+
+    Returns:
+        The pieces, and (H, W) int32: which surface goes on behind each pixel of the photograph; 0 none.
+    """
     wide = _wide(scenery)
     owner, patches = _owners(wide, scenery, room)
-    picture = np.zeros((*owner.shape, 3), np.float32)
-    masks = {}
-    for patch in patches:
-        mask = owner == patch.number
-        if mask.sum() >= 30:
-            masks[patch.number] = mask
-            _paint(picture, mask, wide, patch.number)
-    picture = np.where((owner > 0)[..., None], picture, wide.colour)
+    masks = {patch.number: owner == patch.number for patch in patches}
+    masks = {number: mask for number, mask in masks.items() if mask.sum() >= 30}
+    kernel = np.ones((2 * OVERLAP_PX + 1, 2 * OVERLAP_PX + 1), np.uint8)
+    seams = {n: (cv2.dilate(m.astype(np.uint8), kernel) > 0) & (wide.labels == n) for n, m in masks.items()}
+    # One picture for all: a seam belongs to the surface that the photograph shows there.
+    seam = np.logical_or.reduce([np.zeros(owner.shape, bool), *seams.values()])
+    picture = wide.colour.copy()
+    for number, mask in masks.items():
+        mask &= ~seam
+        _paint(picture, mask, seams[number], wide, number)
     shown = np.clip(picture, 0, 255).astype(np.uint8)
     pieces = []
-    kernel = np.ones((2 * OVERLAP_PX + 1, 2 * OVERLAP_PX + 1), np.uint8)
     for patch in patches:
         if patch.number in masks:
-            mask = masks[patch.number]
-            grown = cv2.dilate(mask.astype(np.uint8), kernel) > 0
-            seam = grown & (wide.labels == patch.number)
-            piece = _piece(patch, mask | seam, wide, scenery, room, stride, shown)
+            whole = masks[patch.number] | seams[patch.number]
+            piece = _piece(patch, whole, wide, scenery, room, stride, shown)
             if len(piece.faces):
                 pieces.append(piece)
-    return pieces
+    return pieces, _at_photograph(np.where(np.isin(owner, list(masks)), owner, 0), wide, scenery.labels.shape)
+
+
+def _at_photograph(owner: np.ndarray, wide: _Wide, shape: tuple[int, ...]) -> np.ndarray:
+    """The owners (h, w) within the photograph, at its own size (H, W)."""
+    rows, columns = np.flatnonzero(wide.inside.any(axis=1)), np.flatnonzero(wide.inside.any(axis=0))
+    inner = owner[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    back = cv2.resize(inner.astype(np.float32), shape[::-1], interpolation=cv2.INTER_NEAREST)
+    return np.asarray(back, np.int32)
 
 
 def _wide(scenery: Scenery) -> _Wide:
@@ -88,11 +105,13 @@ def _owners(wide: _Wide, scenery: Scenery, room: Room) -> tuple[np.ndarray, list
     patches = [p for p in scenery.patches if p.number != SUPPORT and (wide.labels == p.number).any()]
     for patch in patches:
         own = wide.labels == patch.number
-        large = patch.plane is not None and own.sum() >= LARGE * wide.inside.sum()
-        away = cv2.distanceTransform((~own).astype(np.uint8), cv2.DIST_L2, 3)
-        free = ~own & (away < best)
-        if not large:
-            free &= wide.inside & (away < NEAR * scenery.labels.shape[1] / HALF)
+        reach = NEAR * scenery.labels.shape[1] / HALF
+        broad = own.sum() >= LARGE * wide.inside.sum() and _aligned(patch, scenery, room)
+        reach = max(reach, FAR * float(np.sqrt(own.sum()))) if broad else reach
+        away, free = _ahead(own, wide, patch, scenery, reach)
+        free &= away < best
+        if not broad:
+            free &= wide.inside
         where = np.nonzero(free)
         depth = patch.depth(wide.pixel[where], scenery.k)
         good = np.isfinite(depth) & (depth > wide.depth[where] + BEHIND_M)
@@ -103,6 +122,34 @@ def _owners(wide: _Wide, scenery: Scenery, room: Room) -> tuple[np.ndarray, list
     return owner, patches
 
 
+def _aligned(patch: Patch, scenery: Scenery, room: Room) -> bool:
+    """Whether a surface is a plane along the room's walls or floor."""
+    if patch.plane is None:
+        return False
+    normal = scenery.world_from_camera[:3, :3] @ patch.plane[0]
+    return bool(np.abs(room.axes @ normal).max() > ALONG)
+
+
+def _ahead(
+    own: np.ndarray, wide: _Wide, patch: Patch, scenery: Scenery, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Distance [px] from a surface, and the pixels within `reach` of it that its hidden border is nearest to.
+
+    A surface that ends before a farther one, or meets another, has been seen to end: it goes on only where something
+    nearer or the picture's border cuts it.
+    """
+    away, nearest = cv2.distanceTransformWithLabels(
+        (~own).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    beside = (away > 0) & (away < 2.5)
+    row, column = np.nonzero(beside)
+    depth = patch.depth(wide.pixel[row, column], scenery.k)
+    hidden = np.isfinite(depth) & (depth > wide.depth[row, column] + BEHIND_M)
+    votes = np.bincount(nearest[row, column], np.where(hidden, 1.0, -1.0), int(nearest.max()) + 1)
+    goes_on = votes > 0
+    return away, np.asarray(~own & (away < reach) & goes_on[nearest])
+
+
 def _touching(free: np.ndarray, own: np.ndarray) -> np.ndarray:
     """The parts of `free` that are connected with `own`."""
     _, labels = cv2.connectedComponents((free | own).astype(np.uint8), connectivity=4)
@@ -111,16 +158,20 @@ def _touching(free: np.ndarray, own: np.ndarray) -> np.ndarray:
     return np.asarray(free & kept[labels])
 
 
-def _paint(picture: np.ndarray, mask: np.ndarray, wide: _Wide, number: int) -> None:
+def _paint(picture: np.ndarray, mask: np.ndarray, seam: np.ndarray, wide: _Wide, number: int) -> None:
     """Continue a surface's colours over its hidden part."""
     own = (wide.labels == number).astype(np.uint8)
-    inner = cv2.erode(own, np.ones((3, 3), np.uint8)) > 0
+    inner = cv2.erode(own, np.ones((5, 5), np.uint8), borderValue=1) > 0
     known = inner if inner.any() else own > 0
     rows, columns = np.nonzero(mask | (own > 0))
     area = np.s_[int(rows.min()) : int(rows.max()) + 1, int(columns.min()) : int(columns.max()) + 1]
     colour = np.where(known[area][..., None], wide.colour[area], 0.0).astype(np.float32)
     found = membrane(colour, known[area])
-    picture[area] = np.where((mask | (own > 0))[area][..., None], found, picture[area])
+    # Far from what was seen, its mean colour is the better guess.
+    away = cv2.distanceTransform((~known[area]).astype(np.uint8), cv2.DIST_L2, 3) / (FADE * wide.labels.shape[1])
+    share = np.clip(away, 0.0, 1.0)[..., None]
+    found = found * (1 - share) + wide.colour[known].mean(axis=0) * share
+    picture[area] = np.where((mask | seam)[area][..., None], found, picture[area])
 
 
 def _piece(

@@ -19,6 +19,10 @@ LEAST = 0.0005
 """Smaller surfaces, as a fraction of the picture, belong to their neighbours."""
 FLAT = 0.012
 """Least fraction of the picture that a plane covers."""
+PIECE = 0.004
+"""Least fraction of the picture that a connected piece of a plane covers."""
+BLUR = 0.003
+"""Depth and colours are registered to this fraction of the picture's width."""
 MARGIN = 8
 """Pixels around a surface for which its depth is known, too."""
 
@@ -40,19 +44,24 @@ class Patch:
         """Depth (...) [m] at pixels (..., 2), column and row, in or out of the picture; infinite where it has none."""
         if self.plane is None:
             assert self.inverse is not None
-            row, column = (pixel[..., 1 - axis] - self.corner[axis] for axis in (0, 1))
-            maps = [np.ascontiguousarray(m, np.float32).reshape(-1, 1) for m in (column, row)]
-            rows = [
-                cv2.remap(self.inverse, *(m[i : i + 30_000] for m in maps), cv2.INTER_LINEAR, borderMode=1)
-                for i in range(0, len(maps[0]), 30_000)
-            ]
-            return np.asarray(1.0 / np.concatenate(rows).reshape(column.shape).astype(np.float64))
+            return np.asarray(1.0 / _sampled(self.inverse, pixel - self.corner[::-1]))
         normal, offset = self.plane
         ray = [(pixel[..., 0] - k[0, 2]) / k[0, 0], (pixel[..., 1] - k[1, 2]) / k[1, 1]]
         down = -(ray[0] * normal[0] + ray[1] * normal[1] + normal[2])
         with np.errstate(divide="ignore"):
             depth = offset / down
         return np.where((down > 1e-6) & (depth > 0), depth, np.inf)
+
+
+def _sampled(values: np.ndarray, pixel: np.ndarray) -> np.ndarray:
+    """`values` (h, w) between their pixels, at (..., 2) column and row; those of the border beyond it."""
+    place = np.clip(pixel, 0, [values.shape[1] - 1, values.shape[0] - 1])
+    first = np.minimum(place.astype(np.int64), [max(0, values.shape[1] - 2), max(0, values.shape[0] - 2)])
+    column, row = first[..., 0], first[..., 1]
+    right, below = np.minimum(column + 1, values.shape[1] - 1), np.minimum(row + 1, values.shape[0] - 1)
+    u, v = (place - first)[..., 0], (place - first)[..., 1]
+    upper = values[row, column] * (1 - u) + values[row, right] * u
+    return np.asarray(upper * (1 - v) + (values[below, column] * (1 - u) + values[below, right] * u) * v)
 
 
 def divide(
@@ -81,7 +90,9 @@ def divide(
     labels = np.where(support, SUPPORT, 0).astype(np.int32)
     found: dict[int, planes.Plane | None] = {SUPPORT: plane}
     for flat, inside in flats(points, soft > 0, up, FLAT):
-        for mask in _pieces(inside):
+        # A plane that is neither upright nor level may cut through several things: only large pieces are surfaces.
+        level = max(abs(flat[0] @ up), 1.0 - abs(flat[0] @ up)) > 0.99
+        for mask in _pieces(inside, (PIECE if level else 2 * PIECE) * labels.size):
             found[len(found) + 1] = flat
             labels[mask] = len(found)
     curved, count = connected((soft > 0) & (labels == 0), *steps(soft, step_m))
@@ -90,13 +101,36 @@ def divide(
         found[len(found) + 1] = None
         labels[curved == number] = len(found)
     measured = labels.copy()
-    labels = _grown(pixels, labels)
+    depths = np.where(support, _plane_depth(plane, k, labels.shape), soft)
+    labels = _grown(pixels, np.where(_doubtful(labels, depths, step_m), 0, labels).astype(np.int32))
     return labels, [_patch(number, flat, labels, measured, soft) for number, flat in found.items()]
 
 
-def _pieces(mask: np.ndarray) -> list[np.ndarray]:
-    count, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
-    return [labels == number for number in range(1, count)]
+def _plane_depth(plane: planes.Plane, k: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    columns, rows = np.meshgrid(np.arange(shape[1], dtype=np.float64), np.arange(shape[0], dtype=np.float64))
+    depth = Patch(SUPPORT, plane).depth(np.stack([columns, rows], axis=-1), k)
+    return np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
+
+
+def _pieces(mask: np.ndarray, least: float) -> list[np.ndarray]:
+    count, labels, facts, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=4)
+    return [labels == number for number in range(1, count) if facts[number, cv2.CC_STAT_AREA] >= least]
+
+
+def _doubtful(labels: np.ndarray, soft: np.ndarray, step_m: float) -> np.ndarray:
+    """Pixels (H, W) beside a step between two surfaces: depth and colours are registered to a few pixels only."""
+    size = max(0, round(BLUR * labels.shape[1]))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * size + 1, 2 * size + 1))
+    known = labels > 0
+    near = cv2.erode(np.where(known, soft, 99.0).astype(np.float32), np.ones((3, 3), np.uint8))
+    far = cv2.dilate(np.where(known, soft, 0.0).astype(np.float32), np.ones((3, 3), np.uint8))
+    other = cv2.morphologyEx(labels.astype(np.float32), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
+    border = (other & (far - near > step_m)).astype(np.uint8)
+    inner = cv2.dilate(border, disc) > 0
+    # What is too thin to have an inside keeps its pixels.
+    count = int(labels.max()) + 1
+    left = np.bincount(labels[~inner], minlength=count) / np.maximum(np.bincount(labels.reshape(-1)), 1)
+    return np.asarray(inner & (left > 0.4)[labels])
 
 
 def _grown(pixels: np.ndarray, labels: np.ndarray) -> np.ndarray:

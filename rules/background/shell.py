@@ -14,10 +14,12 @@ TABLE_M = 0.74
 """Height of a table over a floor that was not seen [m]."""
 ROOM_M = 2.5
 """Least height of a room [m]."""
-BEYOND_M = 0.3
+BEYOND_M = 1.0
 """Distance of an unseen wall from the last thing seen before it [m]."""
-BACK_M = 0.8
+BACK_M = 1.2
 """Distance of an unseen wall from the camera [m]."""
+HEAD_M = 0.3
+"""Distance of the ceiling above the camera and the highest thing seen [m]."""
 GAP_M = 0.02
 """Distance of a wall behind the plane that was seen of it [m]."""
 TEXELS = 96
@@ -80,7 +82,7 @@ def enclose(scenery: Scenery, outline: np.ndarray, yaw: float) -> Room:
     floors = [-p[1] / p[0][2] for p in planes if p[0][2] > 0.99 and -p[1] < -0.3]
     lowest = min(-TABLE_M, float(np.quantile(heights, 0.002)) - GAP_M)
     low[2] = min(floors) - GAP_M / 2 if floors else lowest
-    high[2] = max(low[2] + ROOM_M, float(np.quantile(heights, 0.998)) + BEYOND_M, eye[2] + BEYOND_M)
+    high[2] = max(low[2] + ROOM_M, float(np.quantile(heights, 0.998)) + HEAD_M, eye[2] + HEAD_M)
     return Room(yaw, low, high, (*known, bool(floors)))
 
 
@@ -98,6 +100,8 @@ def shell(room: Room, scenery: Scenery) -> list[Piece]:
     )
     corners = [np.array(side) @ room.axes for side in sides]
     painted = [scenery.colours(_texels(c), 0.25) for c in corners]
+    for (_, shown), known in zip(painted, (*room.known, True), strict=True):
+        shown &= known
     mean = scenery.pixels.reshape(-1, 3).mean(axis=0)
     walls = [colour[shown] for colour, shown in painted[:4] if shown.any()]
     wall = np.concatenate(walls).mean(axis=0) if walls else mean

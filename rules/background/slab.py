@@ -12,7 +12,7 @@ from .pieces import Piece
 from .scenery import Scenery
 from .synthesis import membrane
 
-BEYOND_M = 0.3
+BEYOND_M = 0.4
 """How far a support goes on beyond the picture's border that cuts it [m]."""
 UNDER_M = 0.001
 """The slab's top is this far below the surface that was photographed [m]."""
@@ -20,6 +20,19 @@ ROUGH_M = 0.015
 """Tolerance of the simplified outline [m]."""
 TEXELS = 256
 """Longest edge of the slab's picture."""
+
+
+def broad(mask: np.ndarray) -> np.ndarray:
+    """The largest part of a mask (H, W) without what hangs on by a neck: other things cross the support's height."""
+    side = max(3, mask.shape[1] // 40)
+    ones = np.ones((side, side), np.uint8)
+    count, labels, facts, _ = cv2.connectedComponentsWithStats(
+        cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, ones), connectivity=4
+    )
+    if count < 2:
+        return mask
+    main = labels == 1 + int(np.argmax(facts[1:, cv2.CC_STAT_AREA]))
+    return np.asarray((cv2.dilate(main.astype(np.uint8), ones) > 0) & mask)
 
 
 def outline(scenery: Scenery, polygon: np.ndarray) -> np.ndarray:
@@ -30,14 +43,16 @@ def outline(scenery: Scenery, polygon: np.ndarray) -> np.ndarray:
         polygon: (Q, 2) convex outline of its measured part [m].
     """
     height, width = scenery.labels.shape
-    rows, columns = np.nonzero(scenery.labels == SUPPORT)
+    rows, columns = np.nonzero(broad(scenery.labels == SUPPORT))
     some = np.s_[:: max(1, len(rows) // 20_000)]
     pixel = np.stack([columns[some], rows[some]], axis=1).astype(np.float64)
     support = next(p for p in scenery.patches if p.number == SUPPORT)
     depth = support.depth(pixel, scenery.k)
     seen = scenery.lift(pixel[np.isfinite(depth)], depth[np.isfinite(depth)])[:, :2]
     near = seen[regions.inside_convex(seen, polygon, float(np.ptp(polygon, axis=0).max()) / 2)]
-    hull = regions.convex_hull(np.concatenate([polygon, near]))
+    if len(near) < 3:
+        return polygon
+    hull = regions.convex_hull(near)
     hull = cv2.approxPolyDP(hull.astype(np.float32)[:, None], ROUGH_M, True)[:, 0].astype(np.float64)
     if len(hull) < 3:
         return polygon
