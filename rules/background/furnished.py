@@ -16,6 +16,7 @@ from .boxes import support_box
 from .fixtures import room_boxes, thing_boxes
 from .front import front
 from .hidden import continued
+from .layers import Layers
 from .patches import divide
 from .pieces import atlas, one_picture
 from .scenery import Scenery
@@ -53,23 +54,23 @@ def seen_of(mask: np.ndarray, depth: np.ndarray, camera: Camera, support: Suppor
 
 
 def furnished(
-    scenery: Scenery, floor: np.ndarray, support: Support, objects: np.ndarray, stride: float, common: StaticOptions
+    scenery: Scenery, layers: Layers, support: Support, objects: np.ndarray, stride: float, common: StaticOptions
 ) -> Background:
     """The surfaces and boxes of an empty scene.
 
     Args:
         scenery: What was seen.
-        floor: (H, W, 2) where each pixel's ray meets the support's plane, world x and y [m].
+        layers: Where each pixel's ray meets the support's plane, and what was taken out.
         support: Its plane and measured outline.
         objects: (N, 3) points of what was taken out, world frame [m].
         stride: Spacing of vertices [px].
         common: Thickness of the support and margin of its box.
     """
-    edge = outline(scenery, support.polygon)
+    edge = outline(scenery, support.polygon, layers.hole)
     box = support_box(support.polygon, common.margin_m, common.thickness_m)
     room = enclose(scenery, edge, box.yaw)
     meets = scenery.patches[0].depth(_pixels(scenery.labels.shape), scenery.k)
-    inside = np.isfinite(meets) & regions.inside_convex(floor, edge)
+    inside = np.isfinite(meets) & regions.inside_convex(layers.floor, edge)
     wider, behind = continued(scenery, room, stride)
     shown = one_picture(front(scenery, stride, inside, behind), scenery.pixels)
     vertices = shown.vertices.copy()

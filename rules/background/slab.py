@@ -10,22 +10,23 @@ from dextera_build.geometry import cameras, regions, transforms
 from .patches import SUPPORT
 from .pieces import Piece
 from .scenery import Scenery
-from .synthesis import membrane
+from .synthesis import fill_texture, membrane
 
 BEYOND_M = 0.4
 """How far a support goes on beyond the picture's border that cuts it [m]."""
 UNDER_M = 0.001
 """The slab's top is this far below the surface that was photographed [m]."""
-ROUGH_M = 0.015
+ROUGH_M = 0.03
 """Tolerance of the simplified outline [m]."""
-TEXELS = 256
+CORNER_M = 0.4
+"""A hidden corner is at most this far from what was seen beside it [m]."""
+TEXELS = 512
 """Longest edge of the slab's picture."""
 
 
 def broad(mask: np.ndarray) -> np.ndarray:
     """The largest part of a mask (H, W) without what hangs on by a neck: other things cross the support's height."""
-    side = max(3, mask.shape[1] // 40)
-    ones = np.ones((side, side), np.uint8)
+    ones = _square(mask.shape[1])
     count, labels, facts, _ = cv2.connectedComponentsWithStats(
         cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, ones), connectivity=4
     )
@@ -35,15 +36,22 @@ def broad(mask: np.ndarray) -> np.ndarray:
     return np.asarray((cv2.dilate(main.astype(np.uint8), ones) > 0) & mask)
 
 
-def outline(scenery: Scenery, polygon: np.ndarray) -> np.ndarray:
+def _square(width: int) -> np.ndarray:
+    side = max(3, width // 40)
+    return np.ones((side, side), np.uint8)
+
+
+def outline(scenery: Scenery, polygon: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     """Convex outline (P, 2) of the whole support [m]: what was seen, longer where the picture's border cuts it.
 
     Args:
         scenery: What was seen.
         polygon: (Q, 2) convex outline of its measured part [m].
+        hidden: (H, W) pixels that showed something else: no outline is read from them.
     """
     height, width = scenery.labels.shape
-    rows, columns = np.nonzero(broad(scenery.labels == SUPPORT))
+    visible = broad(scenery.labels == SUPPORT) & ~hidden
+    rows, columns = np.nonzero(cv2.morphologyEx(visible.astype(np.uint8), cv2.MORPH_OPEN, _square(width)))
     some = np.s_[:: max(1, len(rows) // 20_000)]
     pixel = np.stack([columns[some], rows[some]], axis=1).astype(np.float64)
     support = next(p for p in scenery.patches if p.number == SUPPORT)
@@ -56,16 +64,63 @@ def outline(scenery: Scenery, polygon: np.ndarray) -> np.ndarray:
     hull = cv2.approxPolyDP(hull.astype(np.float32)[:, None], ROUGH_M, True)[:, 0].astype(np.float64)
     if len(hull) < 3:
         return polygon
-    hull = hull if regions.area(hull) > 0 else hull[::-1]
-    back = np.linalg.inv(scenery.world_from_camera)
-    corners = transforms.apply(back, np.concatenate([hull, np.zeros((len(hull), 1))], axis=1))
-    place = cameras.project(np.where(corners[:, 2:] > 0.05, corners, 1e-3), scenery.k)
+    hull = _cornered(hull if regions.area(hull) > 0 else hull[::-1], scenery, hidden)
+    return _moved_out(hull, np.where(_cut(hull, scenery), BEYOND_M, 0.0))
+
+
+def _pixels(points: np.ndarray, scenery: Scenery) -> np.ndarray:
+    """Pixels (N, 2), column and row, of points (N, 2) on the support; far outside the picture if behind the camera."""
+    level = np.concatenate([points, np.zeros((len(points), 1))], axis=1)
+    seen = transforms.apply(np.linalg.inv(scenery.world_from_camera), level)
+    found = cameras.project(np.where(seen[:, 2:] > 0.05, seen, 1.0), scenery.k)
+    return np.where(seen[:, 2:] > 0.05, found, -1e6)
+
+
+def _cut(hull: np.ndarray, scenery: Scenery) -> np.ndarray:
+    """Which edges (P,) of the outline, each from its corner on, lie along the picture's border."""
+    height, width = scenery.labels.shape
     rim = 0.015 * width
-    border = np.stack(
-        [place[:, 0] < rim, place[:, 0] > width - 1 - rim, place[:, 1] < rim, place[:, 1] > height - 1 - rim], axis=1
-    )
-    cut = (border & np.roll(border, -1, axis=0)).any(axis=1)
-    return _moved_out(hull, np.where(cut, BEYOND_M, 0.0))
+    place = _pixels(hull, scenery)
+    low, high = place < rim, place > np.array([width, height]) - 1 - rim
+    border = np.concatenate([low, high], axis=1)
+    return np.asarray((border & np.roll(border, -1, axis=0)).any(axis=1))
+
+
+def _cornered(hull: np.ndarray, scenery: Scenery, hidden: np.ndarray) -> np.ndarray:
+    """The outline with the corners that something hid: where two edges meet behind what was taken out."""
+    number = 0
+    while number < len(hull) and len(hull) > 3:
+        before, a, b, after = (hull[(number + n) % len(hull)] for n in (-1, 0, 1, 2))
+        corner = _meeting(before, a, after, b)
+        if corner is not None and not _cut(hull, scenery)[number] and _unseen(np.stack([a, b, corner]), scenery, hidden):
+            rest = [hull[(number + n) % len(hull)] for n in range(2, len(hull))]
+            hull, number = np.array([corner, *rest]), 0
+        else:
+            number += 1
+    return hull
+
+
+def _meeting(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray | None:
+    """Where the ray from a through b meets the one from c through d, beyond b and d; None if nowhere near."""
+    first, second = b - a, d - c
+    cross = first[0] * second[1] - first[1] * second[0]
+    if abs(cross) < 0.1 * np.linalg.norm(first) * np.linalg.norm(second):
+        return None
+    along = ((c - a)[0] * second[1] - (c - a)[1] * second[0]) / cross
+    found = a + along * first
+    ahead = along > 1 and (found - d) @ second > 0
+    return found if ahead and np.linalg.norm(found - (b + d) / 2) < CORNER_M else None
+
+
+def _unseen(triangle: np.ndarray, scenery: Scenery, hidden: np.ndarray) -> bool:
+    """Whether nothing else was seen in a triangle of the support's plane."""
+    height, width = scenery.labels.shape
+    share = np.array([[i, j, 12 - i - j] for i in range(1, 12) for j in range(1, 12 - i)]) / 12
+    pixel = np.round(_pixels(share @ triangle, scenery)).astype(np.int64)
+    inside = (pixel >= 0).all(axis=1) & (pixel[:, 0] < width) & (pixel[:, 1] < height)
+    column, row = pixel[inside].T
+    support = scenery.labels[row, column] == SUPPORT
+    return bool((hidden[row, column] | support).sum() >= 0.9 * inside.sum())
 
 
 def _moved_out(hull: np.ndarray, far: np.ndarray) -> np.ndarray:
@@ -106,8 +161,8 @@ def slab(scenery: Scenery, edge: np.ndarray, thickness: float) -> list[Piece]:
     columns, rows = np.meshgrid(np.arange(width), np.arange(height))
     flat = np.stack([low[0] + columns * texel, low[1] + rows * texel, np.zeros(rows.shape)], axis=-1)
     colour, shown = scenery.colours(flat, 0.02)
-    picture = membrane(np.where(shown[..., None], colour, 0.0).astype(np.float32), shown)
-    picture = np.clip(picture, 0, 255).astype(np.uint8)
+    shown = cv2.erode(shown.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0) > 0
+    picture = np.clip(_continued(colour, shown), 0, 255).astype(np.uint8)
     pixel = (edge - low) / texel
     fan = np.array([[0, i, i + 1] for i in range(1, count - 1)])
     top, bottom = (np.concatenate([edge, np.full((count, 1), z)], axis=1) for z in (-UNDER_M, -thickness))
@@ -122,3 +177,10 @@ def slab(scenery: Scenery, edge: np.ndarray, thickness: float) -> list[Piece]:
         Piece(np.concatenate([top, bottom]), sides, np.concatenate([pixel, pixel]), dark),
         Piece(bottom, fan[:, ::-1], pixel, dark),
     ]
+
+
+def _continued(colour: np.ndarray, shown: np.ndarray) -> np.ndarray:
+    """A top view with the texture of its seen part everywhere; none if hardly anything was seen."""
+    if shown.sum() < 500:
+        return membrane(np.where(shown[..., None], colour, 0.0).astype(np.float32), shown)
+    return fill_texture(colour, ~shown, shown, np.ones(shown.shape, np.float32))

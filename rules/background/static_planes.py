@@ -77,7 +77,7 @@ def clean(
     scenery = survey(pixels, np.where(taken, 0.0, depth), layers.behind, photograph.camera, support, options.step_m)
     things = seen_of(instances.labels > 0, depth, photograph.camera, support)
     stride = max(1.0, options.stride * photograph.camera.width)
-    return furnished(scenery, layers.floor, support, things, stride, common)
+    return furnished(scenery, layers, support, things, stride, common)
 
 
 def _fill_support(
