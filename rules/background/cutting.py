@@ -41,7 +41,7 @@ def cut(mask: np.ndarray, stride: float, spacing: float, rim: int = 0) -> tuple[
     deep = away[grid[:, 1].astype(int), grid[:, 0].astype(int)] > 0.7 * spacing + 1.0
     points = np.concatenate([*outlines, grid[deep]])
     try:
-        faces = Delaunay(points).simplices
+        faces = np.asarray(Delaunay(points).simplices, np.int64)
     except QhullError:
         return nothing
     a, b, c = (points[faces[:, corner]] for corner in range(3))

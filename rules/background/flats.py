@@ -17,9 +17,7 @@ UPRIGHT_DEG = 6.0
 """A plane nearer than this to vertical or horizontal is made so."""
 
 
-def flats(
-    points: np.ndarray, mask: np.ndarray, up: np.ndarray, least: float
-) -> list[tuple[planes.Plane, np.ndarray]]:
+def flats(points: np.ndarray, mask: np.ndarray, up: np.ndarray, least: float) -> list[tuple[planes.Plane, np.ndarray]]:
     """Planes, in the camera frame, with the pixels (H, W) bool that lie in each, most pixels first.
 
     Args:
@@ -69,7 +67,7 @@ def _inside(plane: planes.Plane, points: np.ndarray, rest: np.ndarray) -> np.nda
     side = max(3, rest.shape[1] // 120) | 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     inside = cv2.morphologyEx(cv2.morphologyEx(inside, cv2.MORPH_OPEN, disc), cv2.MORPH_CLOSE, disc)
-    count, labels, facts, _ = cv2.connectedComponentsWithStats(inside, connectivity=4)
+    _count, labels, facts, _ = cv2.connectedComponentsWithStats(inside, connectivity=4)
     kept = facts[:, cv2.CC_STAT_AREA] >= 0.001 * rest.size
     kept[0] = False
     return np.asarray(kept[labels] & rest)

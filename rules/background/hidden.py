@@ -130,9 +130,7 @@ def _aligned(patch: Patch, scenery: Scenery, room: Room) -> bool:
     return bool(np.abs(room.axes @ normal).max() > ALONG)
 
 
-def _ahead(
-    own: np.ndarray, wide: _Wide, patch: Patch, scenery: Scenery, reach: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _ahead(own: np.ndarray, wide: _Wide, patch: Patch, scenery: Scenery, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Distance [px] from a surface, and the pixels within `reach` of it that its hidden border is nearest to.
 
     A surface that ends before a farther one, or meets another, has been seen to end: it goes on only where something

@@ -33,7 +33,9 @@ def one_picture(pieces: Sequence[Piece], picture: np.ndarray) -> Mesh:
     """Pieces that all show the same picture, as one mesh with that texture."""
     start = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
     vertices = np.concatenate([np.zeros((0, 3)), *(piece.vertices for piece in pieces)])
-    faces = np.concatenate([np.zeros((0, 3), np.int64), *(p.faces + n for p, n in zip(pieces, start[:-1], strict=True))])
+    faces = np.concatenate(
+        [np.zeros((0, 3), np.int64), *(p.faces + n for p, n in zip(pieces, start[:-1], strict=True))]
+    )
     pixel = np.concatenate([np.zeros((0, 2)), *(piece.pixel for piece in pieces)])
     height, width = picture.shape[:2]
     uv = np.stack([(pixel[:, 0] + 0.5) / width, 1.0 - (pixel[:, 1] + 0.5) / height], axis=1).clip(0.0, 1.0)
@@ -61,5 +63,5 @@ def atlas(pieces: Sequence[Piece]) -> Mesh:
     for piece in pieces:
         height, columns = piece.picture.shape[:2]
         inside = piece.pixel.clip(-0.5, [columns - 0.5, height - 0.5])
-        moved.append(Piece(piece.vertices, piece.faces, inside + [1, rows[id(piece.picture)]], whole))
+        moved.append(Piece(piece.vertices, piece.faces, [*inside, 1, rows[id(piece.picture)]], whole))
     return one_picture(moved, whole)

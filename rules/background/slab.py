@@ -49,7 +49,7 @@ def outline(scenery: Scenery, polygon: np.ndarray, hidden: np.ndarray) -> np.nda
         polygon: (Q, 2) convex outline of its measured part [m].
         hidden: (H, W) pixels that showed something else: no outline is read from them.
     """
-    height, width = scenery.labels.shape
+    _height, width = scenery.labels.shape
     visible = broad(scenery.labels == SUPPORT) & ~hidden
     rows, columns = np.nonzero(cv2.morphologyEx(visible.astype(np.uint8), cv2.MORPH_OPEN, _square(width)))
     some = np.s_[:: max(1, len(rows) // 20_000)]
@@ -92,7 +92,11 @@ def _cornered(hull: np.ndarray, scenery: Scenery, hidden: np.ndarray) -> np.ndar
     while number < len(hull) and len(hull) > 3:
         before, a, b, after = (hull[(number + n) % len(hull)] for n in (-1, 0, 1, 2))
         corner = _meeting(before, a, after, b)
-        if corner is not None and not _cut(hull, scenery)[number] and _unseen(np.stack([a, b, corner]), scenery, hidden):
+        if (
+            corner is not None
+            and not _cut(hull, scenery)[number]
+            and _unseen(np.stack([a, b, corner]), scenery, hidden)
+        ):
             rest = [hull[(number + n) % len(hull)] for n in range(2, len(hull))]
             hull, number = np.array([corner, *rest]), 0
         else:

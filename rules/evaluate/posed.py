@@ -6,6 +6,7 @@ import io
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,7 @@ class PosedViews:
         return pixels
 
 
-def _object(ctx: Context, folder: Folder, name: str) -> dict[str, object]:
+def _object(ctx: Context, folder: Folder, name: str) -> dict[str, Any]:
     if name not in folder.files:
         ctx.fail(f"`{name}` is missing", here=listing(folder.files))
     try:

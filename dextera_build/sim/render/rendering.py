@@ -134,6 +134,34 @@ def _use_chosen_platform() -> None:
         gl_context.GLContext = GLContext
 
 
+def stock(model: Any, data: Any, camera: str | Any, height: int, width: int) -> np.ndarray:
+    """Colours (H, W, 3) uint8 sRGB as `mujoco.Renderer` draws them with its default flags.
+
+    Args:
+        model: Compiled model.
+        data: A state after `mj_forward`.
+        camera: Name of a camera of the model, or an `mjvCamera`.
+        height: Rows [px]; at most those of the model's off-screen buffer.
+        width: Columns [px].
+    """
+    _use_chosen_platform()
+    with mujoco.Renderer(model, height, width) as renderer:
+        renderer.update_scene(data, camera)
+        return np.array(renderer.render())
+
+
+def orbit(world_from_camera: np.ndarray, target: np.ndarray, turn: float) -> Any:
+    """An `mjvCamera` that looks at `target` (3,) from the place of another camera, turned about the vertical [rad]."""
+    away = world_from_camera[:3, 3] - target
+    camera = mujoco.MjvCamera()
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.lookat[:] = target
+    camera.distance = float(np.linalg.norm(away))
+    camera.azimuth = float(np.degrees(np.arctan2(-away[1], -away[0]) + turn))
+    camera.elevation = -float(np.degrees(np.arcsin(away[2] / camera.distance)))
+    return camera
+
+
 def through(model: Any, view: View) -> Eye:
     """The camera of `view` as used by policies and films."""
     return Eye(model, view.camera, view.camera_pose.matrix, samples=view.samples)
