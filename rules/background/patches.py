@@ -10,6 +10,7 @@ import numpy as np
 from dextera_build.geometry import cameras, planes
 
 from .flats import flats
+from .layers import coloured_like
 from .steps import connected, smoothed, steps
 from .synthesis import membrane
 
@@ -23,6 +24,10 @@ PIECE = 0.004
 """Least fraction of the picture that a connected piece of a plane covers."""
 BLUR = 0.003
 """Depth and colours are registered to this fraction of the picture's width."""
+GAP = 0.13
+"""Surfaces go on over unmeasured places that are nowhere farther from a measured pixel, as a fraction of the width."""
+STRANGE = 90.0
+"""Colour distance from the support, of 255, at which an unmeasured neighbour of it is something else."""
 MARGIN = 8
 """Pixels around a surface for which its depth is known, too."""
 
@@ -103,6 +108,10 @@ def divide(
     measured = labels.copy()
     depths = np.where(support, _plane_depth(plane, k, labels.shape), soft)
     labels = _grown(pixels, np.where(_doubtful(labels, depths, step_m), 0, labels).astype(np.int32))
+    labels = _without_void(labels, measured)
+    # The support goes on where it looks as it does; a floor without depth has another colour.
+    strange = (labels == SUPPORT) & (measured != SUPPORT) & ~coloured_like(pixels, measured == SUPPORT, STRANGE)
+    labels = np.where(strange & (_away(measured == SUPPORT) > 2 * BLUR), 0, labels).astype(np.int32)
     return labels, [_patch(number, flat, labels, measured, soft) for number, flat in found.items()]
 
 
@@ -146,6 +155,21 @@ def _grown(pixels: np.ndarray, labels: np.ndarray) -> np.ndarray:
         largest = cv2.dilate(grown.astype(np.float32), np.ones((3, 3), np.uint8)).astype(np.int32)
         grown = np.where(grown == 0, largest, grown)
     return np.where(labels > 0, labels, grown).astype(np.int32)
+
+
+def _away(mask: np.ndarray) -> np.ndarray:
+    """Distance of each pixel from a mask, as a fraction of the picture's width."""
+    return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3) / mask.shape[1])
+
+
+def _without_void(labels: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """Labels without wide unmeasured places: nobody knows what they show."""
+    away = _away(measured > 0)
+    core = away > GAP
+    if not core.any():
+        return labels
+    wide = _away(core) <= GAP
+    return np.where(wide & (away > 2 * BLUR), 0, labels).astype(np.int32)
 
 
 def _patch(

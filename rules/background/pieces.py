@@ -63,5 +63,5 @@ def atlas(pieces: Sequence[Piece]) -> Mesh:
     for piece in pieces:
         height, columns = piece.picture.shape[:2]
         inside = piece.pixel.clip(-0.5, [columns - 0.5, height - 0.5])
-        moved.append(Piece(piece.vertices, piece.faces, [*inside, 1, rows[id(piece.picture)]], whole))
+        moved.append(Piece(piece.vertices, piece.faces, inside + np.array([1, rows[id(piece.picture)]]), whole))
     return one_picture(moved, whole)

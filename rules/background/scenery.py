@@ -45,8 +45,11 @@ class Scenery:
         flat = (pixel - [self.k[0, 2], self.k[1, 2]]) / [self.k[0, 0], self.k[1, 1]] * depth[..., None]
         return transforms.apply(self.world_from_camera, np.concatenate([flat, depth[..., None]], axis=-1))
 
-    def colours(self, points: np.ndarray, apart_m: float) -> tuple[np.ndarray, np.ndarray]:
-        """Colours (..., 3) float32 of world points (..., 3), and which of them the picture shows within `apart_m`."""
+    def colours(self, points: np.ndarray, apart_m: float, *, unmeasured: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Colours (..., 3) float32 of world points (..., 3), and which of them the picture shows within `apart_m`.
+
+        With `unmeasured`, pixels that belong to no patch show whatever is behind them.
+        """
         seen = transforms.apply(np.linalg.inv(self.world_from_camera), points)
         ahead = seen[..., 2] > 0.05
         flat = np.where(ahead[..., None], seen, 1.0).reshape(-1, 3)
@@ -55,6 +58,8 @@ class Scenery:
         inside = ahead & (pixel >= 0).all(axis=-1) & (pixel[..., 0] < width) & (pixel[..., 1] < height)
         row, column = np.clip(pixel[..., 1], 0, height - 1), np.clip(pixel[..., 0], 0, width - 1)
         shown = inside & (np.abs(self.depth[row, column] - seen[..., 2]) < apart_m)
+        if unmeasured:
+            shown |= inside & (self.depth[row, column] == 0)
         return self.pixels[row, column].astype(np.float32), shown
 
     def planes(self) -> list[tuple[np.ndarray, float, int]]:

@@ -99,9 +99,9 @@ def shell(room: Room, scenery: Scenery) -> list[Piece]:
         [[x0, y0, z1], [x0, y1, z1], [x1, y1, z1], [x1, y0, z1]],
     )
     corners = [np.array(side) @ room.axes for side in sides]
-    painted = [scenery.colours(_texels(c), 0.25) for c in corners]
-    for (_, shown), known in zip(painted, (*room.known, True), strict=True):
-        shown &= known
+    # Without depth, whatever is not the support is on the walls and the floor.
+    alone = not len(scenery.points)
+    painted = [scenery.colours(_texels(c), 0.25, unmeasured=alone) for c in corners]
     mean = scenery.pixels.reshape(-1, 3).mean(axis=0)
     walls = [colour[shown] for colour, shown in painted[:4] if shown.any()]
     wall = np.concatenate(walls).mean(axis=0) if walls else mean

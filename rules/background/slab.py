@@ -123,8 +123,8 @@ def _unseen(triangle: np.ndarray, scenery: Scenery, hidden: np.ndarray) -> bool:
     pixel = np.round(_pixels(share @ triangle, scenery)).astype(np.int64)
     inside = (pixel >= 0).all(axis=1) & (pixel[:, 0] < width) & (pixel[:, 1] < height)
     column, row = pixel[inside].T
-    support = scenery.labels[row, column] == SUPPORT
-    return bool((hidden[row, column] | support).sum() >= 0.9 * inside.sum())
+    other = ~hidden[row, column] & (scenery.labels[row, column] > 0) & (scenery.labels[row, column] != SUPPORT)
+    return bool((~other).sum() >= 0.9 * inside.sum())
 
 
 def _moved_out(hull: np.ndarray, far: np.ndarray) -> np.ndarray:
@@ -164,7 +164,7 @@ def slab(scenery: Scenery, edge: np.ndarray, thickness: float) -> list[Piece]:
     width, height = (int(n) for n in np.ceil(np.ptp(edge, axis=0) / texel) + 1)
     columns, rows = np.meshgrid(np.arange(width), np.arange(height))
     flat = np.stack([low[0] + columns * texel, low[1] + rows * texel, np.zeros(rows.shape)], axis=-1)
-    colour, shown = scenery.colours(flat, 0.02)
+    colour, shown = scenery.colours(flat, 0.02, unmeasured=True)
     shown = cv2.erode(shown.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=0) > 0
     picture = np.clip(_continued(colour, shown), 0, 255).astype(np.uint8)
     pixel = (edge - low) / texel
