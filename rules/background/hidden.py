@@ -111,7 +111,7 @@ def _owners(wide: _Wide, scenery: Scenery, room: Room) -> tuple[np.ndarray, list
         away, free = _ahead(own, wide, patch, scenery, reach)
         free &= away < best
         if not broad:
-            free &= wide.inside
+            free &= wide.labels > 0
         where = np.nonzero(free)
         depth = patch.depth(wide.pixel[where], scenery.k)
         good = np.isfinite(depth) & (depth > wide.depth[where] + BEHIND_M)

@@ -163,13 +163,17 @@ def _away(mask: np.ndarray) -> np.ndarray:
 
 
 def _without_void(labels: np.ndarray, measured: np.ndarray) -> np.ndarray:
-    """Labels without wide unmeasured places: nobody knows what they show."""
+    """Labels without unmeasured places that are wide, or wider than the surface beside them: nobody knows them."""
     away = _away(measured > 0)
     core = away > GAP
-    if not core.any():
-        return labels
-    wide = _away(core) <= GAP
-    return np.where(wide & (away > 2 * BLUR), 0, labels).astype(np.int32)
+    wide = _away(core) <= GAP if core.any() else core
+    border = cv2.morphologyEx(measured.astype(np.float32), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
+    inner = cv2.distanceTransform((~border).astype(np.uint8), cv2.DIST_L2, 3) / labels.shape[1]
+    radius = np.zeros(int(max(labels.max(), measured.max())) + 1)
+    np.maximum.at(radius, measured.reshape(-1), inner.reshape(-1))
+    # Half a surface's width lies between its border and its middle.
+    far = (away > 2 * radius[labels]) & (labels != SUPPORT)
+    return np.where((wide | far) & (away > 2 * BLUR), 0, labels).astype(np.int32)
 
 
 def _patch(

@@ -22,7 +22,7 @@ HEAD_M = 0.3
 """Distance of the ceiling above the camera and the highest thing seen [m]."""
 GAP_M = 0.02
 """Distance of a wall behind the plane that was seen of it [m]."""
-TEXELS = 96
+TEXELS = 192
 """Edge of a wall's picture."""
 
 
