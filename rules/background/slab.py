@@ -12,7 +12,7 @@ from .pieces import Piece
 from .scenery import Scenery
 from .synthesis import fill_texture, membrane
 
-BEYOND_M = 0.4
+BEYOND_M = 0.25
 """How far a support goes on beyond the picture's border that cuts it [m]."""
 UNDER_M = 0.001
 """The slab's top is this far below the surface that was photographed [m]."""
