@@ -59,6 +59,8 @@ def split(photograph: Photograph, depth: np.ndarray, support: Support, hole: np.
     elsewhere = measured & ~level
     seen = floor[_wide(level & around)]
     outline = regions.convex_hull(np.concatenate([support.polygon, seen[:: max(1, len(seen) // 20_000)]]))
+    # Every corner costs a pass over the picture; a millimetre is less than the points' noise.
+    outline = cv2.approxPolyDP(outline.astype(np.float32)[:, None], 0.001, True)[:, 0].astype(np.float64)
     inside = finite & regions.inside_convex(floor, outline)
     outside = ~hole & ~regions.inside_convex(floor, outline, RIM_M)
     alike = outside & ~elsewhere & coloured_like(photograph.rgb.pixels, level & around)

@@ -23,14 +23,12 @@ def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np
     model = models.compile_folder(scene.model)
     data = models.at_home(model)
     camera, pose = scene.camera, scene.camera_pose.matrix
-    pixels = rendering.stock(model, data, "capture", camera.height, camera.width)
     roots = [data.body(name).xpos for name in scene.bodies]
     middle = np.mean(roots, axis=0) if roots else np.zeros(3)
     sides = (rendering.orbit(pose, middle, np.radians(turn)) for turn in TURNS_DEG)
-    around = tuple(rendering.stock(model, data, side, camera.height, camera.width) for side in sides)
-    geoms = rendering.render_segmentation(model, data, camera, pose)
+    (pixels, *around), geoms = rendering.stock(model, data, ["capture", *sides], camera.height, camera.width)
     owners = np.append(np.asarray(model.body_rootid), -1)[rendering.bodies_of(model, geoms)]
     owner = np.full(geoms.shape, -1, np.int32)
     for number, name in enumerate(scene.bodies):
         owner[owners == model.body(name).id] = number
-    return pixels, owner, around
+    return pixels, owner, tuple(around)

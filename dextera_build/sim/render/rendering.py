@@ -9,6 +9,7 @@ The package `dextera_build.sim` selects EGL unless `MUJOCO_GL` is set.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -95,7 +96,7 @@ class Eye:
         self._renderer.enable_segmentation_rendering()
         pairs = np.array(self._renderer.render())
         self._renderer.disable_segmentation_rendering()
-        return np.where(pairs[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), pairs[..., 0], -1).astype(np.int32)
+        return _geoms(pairs)
 
     def _upload(self) -> None:
         """Copy resized meshes to the GPU, which holds them as they were when the camera was made."""
@@ -134,20 +135,35 @@ def _use_chosen_platform() -> None:
         gl_context.GLContext = GLContext
 
 
-def stock(model: Any, data: Any, camera: str | Any, height: int, width: int) -> np.ndarray:
-    """Colours (H, W, 3) uint8 sRGB as `mujoco.Renderer` draws them with its default flags.
+def stock(
+    model: Any, data: Any, cameras: Sequence[str | Any], height: int, width: int
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """The scene as `mujoco.Renderer` draws it with its default flags.
 
     Args:
         model: Compiled model.
         data: A state after `mj_forward`.
-        camera: Name of a camera of the model, or an `mjvCamera`.
+        cameras: Names of cameras of the model, or `mjvCamera`.
         height: Rows [px]; at most those of the model's off-screen buffer.
         width: Columns [px].
+
+    Returns:
+        Colours (H, W, 3) uint8 sRGB from each camera, and geom ids (H, W) int32 from the first, -1 without a geom.
     """
     _use_chosen_platform()
     with mujoco.Renderer(model, height, width) as renderer:
-        renderer.update_scene(data, camera)
-        return np.array(renderer.render())
+        pictures = []
+        for camera in cameras:
+            renderer.update_scene(data, camera)
+            pictures.append(np.array(renderer.render()))
+        renderer.update_scene(data, cameras[0])
+        renderer.enable_segmentation_rendering()
+        return pictures, _geoms(np.array(renderer.render()))
+
+
+def _geoms(pairs: np.ndarray) -> np.ndarray:
+    """Geom ids (H, W) int32 of a segmentation's pairs of id and type; -1 without a geom."""
+    return np.where(pairs[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), pairs[..., 0], -1).astype(np.int32)
 
 
 def orbit(world_from_camera: np.ndarray, target: np.ndarray, turn: float) -> Any:
