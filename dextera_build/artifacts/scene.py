@@ -33,15 +33,18 @@ class SupportBox(Value):
 class Background(Artifact):
     """The static scene with the objects removed."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.from_depth}
+    type_version: ClassVar[int] = 3
+    readers: ClassVar[former.Readers] = {1: former.from_depth, 2: former.unchanged}
 
     image: Image
     """The photograph with the objects filled in."""
     depth: DepthImage
     """Its depth."""
     mesh: Mesh
-    """Textured surface in the world frame; open at its border, because one camera saw it."""
+    """Textured surface in the world frame that the photograph shows, or shows once the objects are taken out."""
+    invented: Mesh | None = None
+    """Textured surfaces in the world frame that no pixel shows: behind and beside what was seen, the support's sides
+    and underside, the walls, floor and ceiling that close the room; None: there are none."""
     boxes: tuple[SupportBox, ...]
     """Collision geometry; the first one is the support with its top at z = 0."""
     asset_source: AssetSource = "rgb"

@@ -6,6 +6,7 @@ Masks and pictures are (H, W[, 3]) of one camera, surfaces are triangles in one 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -149,3 +150,59 @@ def mean_std(values: Sequence[float | None]) -> tuple[float | None, float | None
     if not len(known):
         return None, None, 0
     return float(known.mean()), float(known.std(ddof=1)) if len(known) > 1 else None, len(known)
+
+
+def ssim(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | None:
+    """Mean structural similarity of two sRGB uint8 pictures (H, W, 3) over `where`; None if `where` is empty.
+
+    Wang et al. 2004 with their Gaussian window (11 x 11, standard deviation 1.5 px) and constants, mean of the three
+    channels. Windows reach over the border of `where`, so both pictures need values there.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    if not where.any():
+        return None
+    a, b = one.astype(np.float64), other.astype(np.float64)
+
+    def smooth(values: np.ndarray) -> np.ndarray:
+        return np.asarray(gaussian_filter(values, (1.5, 1.5, 0.0), truncate=10 / 3))
+
+    mean_a, mean_b = smooth(a), smooth(b)
+    variances = smooth(a * a) - mean_a**2 + smooth(b * b) - mean_b**2
+    covariance = smooth(a * b) - mean_a * mean_b
+    first, second = (0.01 * 255) ** 2, (0.03 * 255) ** 2
+    index = (2 * mean_a * mean_b + first) * (2 * covariance + second)
+    index /= (mean_a**2 + mean_b**2 + first) * (variances + second)
+    return float(index.mean(axis=-1)[where].mean())
+
+
+@dataclass(frozen=True)
+class DepthErrors:
+    """Errors of a depth map against a true one, over the pixels where both are valid."""
+
+    mae: float
+    """Mean absolute difference [m]."""
+    rmse: float
+    """Root mean square difference [m]."""
+    median: float
+    """Median absolute difference [m]."""
+    abs_rel: float
+    """Mean of the difference over the true depth."""
+    delta1: float
+    """Fraction with a ratio below 1.25."""
+
+
+def depth_errors(found: np.ndarray, truth: np.ndarray, where: np.ndarray) -> DepthErrors | None:
+    """Depth errors over `where`, where both are valid (not 0); None if there is no such pixel (Eigen et al. 2014)."""
+    both = where & (found > 0) & (truth > 0)
+    if not both.any():
+        return None
+    a, b = found[both].astype(np.float64), truth[both].astype(np.float64)
+    apart = np.abs(a - b)
+    return DepthErrors(
+        mae=float(apart.mean()),
+        rmse=float(np.sqrt((apart**2).mean())),
+        median=float(np.median(apart)),
+        abs_rel=float((apart / b).mean()),
+        delta1=float((np.maximum(a / b, b / a) < 1.25).mean()),
+    )

@@ -106,6 +106,8 @@ def _(background: Background, server: Any, name: str) -> Any:
     """The static surface and its collision boxes."""
     frame = add_frame(server, name, np.eye(4))
     show(background.mesh, server, f"{name}/surface")
+    if background.invented is not None:
+        show(background.invented, server, f"{name}/invented")
     for box in background.boxes:
         turn = np.array([np.cos(box.yaw / 2), 0.0, 0.0, np.sin(box.yaw / 2)])
         server.scene.add_box(

@@ -9,12 +9,12 @@ from dextera_build.artifacts.view import InstanceMap
 from dextera_build.geometry import regions
 
 
-def hole(instances: InstanceMap, part: float) -> np.ndarray:
-    """Pixels (H, W) of objects and of what is fixed, dilated by a fraction of the width.
+def hole(instances: InstanceMap, robot: np.ndarray, part: float) -> np.ndarray:
+    """Pixels (H, W) of objects and of the robot (H, W), dilated by a fraction of the width.
 
     Inner gaps, such as the opening of a handle, are part of it.
     """
-    mask = (instances.labels > 0) | instances.fixed
+    mask = (instances.labels > 0) | robot
     radius = max(1, round(part * mask.shape[1]))
     outside = np.pad(~mask, 1, constant_values=True)
     mask = np.pad(mask, 1) | ~regions.largest(outside)

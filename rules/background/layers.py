@@ -59,9 +59,11 @@ def split(photograph: Photograph, depth: np.ndarray, support: Support, hole: np.
     elsewhere = measured & ~level
     seen = floor[_wide(level & around)]
     outline = regions.convex_hull(np.concatenate([support.polygon, seen[:: max(1, len(seen) // 20_000)]]))
+    # Every corner costs a pass over the picture; a millimetre is less than the points' noise.
+    outline = cv2.approxPolyDP(outline.astype(np.float32)[:, None], 0.001, True)[:, 0].astype(np.float64)
     inside = finite & regions.inside_convex(floor, outline)
     outside = ~hole & ~regions.inside_convex(floor, outline, RIM_M)
-    alike = outside & ~elsewhere & _coloured_like(photograph.rgb.pixels, level & around)
+    alike = outside & ~elsewhere & coloured_like(photograph.rgb.pixels, level & around)
     goes_on = around & _nearer(_wide(alike), outside & ~alike)
     return Layers(hole, plane, floor, level, elsewhere, np.asarray(~elsewhere & (inside | goes_on)))
 
@@ -72,15 +74,15 @@ def _wide(mask: np.ndarray) -> np.ndarray:
     return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8)) > 0)
 
 
-def _coloured_like(pixels: np.ndarray, level: np.ndarray) -> np.ndarray:
-    """Pixels with about the colour of the surrounding support."""
+def coloured_like(pixels: np.ndarray, level: np.ndarray, most: float = SAME_COLOUR) -> np.ndarray:
+    """Pixels with about the colour of the surrounding support; at most `most` of 255 apart."""
     size = (max(1, level.shape[1] // 4), max(1, level.shape[0] // 4))
     small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     known = cv2.resize(level.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
     if known.sum() < 100:
         return np.ones_like(level)
     step = np.abs(cv2.blur(small, (3, 3)) - smooth_part(small, known, 8.0)).max(axis=-1)
-    return np.asarray(cv2.resize(step, level.shape[::-1], interpolation=cv2.INTER_LINEAR) < SAME_COLOUR)
+    return np.asarray(cv2.resize(step, level.shape[::-1], interpolation=cv2.INTER_LINEAR) < most)
 
 
 def _nearer(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.camera import Measured, Photograph
+from dextera_build.artifacts.image import LabelImage
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.view import InstanceMap
@@ -33,48 +34,57 @@ class BackgroundBackend(Protocol):
         depth: np.ndarray,
         support: Support,
         instances: InstanceMap,
+        robot: np.ndarray,
         common: StaticOptions,
         options: Any,
     ) -> Background:
-        """Remove what stands on the support from photograph and depth, and build the surface behind it [m, world].
+        """Remove objects and the robot from photograph and depth, and build the surface behind them [m, world].
 
-        `depth` is (H, W) float32 [m], 0 where nothing was measured.
+        `depth` is (H, W) float32 [m], 0 where nothing was measured; `robot` (H, W) bool.
         """
         ...
 
 
-@rule(version=2)
+@rule(version=3)
 def static(
     ctx: Context[BackgroundBackend],
     photograph: Photograph,
     support: Support,
     instances: InstanceMap,
     measured: Measured | None = None,
+    robot: LabelImage | None = None,
     *,
     options: StaticOptions | None = None,
 ) -> Background:
-    """Return the cleaned photograph and depth, a textured surface in the world frame [m] and collision boxes.
+    """Return the cleaned photograph and depth, the room's textured surfaces in the world frame [m], collision boxes.
 
-    The surface is visual only; the boxes collide. The first box is the support with its top at z = 0. Without depth,
-    only the support itself has a surface.
+    Objects are taken out, and the robot if `robot`, whose pixels are not 0, tells where it is: nothing else is called
+    a robot. Everything else stays. Surfaces that no pixel shows are apart, in `invented`. Surfaces are visual only;
+    the boxes collide. The first box is the support with its top at z = 0. Without depth, only the support itself has
+    a measured surface.
     """
     options = options or StaticOptions()
     size = photograph.rgb.pixels.shape[:2]
     labels = instances.labels
     if labels.shape != size:
         ctx.fail("the instances are of another picture", photograph=f"{size}", labels=f"{labels.shape}")
+    machine = np.zeros(size, bool) if robot is None else robot.labels != 0
+    if machine.shape != size:
+        ctx.fail("the robot's pixels are of another picture", photograph=f"{size}", robot=f"{machine.shape}")
     depth = np.zeros(size, np.float32) if measured is None else measured.depth.depth
-    made = ctx.backend.clean(ctx, photograph, depth, support, instances, options, ctx.backend_options)
+    made = ctx.backend.clean(ctx, photograph, depth, support, instances, machine, options, ctx.backend_options)
     result = made.model_copy(update={"asset_source": "rgb" if measured is None else "rgbd"})
     top = result.boxes[0].centre[2] + result.boxes[0].half_size[2]
     ctx.check(abs(top) < 1e-9, "the support's box does not end at z = 0", top=f"{top * 1000:.3f} mm")
     ctx.check(len(result.mesh.faces) > 0, "nothing of the background was measured", hint="lower `stride`")
-    hidden = (labels > 0) | instances.fixed
+    hidden = (labels > 0) | machine
     untouched = float((result.image.pixels == photograph.rgb.pixels).all(axis=-1).mean())
     ctx.metric("filled", 100.0 * (1.0 - untouched), "%")
+    invented = 0 if result.invented is None else len(result.invented.faces)
     ctx.metric("faces", len(result.mesh.faces))
+    ctx.metric("invented faces", invented)
     ctx.say(
-        f"{hidden.mean():.0%} of the photograph taken out, {len(result.mesh.faces):,} faces, "
+        f"{hidden.mean():.0%} of the photograph taken out, {len(result.mesh.faces):,} faces, {invented:,} invented, "
         f"{len(result.boxes)} collision {'box' if len(result.boxes) == 1 else 'boxes'}"
     )
     ctx.preview(result.image.pixels, "the photograph without objects")

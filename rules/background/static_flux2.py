@@ -57,12 +57,13 @@ def clean(
     depth: np.ndarray,
     support: Support,
     instances: InstanceMap,
+    robot: np.ndarray,
     common: StaticOptions,
     options: Flux2Options,
 ) -> Background:
     """The background of `planes` with the pixels of the hole by FLUX.2 (Black Forest Labs, 2025); others stay."""
-    made: Background = ctx.other("planes").clean(photograph, depth, support, instances, common)
-    taken = hole(instances, options.dilate)
+    made: Background = ctx.other("planes").clean(photograph, depth, support, instances, robot, common)
+    taken = hole(instances, robot, options.dilate)
     if not taken.any():
         return made
     longest = min(options.longest_px, max(taken.shape))

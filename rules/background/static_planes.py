@@ -9,25 +9,22 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.camera import Camera, Photograph
-from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.view import InstanceMap
-from dextera_build.geometry import regions
 from dextera_build.rule import Backend, Context, Fraction, Options
 
-from .boxes import support_box
+from .furnished import furnished, seen_of, survey
 from .holes import hole
 from .layers import SAME_COLOUR, Layers, split
 from .rectified import top_view
-from .surface import grid_mesh, snap
-from .synthesis import fill_texture, membrane, smooth_part
+from .synthesis import fill_texture, smooth_part
 
 if TYPE_CHECKING:
     from .static import StaticOptions
 
 BACKEND = Backend(
-    summary="rectified texture synthesis on the support, inpainting elsewhere, depth from the plane",
+    summary="a layered mesh: planes and smooth surfaces of the photograph, a slab for the support, a closed room",
     profiles=("cpu",),
     packages=("opencv-python-headless",),
     extra="twin",
@@ -49,12 +46,12 @@ class PlanesOptions(Options):
     """Smallest texel of the rectified support [m]."""
     snap_m: NonNegativeFloat = 0.015
     """Surface within this height of the support is snapped to it [m]."""
-    stride: float = Field(0.01, gt=0.0, le=1.0)
-    """Spacing of the mesh's vertices in the photograph, as a fraction of its width."""
-    edge: PositiveFloat = 0.05
-    """Relative depth step between neighbouring vertices that cuts the mesh."""
-    farthest_m: PositiveFloat = 4.0
-    """Surface farther from the camera is omitted [m]."""
+    stride: float = Field(0.008, gt=0.0, le=1.0)
+    """Spacing of the vertices of curved surfaces in the photograph, as a fraction of its width."""
+    step_m: PositiveFloat = 0.03
+    """Surfaces farther apart in depth are not joined [m]."""
+    farthest_m: PositiveFloat = 8.0
+    """Depth farther from the camera counts as unknown [m]."""
 
 
 def clean(
@@ -63,35 +60,24 @@ def clean(
     depth: np.ndarray,
     support: Support,
     instances: InstanceMap,
+    robot: np.ndarray,
     common: StaticOptions,
     options: PlanesOptions,
 ) -> Background:
-    """Remove everything on the support from photograph and depth, and build the surface behind it."""
+    """Remove objects and robot from photograph and depth, and build the room without them."""
     cv2.setNumThreads(1)
-    taken = hole(instances, options.dilate)
+    depth = np.where(depth > options.farthest_m, 0.0, depth).astype(np.float32)
+    taken = hole(instances, robot, options.dilate)
     layers = split(photograph, depth, support, taken, options.snap_m)
     image = photograph.rgb.pixels.astype(np.float32)
     if (taken & layers.behind).any():
         image = _fill_support(image, layers, photograph.camera, support, options)
     pixels = np.clip(np.round(image), 0, 255).astype(np.uint8)
     pixels = _inpaint(pixels, taken & ~layers.behind, layers.behind)
-    near = regions.inside_convex(layers.floor, support.polygon, common.margin_m) & layers.behind
-    behind = _depth(depth, layers, near, options)
-    mesh = grid_mesh(
-        pixels,
-        behind,
-        photograph.camera,
-        support.camera_pose.matrix,
-        stride=max(1, round(options.stride * photograph.camera.width)),
-        edge=options.edge,
-        flat=layers.behind | layers.level,
-    )
-    return Background(
-        image=Image(pixels=pixels),
-        depth=DepthImage(depth=behind),
-        mesh=snap(mesh, options.snap_m),
-        boxes=(support_box(support.polygon, common.margin_m, common.thickness_m),),
-    )
+    scenery = survey(pixels, np.where(taken, 0.0, depth), layers.behind, photograph.camera, support, options.step_m)
+    things = seen_of(instances.labels > 0, depth, photograph.camera, support)
+    stride = max(1.0, options.stride * photograph.camera.width)
+    return furnished(scenery, layers, support, things, stride, common)
 
 
 def _fill_support(
@@ -176,28 +162,3 @@ def _both_ways(pixels: np.ndarray, hole: np.ndarray) -> np.ndarray:
     )
     telea, flow = (cv2.inpaint(small, mask, 4, how).astype(np.float32) for how in (cv2.INPAINT_TELEA, cv2.INPAINT_NS))
     return np.asarray(np.round(cv2.resize((telea + flow) / 2, size, interpolation=cv2.INTER_LINEAR)), np.uint8)
-
-
-def _depth(depth: np.ndarray, layers: Layers, near: np.ndarray, options: PlanesOptions) -> np.ndarray:
-    """Depth of the empty scene: the plane on the support, otherwise the surroundings of a hole; 0 if unknown."""
-    clean = np.where(layers.hole, 0.0, depth)
-    open_ = (clean == 0) & near
-    clean[open_] = layers.plane[open_]
-    rest = layers.hole & ~layers.behind
-    if rest.any() and layers.elsewhere.any():
-        inverse = np.where(layers.elsewhere, 1.0 / np.maximum(depth, 1e-3), 0.0).astype(np.float32)[..., None]
-        clean[rest] = 1.0 / np.maximum(membrane(inverse, layers.elsewhere)[..., 0][rest], 1e-3)
-    clean[clean > options.farthest_m] = 0.0
-    return _without_specks(clean.astype(np.float32), round(options.dilate * depth.shape[1]))
-
-
-def _without_specks(depth: np.ndarray, side: int) -> np.ndarray:
-    """Interpolate unmeasured spots of up to `side` x `side` pixels in `depth`."""
-    count, labels, facts, _ = cv2.connectedComponentsWithStats((depth == 0).astype(np.uint8), connectivity=4)
-    small = facts[:, cv2.CC_STAT_AREA] <= side * side
-    small[0] = False
-    specks = small[labels]
-    if count > 1 and specks.any():
-        inverse = np.where(depth > 0, 1.0 / np.maximum(depth, 1e-3), 0.0).astype(np.float32)[..., None]
-        depth = np.where(specks, 1.0 / np.maximum(membrane(inverse, depth > 0)[..., 0], 1e-3), depth)
-    return depth.astype(np.float32)

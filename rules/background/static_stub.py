@@ -30,11 +30,12 @@ def clean(
     depth: np.ndarray,
     support: Support,
     instances: InstanceMap,
+    robot: np.ndarray,
     common: StaticOptions,
     options: Options,
 ) -> Background:
     """Fill holes with one colour and project the photograph onto the support."""
-    hole = (instances.labels > 0) | instances.fixed
+    hole = (instances.labels > 0) | robot
     pixels = photograph.rgb.pixels.copy()
     pixels[hole] = np.round(pixels[~hole].mean(axis=0)).astype(np.uint8) if (~hole).any() else 128
     camera = photograph.camera

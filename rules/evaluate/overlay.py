@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
+
+import numpy as np
 
 from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.scene import Scene
+from dextera_build.geometry import metrics
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from .panels import board
-
-if TYPE_CHECKING:
-    import numpy as np
 
 
 class OverlayOptions(Options):
@@ -25,16 +25,21 @@ class OverlayOptions(Options):
 class OverlayBackend(Protocol):
     """What a backend of evaluate.overlay defines."""
 
-    def render(self, ctx: Context, scene: Scene, options: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Colours (H, W, 3) uint8 and, per pixel, the index of its object in `scene.bodies` (H, W) int32, or -1."""
+    def render(self, ctx: Context, scene: Scene, options: Any) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
+        """The twin as any program draws it, without flags or lights of its own.
+
+        Returns:
+            Colours (H, W, 3) uint8 through camera `capture`; per pixel, the index of its object in `scene.bodies`
+            (H, W) int32, or -1; colours from two other sides.
+        """
         ...
 
 
-@rule(version=1)
+@rule(version=2)
 def overlay(ctx: Context[OverlayBackend], photograph: Photograph, scene: Scene, *, options: OverlayOptions) -> Image:
-    """Return four pictures from the photograph's camera: photograph, twin, blend, and the twin's outlines on the photo.
+    """Return pictures from the photograph's camera: photograph, twin, blend, outlines on the photo; two from elsewhere.
 
-    The twin is rendered in keyframe `home` over the cleaned photograph.
+    The twin is rendered in keyframe `home` by a stock renderer.
     """
     camera = scene.camera
     size = photograph.rgb.pixels.shape[:2]
@@ -46,11 +51,17 @@ def overlay(ctx: Context[OverlayBackend], photograph: Photograph, scene: Scene, 
         )
     twin: np.ndarray
     owner: np.ndarray
-    twin, owner = ctx.backend.render(ctx, scene, ctx.backend_options)
+    twin, owner, sides = ctx.backend.render(ctx, scene, ctx.backend_options)
     ctx.check(twin.shape == photograph.rgb.pixels.shape, "the render has another size than the photograph")
     shown = sum(bool((owner == number).any()) for number in range(len(scene.bodies)))
     ctx.metric("objects in view", shown, f"of {len(scene.bodies)}")
-    ctx.say(f"{shown} of {len(scene.bodies)} objects in view")
-    picture = board(photograph.rgb.pixels, twin, owner, scene.bodies, options.blend)
-    ctx.preview(picture, "photograph, twin, blend, outlines")
+    likeness = metrics.psnr(twin, photograph.rgb.pixels, np.ones(size, bool))
+    if likeness is not None:
+        ctx.metric("PSNR", likeness, "dB")
+    ctx.say(
+        f"{shown} of {len(scene.bodies)} objects in view"
+        + (f", {likeness:.1f} dB from the photograph" if likeness is not None else "")
+    )
+    picture = board(photograph.rgb.pixels, twin, owner, scene.bodies, options.blend, sides)
+    ctx.preview(picture, "photograph, twin, blend, outlines, two other sides")
     return Image(pixels=picture)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 
 from dextera_build.artifacts.scene import Scene
@@ -13,27 +11,24 @@ from dextera_build.sim.render import rendering
 
 BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu",), packages=("mujoco",), extra="twin")
 
+TURNS_DEG = (-50.0, 50.0)
+"""Directions of the other two pictures, about the vertical from the photograph's."""
 
-def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np.ndarray]:
-    """Colours (H, W, 3) uint8 and, per pixel, the index of its object in `scene.bodies` (H, W) int32, or -1."""
+
+def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
+    """Colours (H, W, 3) uint8 through camera `capture`, owner (H, W) int32 of each pixel, and colours from two sides.
+
+    The pictures are drawn as `mujoco.Renderer` draws them if it is told nothing else.
+    """
     model = models.compile_folder(scene.model)
     data = models.at_home(model)
-    with rendering.Eye(model, scene.camera, scene.camera_pose.matrix) as eye:
-        pixels = eye.rgb(data)
-        geoms = eye.segmentation(data)
-    roots = np.append(np.asarray(model.body_rootid), -1)[rendering.bodies_of(model, geoms)]
+    camera, pose = scene.camera, scene.camera_pose.matrix
+    roots = [data.body(name).xpos for name in scene.bodies]
+    middle = np.mean(roots, axis=0) if roots else np.zeros(3)
+    sides = (rendering.orbit(pose, middle, np.radians(turn)) for turn in TURNS_DEG)
+    (pixels, *around), geoms = rendering.stock(model, data, ["capture", *sides], camera.height, camera.width)
+    owners = np.append(np.asarray(model.body_rootid), -1)[rendering.bodies_of(model, geoms)]
     owner = np.full(geoms.shape, -1, np.int32)
     for number, name in enumerate(scene.bodies):
-        owner[roots == model.body(name).id] = number
-    return _backed(pixels, owner < 0, scene), owner
-
-
-def _backed(pixels: np.ndarray, empty: np.ndarray, scene: Scene) -> np.ndarray:
-    """Composite objects over the cleaned photograph, the static surface's texture seen from this camera."""
-    from PIL import Image
-
-    data = scene.model.files.get("assets/background.png")
-    if data is None:
-        return pixels
-    behind = np.asarray(Image.open(io.BytesIO(data), formats=("PNG",)).convert("RGB"))
-    return np.where(empty[..., None], behind, pixels) if behind.shape == pixels.shape else pixels
+        owner[owners == model.body(name).id] = number
+    return pixels, owner, tuple(around)

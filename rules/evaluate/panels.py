@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import colorsys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,8 +15,15 @@ GAP, BAR = 6, 26
 PAPER, INK = (250, 250, 250), (40, 44, 52)
 
 
-def board(photo: np.ndarray, twin: np.ndarray, owner: np.ndarray, names: tuple[str, ...], blend: float) -> np.ndarray:
-    """Two by two labelled panels of one camera.
+def board(
+    photo: np.ndarray,
+    twin: np.ndarray,
+    owner: np.ndarray,
+    names: tuple[str, ...],
+    blend: float,
+    sides: Sequence[np.ndarray] = (),
+) -> np.ndarray:
+    """Two by two labelled panels of one camera, and two from elsewhere below them.
 
     Args:
         photo: (H, W, 3) uint8 photograph.
@@ -23,14 +31,18 @@ def board(photo: np.ndarray, twin: np.ndarray, owner: np.ndarray, names: tuple[s
         owner: (H, W) int32, index into `names` of the object in each pixel of the render, or -1.
         names: Object names.
         blend: Weight of the render in the blended panel.
+        sides: Two renders of the same size from elsewhere, or none.
     """
     mixed = np.round(photo * (1.0 - blend) + twin * blend).astype(np.uint8)
     traced = outlined(photo, owner, names)
     panels = [("photograph", photo), ("twin", twin), (f"{blend:.0%} twin over photograph", mixed)]
     panels.append(("outlines of the twin on the photograph", traced))
+    panels += [(f"twin from {where}", side) for where, side in zip(("the left", "the right"), sides, strict=False)]
     panes = [titled(pixels, title) for title, pixels in panels]
-    rows = [beside(panes[0], panes[1], axis=1), beside(panes[2], panes[3], axis=1)]
-    return np.pad(beside(rows[0], rows[1], axis=0), ((GAP, GAP), (GAP, GAP), (0, 0)), constant_values=PAPER[0])
+    whole = beside(panes[0], panes[1], axis=1)
+    for left, right in zip(panes[2::2], panes[3::2], strict=True):
+        whole = beside(whole, beside(left, right, axis=1), axis=0)
+    return np.pad(whole, ((GAP, GAP), (GAP, GAP), (0, 0)), constant_values=PAPER[0])
 
 
 def outlined(photo: np.ndarray, owner: np.ndarray, names: tuple[str, ...]) -> np.ndarray:

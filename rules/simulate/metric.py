@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import DepthImage
 from dextera_build.artifacts.scene import Background, SupportBox
 
@@ -12,15 +13,19 @@ def metric(background: Background, factor: float) -> Background:
     """The background with all its lengths multiplied by `factor`, about the world's origin."""
     if factor == 1.0:
         return background
-    mesh = background.mesh
-    vertices = (mesh.vertices.astype(np.float64) * factor).astype(np.float32)
+    invented = background.invented
     return background.model_copy(
         update={
             "depth": DepthImage(depth=(background.depth.depth * np.float32(factor))),
-            "mesh": mesh.model_copy(update={"vertices": vertices}),
+            "mesh": _mesh(background.mesh, factor),
+            "invented": invented and _mesh(invented, factor),
             "boxes": tuple(_box(box, factor) for box in background.boxes),
         }
     )
+
+
+def _mesh(mesh: Mesh, factor: float) -> Mesh:
+    return mesh.model_copy(update={"vertices": (mesh.vertices.astype(np.float64) * factor).astype(np.float32)})
 
 
 def _box(box: SupportBox, factor: float) -> SupportBox:

@@ -15,6 +15,9 @@ import rules.align.matches_xfeat
 import rules.align.object
 import rules.align.object_icp
 import rules.align.object_stub
+import rules.background.robot
+import rules.background.robot_mujoco
+import rules.background.robot_stub
 import rules.background.room.compose
 import rules.background.room.compose_points
 import rules.background.room.compose_worldmirror
@@ -61,6 +64,9 @@ import rules.evaluate.replay_stub
 import rules.evaluate.rollouts
 import rules.evaluate.rollouts_mujoco
 import rules.evaluate.rollouts_stub
+import rules.evaluate.views
+import rules.evaluate.views_mujoco
+import rules.evaluate.views_stub
 import rules.factorize.contact.collision
 import rules.factorize.contact.collision_coacd
 import rules.factorize.contact.collision_stub
@@ -134,6 +140,8 @@ background_panorama_frustum: rules.background.room.panorama.PanoramaBackend = ru
 background_panorama_hy_pano: rules.background.room.panorama.PanoramaBackend = rules.background.room.panorama_hy_pano
 background_panorama_stub: rules.background.room.panorama.PanoramaBackend = rules.background.room.panorama_stub
 background_paths_orbit: rules.background.room.paths.PathsBackend = rules.background.room.paths_orbit
+background_robot_mujoco: rules.background.robot.RobotBackend = rules.background.robot_mujoco
+background_robot_stub: rules.background.robot.RobotBackend = rules.background.robot_stub
 background_static_flux2: rules.background.static.BackgroundBackend = rules.background.static_flux2
 background_static_planes: rules.background.static.BackgroundBackend = rules.background.static_planes
 background_static_stub: rules.background.static.BackgroundBackend = rules.background.static_stub
@@ -157,6 +165,8 @@ evaluate_replay_mujoco: rules.evaluate.replay.ReplayBackend = rules.evaluate.rep
 evaluate_replay_stub: rules.evaluate.replay.ReplayBackend = rules.evaluate.replay_stub
 evaluate_rollouts_mujoco: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_mujoco
 evaluate_rollouts_stub: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_stub
+evaluate_views_mujoco: rules.evaluate.views.ViewsBackend = rules.evaluate.views_mujoco
+evaluate_views_stub: rules.evaluate.views.ViewsBackend = rules.evaluate.views_stub
 crease: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_crease
 particulate: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_particulate
 factorize_articulate_stub: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_stub

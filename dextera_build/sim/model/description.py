@@ -106,8 +106,9 @@ def _joint(joint: Joint, asset: Asset) -> JointNode:
 
 
 def _static(background: Background) -> tuple[Geom, ...]:
-    surface = [_visual("background", background.mesh, _placed(np.eye(4)))] if len(background.mesh.faces) else []
-    return (*surface, *map(_support, background.boxes))
+    meshes = {"background": background.mesh, "invented": background.invented}
+    surfaces = [_visual(name, mesh, _placed(np.eye(4))) for name, mesh in meshes.items() if mesh and len(mesh.faces)]
+    return (*surfaces, *map(_support, background.boxes))
 
 
 def _support(box: SupportBox) -> Geom:

@@ -39,6 +39,11 @@ from dextera_build.sim.model.description import describe
 PIXEL_M = 1e-6
 """Nominal sensor pitch of the camera; only ratios matter [m]."""
 
+LIT = 0.12
+"""Part of an unlit texture's brightness that comes from the scene's lights: contact shadows are faint, not absent."""
+LIGHTS = 1.1
+"""Sum of headlight and lights on a surface that faces both the camera and the lights halfway."""
+
 Element = ElementTree.Element
 
 
@@ -235,7 +240,9 @@ class _Writer:
         else:
             material.set("texture", self._texture(name, png(mesh.texture.pixels)))
         if look is not None and look.unlit:
-            material.set("emission", "1")
+            # MuJoCo adds emission and lit colour, and both are proportional to `rgba`: a dark material that glows.
+            material.set("rgba", numbers((*np.full(3, LIT), 1.0)))
+            material.set("emission", numbers([(1.0 - LIT * LIGHTS) / LIT]))
         _add(body, "geom", {"class": "visual"}, name=f"{name}_visual", mesh=name, material=name)
 
     def _texture(self, name: str, data: bytes) -> str:

@@ -9,6 +9,7 @@ The package `dextera_build.sim` selects EGL unless `MUJOCO_GL` is set.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -67,6 +68,10 @@ class Eye:
         """Free the GL context."""
         self._renderer.close()
 
+    def look_from(self, world_from_camera: np.ndarray) -> None:
+        """Move the camera to (4, 4) T_world_camera."""
+        self._pose = np.asarray(world_from_camera, np.float64)
+
     def rgb(self, data: Any) -> np.ndarray:
         """Colours (H, W, 3) uint8 sRGB of the state in `data` (after `mj_forward`)."""
         self._look(data)
@@ -91,7 +96,7 @@ class Eye:
         self._renderer.enable_segmentation_rendering()
         pairs = np.array(self._renderer.render())
         self._renderer.disable_segmentation_rendering()
-        return np.where(pairs[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), pairs[..., 0], -1).astype(np.int32)
+        return _geoms(pairs)
 
     def _upload(self) -> None:
         """Copy resized meshes to the GPU, which holds them as they were when the camera was made."""
@@ -128,6 +133,49 @@ def _use_chosen_platform() -> None:
         from mujoco.rendering.classic import gl_context
 
         gl_context.GLContext = GLContext
+
+
+def stock(
+    model: Any, data: Any, cameras: Sequence[str | Any], height: int, width: int
+) -> tuple[list[np.ndarray], np.ndarray]:
+    """The scene as `mujoco.Renderer` draws it with its default flags.
+
+    Args:
+        model: Compiled model.
+        data: A state after `mj_forward`.
+        cameras: Names of cameras of the model, or `mjvCamera`.
+        height: Rows [px]; at most those of the model's off-screen buffer.
+        width: Columns [px].
+
+    Returns:
+        Colours (H, W, 3) uint8 sRGB from each camera, and geom ids (H, W) int32 from the first, -1 without a geom.
+    """
+    _use_chosen_platform()
+    with mujoco.Renderer(model, height, width) as renderer:
+        pictures = []
+        for camera in cameras:
+            renderer.update_scene(data, camera)
+            pictures.append(np.array(renderer.render()))
+        renderer.update_scene(data, cameras[0])
+        renderer.enable_segmentation_rendering()
+        return pictures, _geoms(np.array(renderer.render()))
+
+
+def _geoms(pairs: np.ndarray) -> np.ndarray:
+    """Geom ids (H, W) int32 of a segmentation's pairs of id and type; -1 without a geom."""
+    return np.where(pairs[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), pairs[..., 0], -1).astype(np.int32)
+
+
+def orbit(world_from_camera: np.ndarray, target: np.ndarray, turn: float) -> Any:
+    """An `mjvCamera` that looks at `target` (3,) from the place of another camera, turned about the vertical [rad]."""
+    away = world_from_camera[:3, 3] - target
+    camera = mujoco.MjvCamera()
+    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
+    camera.lookat[:] = target
+    camera.distance = float(np.linalg.norm(away))
+    camera.azimuth = float(np.degrees(np.arctan2(-away[1], -away[0]) + turn))
+    camera.elevation = -float(np.degrees(np.arcsin(away[2] / camera.distance)))
+    return camera
 
 
 def through(model: Any, view: View) -> Eye:

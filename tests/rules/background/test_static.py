@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.camera import Camera, Capture
+from dextera_build.artifacts.image import LabelImage
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.view import InstanceMap
@@ -20,7 +21,7 @@ from dextera_build.rule import Context, Options
 from rules.background import static_planes, static_stub
 from rules.background.boxes import support_box
 from rules.background.static import StaticOptions, static
-from rules.background.surface import grid_mesh, plane_depth
+from rules.background.surface import plane_depth
 from tests import factories
 
 LENS = factories.camera(320, 240)
@@ -172,25 +173,6 @@ def test_a_tilted_table_gets_the_smallest_box() -> None:
     np.testing.assert_allclose(np.abs(local), np.tile(box.half_size[:2], (4, 1)), atol=1e-9)
 
 
-def test_a_depth_step_is_cut_and_closed_on_its_far_side() -> None:
-    lens = Camera(width=60, height=40, fx=60.0, fy=60.0, cx=29.5, cy=19.5)
-    depth = np.full((40, 60), 2.0)
-    depth[:, :30] = 1.0
-    mesh = grid_mesh(np.zeros((40, 60, 3), np.uint8), depth, lens, np.eye(4), stride=5, edge=0.05)
-    assert set(np.unique(mesh.vertices[:, 2])) == {1.0, 2.0}
-    assert (np.ptp(mesh.vertices[mesh.faces][..., 2], axis=1) == 0).all()
-    seen = raycast.render([raycast.Surface(mesh.vertices, mesh.faces)], lens.matrix(), np.eye(4), 40, 60)
-    assert (seen.index[1:-1, 1:-1] >= 0).all()
-
-
-def test_unmeasured_places_leave_no_surface() -> None:
-    depth = np.ones((40, 60))
-    depth[:, 40:] = 0.0
-    mesh = grid_mesh(np.zeros((40, 60, 3), np.uint8), depth, factories.camera(60, 40), np.eye(4), stride=4, edge=0.05)
-    right = (40 - 0.49 * 60) / (0.95 * 60)
-    assert mesh.vertices[:, 0].max() < right
-
-
 def test_rays_above_the_horizon_never_meet_the_plane() -> None:
     depth = plane_depth(LENS, factories.look_at((0.0, -1.0, 0.3), (0.0, 0.0, 0.3)))
     assert np.isinf(depth[:100]).all()
@@ -244,15 +226,44 @@ def test_beyond_the_supports_edge_the_wall_is_filled_with_wall(tmp_path: Path) -
 def test_the_robot_is_taken_out_too(tmp_path: Path) -> None:
     empty, table = striped_table()
     capture, mask = with_box(empty, table, shadow=False)
-    robot = InstanceMap(labels=np.zeros(mask.shape, np.int32), fixed=mask)
+    nothing = segmented(np.zeros_like(mask))
+    robot = LabelImage(labels=mask.astype(np.int32))
     context = Context(static_planes, static_planes.PlanesOptions(), scratch=tmp_path)
-    result = static(context, capture.photograph, table, robot, capture.measured, options=StaticOptions())
+    result = static(context, capture.photograph, table, nothing, capture.measured, robot, options=StaticOptions())
     assert (
         np.abs(
             result.image.pixels[mask].astype(float).mean(axis=0) - empty.photograph.rgb.pixels[mask].mean(axis=0)
         ).max()
         < 8
     )
+
+
+@pytest.mark.parametrize("backend", [static_stub, static_planes])
+def test_what_is_no_object_stays(backend: ModuleType, tmp_path: Path) -> None:
+    empty, table = striped_table()
+    capture, mask = with_box(empty, table, shadow=False)
+    fixed = InstanceMap(labels=np.zeros(mask.shape, np.int32), fixed=mask)
+    result = static(
+        context_of(backend, tmp_path), capture.photograph, table, fixed, capture.measured, options=StaticOptions()
+    )
+    assert (result.image.pixels == capture.photograph.rgb.pixels).all()
+
+
+@pytest.mark.parametrize("backend", [static_stub, static_planes])
+def test_a_robot_of_another_picture_is_refused(backend: ModuleType, tmp_path: Path) -> None:
+    empty, table = striped_table()
+    nothing = segmented(np.zeros((240, 320), bool))
+    robot = LabelImage(labels=np.zeros((10, 10), np.int32))
+    with pytest.raises(RuleError, match="of another picture"):
+        static(
+            context_of(backend, tmp_path),
+            empty.photograph,
+            table,
+            nothing,
+            empty.measured,
+            robot,
+            options=StaticOptions(),
+        )
 
 
 @pytest.mark.parametrize("backend", [static_stub, static_planes])

@@ -39,7 +39,7 @@ def cleaned(tmp_path: Path, weights: Path, mask: np.ndarray | None = None, **opt
 def test_only_the_hole_is_painted_and_the_rest_is_that_of_planes(tmp_path: Path, weights: Path) -> None:
     painted, planes = cleaned(tmp_path, weights, steps=2, longest_px=128), cleaned(tmp_path, weights)
     empty, table = striped_table()
-    taken = hole(segmented(with_box(empty, table)[1]), 0.025)
+    taken = hole(segmented(with_box(empty, table)[1]), np.zeros((240, 320), bool), 0.025)
     assert (painted.image.pixels[~taken] == planes.image.pixels[~taken]).all()
     assert (painted.image.pixels[taken] != planes.image.pixels[taken]).any(axis=-1).mean() > 0.9
     assert np.array_equal(painted.depth.depth, planes.depth.depth)

@@ -11,9 +11,12 @@ import pytest
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.view import InstanceMap
 from dextera_build.errors import RuleError
-from dextera_build.geometry import raycast
+from dextera_build.geometry import metrics, raycast
 from dextera_build.rule import Context, Options
+from rules.background import static_planes
+from rules.background.static import StaticOptions, static
 from rules.evaluate import overlay_mujoco, overlay_stub
 from rules.evaluate.overlay import OverlayOptions, overlay
 from rules.evaluate.panels import outlined
@@ -35,7 +38,7 @@ def twin(tmp_path: Path) -> Scene:
 
 
 def test_objects_are_where_ray_casting_says(twin: Scene) -> None:
-    _, owner = overlay_mujoco.render(Context(scratch=Path()), twin, Options())
+    _, owner, _ = overlay_mujoco.render(Context(scratch=Path()), twin, Options())
     box = factories.box_asset(factories.pose(-0.15))
     surface = raycast.posed(
         box.body.links["base"].mesh.vertices, box.body.links["base"].mesh.faces, factories.pose(-0.15)
@@ -46,22 +49,34 @@ def test_objects_are_where_ray_casting_says(twin: Scene) -> None:
     assert (owner == 1).sum() > 1000, "the lid belongs to the laptop"
 
 
-def test_the_background_picture_shows_around_the_objects(twin: Scene) -> None:
-    pixels, owner = overlay_mujoco.render(Context(scratch=Path()), twin, Options())
-    backdrop = factories.background(size=(240, 320)).image.pixels
-    empty = owner < 0
-    np.testing.assert_array_equal(pixels[empty], backdrop[empty])
-    assert (pixels[~empty] != backdrop[~empty]).any(axis=-1).mean() > 0.9
+def test_default_flags_show_the_photograph(tmp_path: Path) -> None:
+    """Nothing of the photograph's light is added a second time."""
+    capture = factories.capture(LENS, TABLE)
+    rows, columns = np.indices((240, 320))
+    waves = 40 * np.sin(columns / 9.0) + 30 * np.sin(rows / 7.0)
+    pixels = np.clip(capture.photograph.rgb.pixels + waves[..., None], 0, 255).astype(np.uint8)
+    seen = factories.rgbd(pixels, capture.measured.depth.depth, LENS)
+    nothing = InstanceMap(labels=np.zeros((240, 320), np.int32), fixed=np.zeros((240, 320), bool))
+    context = Context(static_planes, static_planes.PlanesOptions(), scratch=tmp_path)
+    empty = static(context, seen.photograph, TABLE, nothing, seen.measured, options=StaticOptions())
+    away = factories.box_asset(factories.pose(0.0, -0.5))
+    twin = scene(Context(scratch=tmp_path), Collection[Asset](items={"box": away}), empty, TABLE, LENS)
+    drawn, owner, _ = overlay_mujoco.render(Context(scratch=tmp_path), twin, Options())
+    table = (seen.measured.depth.depth > 0) & (seen.measured.depth.depth < 1.4) & (owner < 0)
+    assert table.mean() > 0.3
+    assert metrics.psnr(drawn, pixels, table) > 30.0
 
 
 @pytest.mark.parametrize("backend", [overlay_mujoco, overlay_stub])
-def test_the_board_holds_four_pictures(backend: ModuleType, twin: Scene, tmp_path: Path) -> None:
+def test_the_board_holds_six_pictures(backend: ModuleType, twin: Scene, tmp_path: Path) -> None:
     context = Context(backend=backend, scratch=tmp_path)
     board = overlay(context, factories.capture(LENS, TABLE).photograph, twin, options=OverlayOptions())
     height, width = board.pixels.shape[:2]
-    assert height > 2 * LENS.height
+    assert height > 3 * LENS.height
     assert width > 2 * LENS.width
-    assert context.outcome.line == ("2 of 2 objects in view" if backend is overlay_mujoco else "0 of 2 objects in view")
+    shown = 2 if backend is overlay_mujoco else 0
+    assert context.outcome.line.startswith(f"{shown} of 2 objects in view, ")
+    assert "PSNR" in context.outcome.metrics
     assert context.outcome.previews
 
 

@@ -13,7 +13,11 @@ from dextera_build.artifacts.scene import Background
 from dextera_build.geometry import cameras, transforms
 from dextera_build.testing import RuleRunner
 from rules.background.boxes import support_box
-from rules.background.surface import grid_mesh, plane_depth
+from rules.background.front import front
+from rules.background.patches import SUPPORT, Patch
+from rules.background.pieces import one_picture
+from rules.background.scenery import Scenery
+from rules.background.surface import plane_depth
 from tests import factories
 
 LENS = factories.camera(160, 120)
@@ -37,7 +41,10 @@ def background(lens: Camera = LENS, table: Support = TABLE) -> Background:
     rows = np.indices(depth.shape)[0]
     wall = np.stack([40 + rows, 80 + rows // 2, np.full_like(rows, 200)], axis=-1)
     pixels = np.where(known[..., None], pattern(places), wall).clip(0, 255).round().astype(np.uint8)
-    mesh = grid_mesh(pixels, depth, lens, table.camera_pose.matrix, stride=2, edge=0.5, flat=known)
+    pose = table.camera_pose.matrix
+    patch = Patch(SUPPORT, (pose[2, :3], float(pose[2, 3])))
+    seen = Scenery(pixels, np.where(known, SUPPORT, 0).astype(np.int32), [patch], lens.matrix(), pose)
+    mesh = one_picture(front(seen, 0.8, known, np.zeros(known.shape, np.int32)), pixels)
     box = support_box(table.polygon, 0.1, 0.05)
     return Background(
         image=Image(pixels=pixels), depth=DepthImage(depth=depth.astype(np.float32)), mesh=mesh, boxes=(box,)

@@ -1,0 +1,99 @@
+"""Collision boxes of the room: floor, walls, and what stands in it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.scene import SupportBox
+
+from .scenery import Scenery
+from .shell import Room
+
+WALL_M = 0.1
+"""Thickness of walls and floor [m]."""
+CELL_M = 0.06
+"""Smallest cell in which things are boxed [m]."""
+MOST = 48
+"""Most boxes of things; with more, cells grow."""
+LEAST = 3
+"""Points that fill a cell."""
+CLEAR_M = 0.04
+"""Distance from objects that no box of a thing comes within [m]."""
+
+
+def room_boxes(room: Room) -> list[SupportBox]:
+    """Floor and four walls, outside the room."""
+    low, high = room.low, room.high
+    middle, half = (low + high) / 2, (high - low) / 2
+    boxes = [_box("floor", np.array([middle[0], middle[1], low[2] - WALL_M / 2]), [*half[:2], WALL_M / 2], room)]
+    for axis, side in ((0, -1), (0, 1), (1, -1), (1, 1)):
+        centre, size = middle.copy(), half.copy()
+        centre[axis] += side * (half[axis] + WALL_M / 2)
+        size[axis] = WALL_M / 2
+        boxes.append(_box(f"wall_{2 * axis + (side > 0)}", centre, size, room))
+    return boxes
+
+
+def thing_boxes(scenery: Scenery, room: Room, objects: np.ndarray, height: float) -> list[SupportBox]:
+    """Boxes of everything that stands in the room, in the room's axes.
+
+    Args:
+        scenery: What was seen.
+        room: Walls around it; what lies in them needs no box.
+        objects: (N, 3) points of movable objects [m]: boxes keep clear of them.
+        height: Thickness of the support, whose own box is another one [m].
+    """
+    points = scenery.points
+    points = points[np.abs(points[:, 2] + height / 2) > height / 2 + 0.01]
+    local = points @ room.axes.T
+    inner = ((local > room.low + 2 * CELL_M) & (local < room.high - 2 * CELL_M)).all(axis=1)
+    local, taken = local[inner], objects @ room.axes.T
+    cell, found = CELL_M, _merged(local, taken, CELL_M)
+    while len(found) > MOST:
+        cell *= 1.3
+        found = _merged(local, taken, cell)
+    boxes = []
+    for number, (low, high) in enumerate(found):
+        boxes.append(_box(f"thing_{number}", (low + high) * cell / 2, (high - low) * cell / 2, room))
+    return boxes
+
+
+def _merged(local: np.ndarray, taken: np.ndarray, cell: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Cells with points, joined to boxes: pairs of first and last corner (3,), in cells."""
+    if not len(local):
+        return []
+    cells, count = np.unique(np.floor(local / cell).astype(np.int64), axis=0, return_counts=True)
+    cells = cells[count >= LEAST]
+    if len(taken) and len(cells):
+        from scipy.spatial import cKDTree
+
+        apart, _ = cKDTree(taken).query((cells + 0.5) * cell)
+        cells = cells[apart > cell * 0.87 + CLEAR_M]
+    if not len(cells):
+        return []
+    start = cells.min(axis=0)
+    grid = np.zeros(cells.max(axis=0) - start + 1, bool)
+    grid[tuple((cells - start).T)] = True
+    boxes = []
+    while grid.any():
+        low = np.array(np.unravel_index(int(np.argmax(grid)), grid.shape))
+        high = low + 1
+        for axis in (2, 1, 0):
+            while high[axis] < grid.shape[axis] and _layer(grid, low, high, axis).all():
+                high[axis] += 1
+        grid[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = False
+        boxes.append((low + start, high + start))
+    return boxes
+
+
+def _layer(grid: np.ndarray, low: np.ndarray, high: np.ndarray, axis: int) -> np.ndarray:
+    """The cells that a box would gain by one more layer along an axis."""
+    area = [slice(a, b) for a, b in zip(low, high, strict=True)]
+    area[axis] = slice(high[axis], high[axis] + 1)
+    return np.asarray(grid[tuple(area)])
+
+
+def _box(name: str, centre: np.ndarray, half: np.ndarray | list[float], room: Room) -> SupportBox:
+    x, y, z = (float(v) for v in centre @ room.axes)
+    a, b, c = (float(v) for v in half)
+    return SupportBox(name=name, centre=(x, y, z), half_size=(a, b, c), yaw=room.yaw)

@@ -1,0 +1,90 @@
+"""From the empty scene's picture and depth to its surfaces and boxes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.scene import Background
+from dextera_build.geometry import cameras, regions, transforms
+
+from .boxes import support_box
+from .fixtures import room_boxes, thing_boxes
+from .front import front
+from .hidden import continued
+from .layers import Layers
+from .patches import divide
+from .pieces import atlas, one_picture
+from .scenery import Scenery
+from .shell import enclose, shell
+from .slab import broad, outline, slab
+
+if TYPE_CHECKING:
+    from .static import StaticOptions
+
+
+def survey(
+    pixels: np.ndarray, depth: np.ndarray, behind: np.ndarray, camera: Camera, support: Support, step_m: float
+) -> Scenery:
+    """Divide the empty scene into surfaces.
+
+    Args:
+        pixels: (H, W, 3) uint8, without objects.
+        depth: (H, W) [m]; 0 if unknown or taken out.
+        behind: (H, W) pixels of the support, visible or hidden by objects.
+        camera: Intrinsics [px].
+        support: Its plane.
+        step_m: Surfaces farther apart in depth are not joined [m].
+    """
+    pose, k = support.camera_pose.matrix, camera.matrix()
+    plane = pose[2, :3], float(pose[2, 3])
+    labels, patches = divide(pixels, depth, k, broad(behind), plane, step_m)
+    return Scenery(pixels, labels, patches, k, pose)
+
+
+def seen_of(mask: np.ndarray, depth: np.ndarray, camera: Camera, support: Support) -> np.ndarray:
+    """Some points (N, 3) of the pixels in a mask, in the world frame [m]."""
+    where = mask & (depth > 0)
+    points = cameras.backproject(np.where(where, depth, 0.0), camera.matrix())[where]
+    return transforms.apply(support.camera_pose.matrix, points[:: max(1, len(points) // 3000)])
+
+
+def furnished(
+    scenery: Scenery, layers: Layers, support: Support, objects: np.ndarray, stride: float, common: StaticOptions
+) -> Background:
+    """The surfaces and boxes of an empty scene.
+
+    Args:
+        scenery: What was seen.
+        layers: Where each pixel's ray meets the support's plane, and what was taken out.
+        support: Its plane and measured outline.
+        objects: (N, 3) points of what was taken out, world frame [m].
+        stride: Spacing of vertices [px].
+        common: Thickness of the support and margin of its box.
+    """
+    edge = outline(scenery, support.polygon, layers.hole)
+    box = support_box(support.polygon, common.margin_m, common.thickness_m)
+    room = enclose(scenery, edge, box.yaw)
+    meets = scenery.patches[0].depth(_pixels(scenery.labels.shape), scenery.k)
+    inside = np.isfinite(meets) & regions.inside_convex(layers.floor, edge)
+    wider, behind = continued(scenery, room, stride)
+    shown = one_picture(front(scenery, stride, inside, behind), scenery.pixels)
+    vertices = shown.vertices.copy()
+    vertices[np.abs(vertices[:, 2]) < 1e-5, 2] = 0.0
+    made = [*wider, *slab(scenery, edge, common.thickness_m), *shell(room, scenery)]
+    return Background(
+        image=Image(pixels=scenery.pixels),
+        depth=DepthImage(depth=scenery.depth.astype(np.float32)),
+        mesh=shown.model_copy(update={"vertices": vertices}),
+        invented=atlas(made),
+        boxes=(box, *room_boxes(room), *thing_boxes(scenery, room, objects, common.thickness_m)),
+    )
+
+
+def _pixels(shape: tuple[int, ...]) -> np.ndarray:
+    columns, rows = np.meshgrid(np.arange(shape[1], dtype=np.float64), np.arange(shape[0], dtype=np.float64))
+    return np.stack([columns, rows], axis=-1)

@@ -1,0 +1,187 @@
+"""Continue surfaces behind what hides them, and beyond the picture's border."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .cutting import cut
+from .patches import SUPPORT, Patch
+from .pieces import Piece
+from .scenery import Scenery
+from .shell import Room
+from .synthesis import membrane
+
+HALF = 2
+"""Photograph pixels per pixel of the wider picture."""
+BESIDE = 0.5
+"""Border of the wider picture, as a fraction of the photograph's size."""
+LARGE = 0.02
+"""Planes along the room's walls that cover this fraction of the photograph are broad: they may go on far."""
+ALONG = 0.985
+"""Cosine of the largest angle between such a plane and the wall."""
+FAR = 1.5
+"""Broad planes go on this far, in multiples of the square root of their area, and beyond the photograph's border."""
+NEAR = 0.06
+"""All surfaces go on this far, as a fraction of the photograph's width."""
+FADE = 0.25
+"""Distance at which colours have faded to the surface's mean, as a fraction of the wider picture's width."""
+BEHIND_M = 0.02
+"""A surface goes on only where it is at least this far behind what was seen [m]."""
+PUSH = 1.0015
+"""Relative distance behind the photographed surface where both overlap."""
+OVERLAP_PX = 3
+"""Overlap with the photographed part [pixels of the wider picture]."""
+
+
+@dataclass(frozen=True)
+class _Wide:
+    """The wider picture: pixel centres in the photograph, and what the photograph shows there."""
+
+    pixel: np.ndarray  # (h, w, 2) column and row in the photograph
+    inside: np.ndarray  # (h, w) bool, within the photograph
+    labels: np.ndarray  # (h, w) int32; 0 outside
+    depth: np.ndarray  # (h, w) [m]; 0 outside
+    colour: np.ndarray  # (h, w, 3) float32
+
+
+def continued(scenery: Scenery, room: Room, stride: float) -> tuple[list[Piece], np.ndarray]:
+    """Surfaces behind and beside what was seen; `stride` is the spacing of their vertices [photograph pixels].
+
+    Returns:
+        The pieces, and (H, W) int32: which surface goes on behind each pixel of the photograph; 0 none.
+    """
+    wide = _wide(scenery)
+    owner, patches = _owners(wide, scenery, room)
+    masks = {patch.number: owner == patch.number for patch in patches}
+    masks = {number: mask for number, mask in masks.items() if mask.sum() >= 30}
+    kernel = np.ones((2 * OVERLAP_PX + 1, 2 * OVERLAP_PX + 1), np.uint8)
+    seams = {n: (cv2.dilate(m.astype(np.uint8), kernel) > 0) & (wide.labels == n) for n, m in masks.items()}
+    # One picture for all: a seam belongs to the surface that the photograph shows there.
+    seam = np.logical_or.reduce([np.zeros(owner.shape, bool), *seams.values()])
+    picture = wide.colour.copy()
+    for number, mask in masks.items():
+        mask &= ~seam
+        _paint(picture, mask, seams[number], wide, number)
+    shown = np.clip(picture, 0, 255).astype(np.uint8)
+    pieces = []
+    for patch in patches:
+        if patch.number in masks:
+            whole = masks[patch.number] | seams[patch.number]
+            piece = _piece(patch, whole, wide, scenery, room, stride, shown)
+            if len(piece.faces):
+                pieces.append(piece)
+    return pieces, _at_photograph(np.where(np.isin(owner, list(masks)), owner, 0), wide, scenery.labels.shape)
+
+
+def _at_photograph(owner: np.ndarray, wide: _Wide, shape: tuple[int, ...]) -> np.ndarray:
+    """The owners (h, w) within the photograph, at its own size (H, W)."""
+    rows, columns = np.flatnonzero(wide.inside.any(axis=1)), np.flatnonzero(wide.inside.any(axis=0))
+    inner = owner[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    back = cv2.resize(inner.astype(np.float32), shape[::-1], interpolation=cv2.INTER_NEAREST)
+    return np.asarray(back, np.int32)
+
+
+def _wide(scenery: Scenery) -> _Wide:
+    height, width = scenery.labels.shape
+    down, right = (round(BESIDE * n / HALF) for n in (height, width))
+    rows = (np.arange(-down, height // HALF + down) + 0.5) * HALF - 0.5
+    columns = (np.arange(-right, width // HALF + right) + 0.5) * HALF - 0.5
+    pixel = np.stack(np.meshgrid(columns, rows), axis=-1)
+    inside = (pixel > -0.5).all(axis=-1) & (pixel[..., 0] < width - 0.5) & (pixel[..., 1] < height - 0.5)
+    row = np.clip(np.round(pixel[..., 1]), 0, height - 1).astype(int)
+    column = np.clip(np.round(pixel[..., 0]), 0, width - 1).astype(int)
+    small = cv2.blur(scenery.pixels, (HALF + 1, HALF + 1)).astype(np.float32)
+    labels = np.where(inside, scenery.labels[row, column], 0).astype(np.int32)
+    return _Wide(pixel, inside, labels, np.where(inside, scenery.depth[row, column], 0.0), small[row, column])
+
+
+def _owners(wide: _Wide, scenery: Scenery, room: Room) -> tuple[np.ndarray, list[Patch]]:
+    """Which surface goes on at each pixel of the wider picture, (h, w) int32; 0 none."""
+    best = np.full(wide.labels.shape, np.inf, np.float32)
+    owner = np.zeros(wide.labels.shape, np.int32)
+    patches = [p for p in scenery.patches if p.number != SUPPORT and (wide.labels == p.number).any()]
+    for patch in patches:
+        own = wide.labels == patch.number
+        reach = NEAR * scenery.labels.shape[1] / HALF
+        broad = own.sum() >= LARGE * wide.inside.sum() and _aligned(patch, scenery, room)
+        reach = max(reach, FAR * float(np.sqrt(own.sum()))) if broad else reach
+        away, free = _ahead(own, wide, patch, scenery, reach)
+        free &= away < best
+        if not broad:
+            free &= wide.labels > 0
+        where = np.nonzero(free)
+        depth = patch.depth(wide.pixel[where], scenery.k)
+        good = np.isfinite(depth) & (depth > wide.depth[where] + BEHIND_M)
+        good[good] = room.holds(scenery.lift(wide.pixel[where][good], depth[good]))
+        free[where] = good
+        free = _touching(free, own)
+        best[free], owner[free] = away[free], patch.number
+    return owner, patches
+
+
+def _aligned(patch: Patch, scenery: Scenery, room: Room) -> bool:
+    """Whether a surface is a plane along the room's walls or floor."""
+    if patch.plane is None:
+        return False
+    normal = scenery.world_from_camera[:3, :3] @ patch.plane[0]
+    return bool(np.abs(room.axes @ normal).max() > ALONG)
+
+
+def _ahead(own: np.ndarray, wide: _Wide, patch: Patch, scenery: Scenery, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Distance [px] from a surface, and the pixels within `reach` of it that its hidden border is nearest to.
+
+    A surface that ends before a farther one, or meets another, has been seen to end: it goes on only where something
+    nearer or the picture's border cuts it.
+    """
+    away, nearest = cv2.distanceTransformWithLabels(
+        (~own).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    beside = (away > 0) & (away < 2.5)
+    row, column = np.nonzero(beside)
+    depth = patch.depth(wide.pixel[row, column], scenery.k)
+    hidden = np.isfinite(depth) & (depth > wide.depth[row, column] + BEHIND_M)
+    votes = np.bincount(nearest[row, column], np.where(hidden, 1.0, -1.0), int(nearest.max()) + 1)
+    goes_on = votes > 0
+    return away, np.asarray(~own & (away < reach) & goes_on[nearest])
+
+
+def _touching(free: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """The parts of `free` that are connected with `own`."""
+    _, labels = cv2.connectedComponents((free | own).astype(np.uint8), connectivity=4)
+    kept = np.zeros(labels.max() + 1, bool)
+    kept[labels[own]] = True
+    return np.asarray(free & kept[labels])
+
+
+def _paint(picture: np.ndarray, mask: np.ndarray, seam: np.ndarray, wide: _Wide, number: int) -> None:
+    """Continue a surface's colours over its hidden part."""
+    own = (wide.labels == number).astype(np.uint8)
+    inner = cv2.erode(own, np.ones((5, 5), np.uint8), borderValue=1) > 0
+    known = inner if inner.any() else own > 0
+    rows, columns = np.nonzero(mask | (own > 0))
+    area = np.s_[int(rows.min()) : int(rows.max()) + 1, int(columns.min()) : int(columns.max()) + 1]
+    colour = np.where(known[area][..., None], wide.colour[area], 0.0).astype(np.float32)
+    found = membrane(colour, known[area])
+    # Far from what was seen, its mean colour is the better guess.
+    away = cv2.distanceTransform((~known[area]).astype(np.uint8), cv2.DIST_L2, 3) / (FADE * wide.labels.shape[1])
+    share = np.clip(away, 0.0, 1.0)[..., None]
+    found = found * (1 - share) + wide.colour[known].mean(axis=0) * share
+    picture[area] = np.where((mask | seam)[area][..., None], found, picture[area])
+
+
+def _piece(
+    patch: Patch, mask: np.ndarray, wide: _Wide, scenery: Scenery, room: Room, stride: float, picture: np.ndarray
+) -> Piece:
+    points, faces = cut(mask, max(2.0, stride / HALF), 3.0)
+    origin = wide.pixel[0, 0]
+    pixel = origin + points * HALF
+    depth = patch.depth(pixel, scenery.k)
+    # The outline may run a little over the end of a plane that is seen edge on.
+    good = np.isfinite(depth)
+    good[good] = room.holds(scenery.lift(pixel[good], depth[good]), 0.05)
+    faces = faces[good[faces].all(axis=1)]
+    vertices = scenery.lift(pixel, np.where(good, depth, 1.0) * PUSH)
+    return Piece(vertices, faces, points, picture)

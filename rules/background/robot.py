@@ -1,0 +1,48 @@
+"""background.robot: the pixels of a calibrated robot in the photograph."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from pydantic import Field
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.image import LabelImage
+from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.errors import listing
+from dextera_build.rule import Context, Options, rule
+
+
+class RobotOptions(Options):
+    """Options of background.robot."""
+
+    joints_deg: dict[str, float] = Field(default_factory=dict)
+    """Joint -> position that its encoder read when the photograph was taken [deg]; others are at home."""
+
+
+class RobotBackend(Protocol):
+    """What a backend of background.robot defines."""
+
+    def mask(
+        self, ctx: Context, robot: RobotModel, camera: Camera, base: np.ndarray, joints: dict[str, float], options: Any
+    ) -> np.ndarray:
+        """Pixels (H, W) bool of the robot at `joints` [rad], its base at T_camera_base (4, 4)."""
+        ...
+
+
+@rule(version=1, packages=("numpy",))
+def robot(
+    ctx: Context[RobotBackend], robot: RobotModel, camera: Camera, mount: Pose, *, options: RobotOptions | None = None
+) -> LabelImage:
+    """Return 1 where the robot is in the picture, by its model, its joint positions and T_camera_base; otherwise 0."""
+    options = options or RobotOptions()
+    known = {joint.name: joint.home for joint in robot.joints}
+    if unknown := sorted(set(options.joints_deg) - set(known)):
+        ctx.fail(f"the robot has no joint `{unknown[0]}`", joints=listing(known))
+    joints = {**known, **{name: float(np.radians(angle)) for name, angle in options.joints_deg.items()}}
+    seen = ctx.backend.mask(ctx, robot, camera, mount.matrix, joints, ctx.backend_options)
+    ctx.metric("robot", 100.0 * float(seen.mean()), "%")
+    ctx.say(f"the robot covers {seen.mean():.0%} of the picture" if seen.any() else "the robot is out of the picture")
+    return LabelImage(labels=seen.astype(np.int32))

@@ -1,0 +1,29 @@
+"""background.robot: the robot's model, drawn by MuJoCo."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.rule import Backend, Context, Options
+from dextera_build.sim.model import robot as robots
+from dextera_build.sim.render import rendering
+
+BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu",), packages=("mujoco",), extra="twin")
+
+
+def mask(
+    ctx: Context, robot: RobotModel, camera: Camera, base: np.ndarray, joints: dict[str, float], options: Options
+) -> np.ndarray:
+    """Pixels (H, W) bool of the robot at `joints` [rad], its base at T_camera_base (4, 4)."""
+    model = robots.load(robot.model).compile()
+    data = mujoco.MjData(model)
+    for name, position in robot.followed(joints).items():
+        data.joint(name).qpos[0] = position
+    mujoco.mj_forward(model, data)
+    # The robot's model has its base at the origin, so the camera moves instead.
+    root = np.eye(4)
+    root[:3, :3], root[:3, 3] = data.body("base").xmat.reshape(3, 3), data.body("base").xpos
+    return np.asarray(rendering.render_segmentation(model, data, camera, root @ np.linalg.inv(base)) >= 0)

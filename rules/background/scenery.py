@@ -1,0 +1,74 @@
+"""What the photograph shows of the empty scene, in one place for the rules of its geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dextera_build.geometry import cameras, transforms
+
+from .patches import SUPPORT, Patch
+
+
+@dataclass(frozen=True)
+class Scenery:
+    """The empty scene as its camera sees it."""
+
+    pixels: np.ndarray  # (H, W, 3) uint8, without objects
+    labels: np.ndarray  # (H, W) int32, patch of each pixel
+    patches: Sequence[Patch]
+    k: np.ndarray  # (3, 3) intrinsics [px]
+    world_from_camera: np.ndarray  # (4, 4)
+
+    @cached_property
+    def depth(self) -> np.ndarray:
+        """Depth (H, W) of the patches [m]; 0 where a pixel belongs to none."""
+        depth = np.zeros(self.labels.shape)
+        for patch in self.patches:
+            row, column = np.nonzero(self.labels == patch.number)
+            found = patch.depth(np.stack([column, row], axis=-1).astype(np.float64), self.k)
+            depth[row, column] = np.where(np.isfinite(found), found, 0.0)
+        return depth
+
+    @cached_property
+    def points(self) -> np.ndarray:
+        """Points (N, 3) in the world frame [m], of every fourth row and column, off the support."""
+        some = np.s_[::4, ::4]
+        seen = transforms.apply(self.world_from_camera, cameras.backproject(self.depth, self.k)[some])
+        return np.asarray(seen[(self.depth[some] > 0) & (self.labels[some] != SUPPORT)])
+
+    def lift(self, pixel: np.ndarray, depth: np.ndarray) -> np.ndarray:
+        """Points (..., 3) in the world frame [m] at pixels (..., 2) and depths (...)."""
+        flat = (pixel - [self.k[0, 2], self.k[1, 2]]) / [self.k[0, 0], self.k[1, 1]] * depth[..., None]
+        return transforms.apply(self.world_from_camera, np.concatenate([flat, depth[..., None]], axis=-1))
+
+    def colours(self, points: np.ndarray, apart_m: float, *, unmeasured: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Colours (..., 3) float32 of world points (..., 3), and which of them the picture shows within `apart_m`.
+
+        With `unmeasured`, pixels that belong to no patch show whatever is behind them.
+        """
+        seen = transforms.apply(np.linalg.inv(self.world_from_camera), points)
+        ahead = seen[..., 2] > 0.05
+        flat = np.where(ahead[..., None], seen, 1.0).reshape(-1, 3)
+        pixel = np.round(cameras.project(flat, self.k)).astype(np.int64).reshape(*points.shape[:-1], 2)
+        height, width = self.labels.shape
+        inside = ahead & (pixel >= 0).all(axis=-1) & (pixel[..., 0] < width) & (pixel[..., 1] < height)
+        row, column = np.clip(pixel[..., 1], 0, height - 1), np.clip(pixel[..., 0], 0, width - 1)
+        shown = inside & (np.abs(self.depth[row, column] - seen[..., 2]) < apart_m)
+        if unmeasured:
+            shown |= inside & (self.depth[row, column] == 0)
+        return self.pixels[row, column].astype(np.float32), shown
+
+    def planes(self) -> list[tuple[np.ndarray, float, int]]:
+        """Planes off the support, in the world frame: normal, offset, number of pixels."""
+        turn, place = self.world_from_camera[:3, :3], self.world_from_camera[:3, 3]
+        found = []
+        for patch in self.patches:
+            if patch.plane is not None and patch.number != SUPPORT:
+                normal = turn @ patch.plane[0]
+                count = int((self.labels == patch.number).sum())
+                found.append((normal, patch.plane[1] - float(normal @ place), count))
+        return found

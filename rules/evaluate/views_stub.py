@@ -1,0 +1,22 @@
+"""evaluate.views without a renderer: grey pictures without a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.scene import Scene
+from dextera_build.rule import Backend, Context, Options
+
+BACKEND = Backend(summary="no rendering: grey pictures", profiles=("stub",))
+
+
+def draw(
+    ctx: Context, scene: Scene, camera: Camera, poses: np.ndarray, options: Options
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """A grey picture and an empty depth map for each pose."""
+    size = (camera.height, camera.width)
+    for _ in poses:
+        yield np.full((*size, 3), 128, np.uint8), np.zeros(size)

@@ -1,0 +1,171 @@
+"""The empty scene as surfaces: a table before a cupboard and a wall, whose shapes are known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.object import Asset, Support
+from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.view import InstanceMap
+from dextera_build.geometry import raycast, transforms
+from dextera_build.rule import Context
+from dextera_build.sim.model import model as models
+from rules.background import static_planes
+from rules.background.static import StaticOptions, static
+from rules.evaluate import elsewhere
+from rules.simulate.scene import scene
+from tests import factories
+
+LENS = factories.camera(640, 480)
+THINGS = {
+    "table": ((-0.5, -0.3, -0.03), (0.5, 0.3, 0.0), (168, 140, 110)),
+    "cupboard": ((-1.5, 0.75, -0.8), (0.1, 1.2, 0.15), (150, 30, 40)),
+    "wall": ((-3.0, 1.2, -0.8), (3.0, 1.3, 1.6), (190, 195, 190)),
+    "carton": ((0.3, 0.05, 0.0), (0.42, 0.17, 0.2), (60, 90, 170)),
+}
+MUG = ((-0.15, -0.1, 0.0), (-0.07, -0.02, 0.09), (230, 230, 240))
+JOINED_M = 0.03
+"""Surfaces farther apart in depth are never joined [m]."""
+
+
+def surfaces(things: dict[str, tuple[tuple[float, ...], ...]]) -> list[raycast.Surface]:
+    meshes = [factories.box_mesh(low, high, tuple(c / 255 for c in colour)) for low, high, colour in things.values()]
+    return [raycast.Surface(mesh.vertices, mesh.faces, colour=mesh.colour) for mesh in meshes]
+
+
+def photographed(things: dict[str, tuple[tuple[float, ...], ...]]) -> tuple[Capture, np.ndarray, Support]:
+    """What the camera sees, with millimetres of noise, and the number of the thing in each pixel; -1 none."""
+    pose = factories.look_at((0.1, -1.1, 0.75), (0.0, 0.2, 0.0))
+    corners = np.array([[-0.5, -0.3], [0.5, -0.3], [0.5, 0.3], [-0.5, 0.3]])
+    table = factories.support().model_copy(
+        update={"camera_pose": factories.placed(pose, "camera"), "polygon": corners * 0.95}
+    )
+    shapes = surfaces(things)
+    seen = raycast.render(shapes, LENS.matrix(), pose, LENS.height, LENS.width)
+    noise = np.random.default_rng(0).normal(0.0, 0.002, seen.depth.shape)
+    depth = np.where(seen.depth > 0, seen.depth + noise, 0.0).astype(np.float32)
+    return factories.rgbd(raycast.shade(shapes, seen), depth, LENS), seen.index, table
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Capture, Support, Background]:
+    capture, index, table = photographed({**THINGS, "mug": MUG})
+    instances = InstanceMap(labels=(index == len(THINGS)).astype(np.int32), fixed=np.zeros(index.shape, bool))
+    context = Context(static_planes, static_planes.PlanesOptions(), scratch=tmp_path_factory.mktemp("room"))
+    made = static(context, capture.photograph, table, instances, capture.measured, options=StaticOptions())
+    return capture, table, made
+
+
+def surface_of(mesh: Mesh) -> raycast.Surface:
+    assert mesh.texture is not None
+    return raycast.Surface(mesh.vertices, mesh.faces, mesh.uv, mesh.texture.pixels)
+
+
+def joins(vertices: np.ndarray, faces: np.ndarray) -> int:
+    """Triangles with corners on different things, none of which has all of them within `JOINED_M`."""
+    import open3d as o3d
+
+    near = []
+    for each in surfaces(THINGS):
+        shape = o3d.t.geometry.RaycastingScene()
+        shape.add_triangles(each.vertices.astype(np.float32), each.faces.astype(np.uint32))
+        near.append(shape.compute_distance(vertices.astype(np.float32)).numpy() < JOINED_M)
+    corners = np.array(near)[:, faces]
+    return int((corners.any(axis=0).all(axis=1) & ~corners.all(axis=2).any(axis=0)).sum())
+
+
+def test_no_triangle_joins_surfaces_that_are_apart(built: tuple[Capture, Support, Background]) -> None:
+    capture, table, made = built
+    pose = table.camera_pose.matrix
+    assert len(made.mesh.faces) > 1000
+    assert joins(made.mesh.vertices, made.mesh.faces) == 0
+    own = elsewhere.Own(
+        capture.photograph.rgb.pixels, capture.measured.depth.depth, np.zeros((480, 640), bool), LENS.matrix()
+    )
+    sheet = elsewhere.sheet(own)
+    naive = joins(transforms.apply(pose, sheet.vertices), sheet.faces)
+    assert naive > 500, "one sheet over everything is what this test is there to see"
+
+
+def test_everything_but_the_object_stays(built: tuple[Capture, Support, Background]) -> None:
+    capture, table, made = built
+    bare, _, _ = photographed(THINGS)
+    shapes = [surface_of(made.mesh), surface_of(made.invented)]
+    seen = raycast.render(shapes, LENS.matrix(), table.camera_pose.matrix, LENS.height, LENS.width)
+    off = np.abs(raycast.shade(shapes, seen).astype(int) - bare.photograph.rgb.pixels).max(axis=-1)
+    there = bare.measured.depth.depth > 0
+    assert (off < 25)[there].mean() > 0.97
+    assert np.quantile(np.abs(seen.depth - bare.measured.depth.depth)[there], 0.95) < 0.015
+    white = (capture.photograph.rgb.pixels == MUG[2]).all(axis=-1)
+    assert white.sum() > 500
+    assert not (made.image.pixels == MUG[2]).all(axis=-1).any()
+
+
+def test_the_room_is_closed(built: tuple[Capture, Support, Background]) -> None:
+    made = built[2]
+    rng = np.random.default_rng(1)
+    ways = rng.normal(size=(4000, 3))
+    rays = np.concatenate([np.tile([0.0, 0.0, 0.4], (4000, 1)), ways], axis=1)
+    assert (raycast.cast([surface_of(made.mesh), surface_of(made.invented)], rays).index >= 0).all()
+
+
+def test_the_table_is_closed_and_textured_beneath_the_object(built: tuple[Capture, Support, Background]) -> None:
+    made = built[2]
+    shapes = [surface_of(made.mesh), surface_of(made.invented)]
+    places = np.array([[x, y] for x in (-0.4, -0.11, 0.2) for y in (-0.2, -0.06, 0.1)])
+    count = len(places)
+    down = np.concatenate([places, np.full((count, 1), 0.3), np.tile([0.0, 0.0, -1.0], (count, 1))], axis=1)
+    up = np.concatenate([places, np.full((count, 1), -0.3), np.tile([0.0, 0.0, 1.0], (count, 1))], axis=1)
+    above, below = raycast.cast(shapes, down), raycast.cast(shapes, up)
+    np.testing.assert_allclose(above.depth, 0.3, atol=0.002)
+    np.testing.assert_allclose(below.depth, 0.25, atol=0.002)
+    colours = raycast.shade(shapes, above).astype(int)
+    assert np.abs(colours - THINGS["table"][2]).max() < 25
+
+
+def test_a_wall_that_was_seen_is_where_it_is_and_others_are_beyond(built: tuple[Capture, Support, Background]) -> None:
+    boxes = {box.name: box for box in built[2].boxes}
+    faces = [box for name, box in boxes.items() if name.startswith("wall_")]
+    near = min(abs(box.centre[1] - box.half_size[1] - 1.2) for box in faces)
+    assert near < 0.06
+    floor = boxes["floor"]
+    assert floor.centre[2] + floor.half_size[2] < -0.7
+
+
+def test_what_stands_in_the_room_collides_but_not_with_objects(built: tuple[Capture, Support, Background]) -> None:
+    things = [box for box in built[2].boxes if box.name.startswith("thing_")]
+    assert 0 < len(things) <= 48
+    middle = np.array([(a + b) / 2 for a, b in zip(MUG[0], MUG[1], strict=True)])
+    for box in things:
+        away = np.abs(np.array(box.centre) - middle) - np.array(box.half_size)
+        assert away.max() > 0.03, box.name
+    carton = np.array([(a + b) / 2 for a, b in zip(*THINGS["carton"][:2], strict=True)])
+    assert any((np.abs(np.array(box.centre) - carton) < np.array(box.half_size) + 0.1).all() for box in things)
+
+
+def test_the_floor_catches_what_falls(built: tuple[Capture, Support, Background], tmp_path: Path) -> None:
+    _, table, made = built
+    fallen = {"box": factories.box_asset(factories.pose(0.75, -0.2, 0.2))}
+    twin = scene(Context(scratch=tmp_path), Collection[Asset](items=fallen), made, table, LENS)
+    model = models.compile_folder(twin.model)
+    data = models.at_home(model)
+    for _ in range(round(3.0 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    floor = next(box for box in made.boxes if box.name == "floor")
+    assert data.body("box").xpos[2] == pytest.approx(floor.centre[2] + floor.half_size[2], abs=0.1)
+
+
+def test_without_depth_there_is_a_room_too(tmp_path: Path) -> None:
+    capture, index, table = photographed(THINGS)
+    nothing = InstanceMap(labels=np.zeros(index.shape, np.int32), fixed=np.zeros(index.shape, bool))
+    context = Context(static_planes, static_planes.PlanesOptions(), scratch=tmp_path)
+    made = static(context, capture.photograph, table, nothing, options=StaticOptions())
+    assert made.invented is not None
+    assert (made.mesh.vertices[:, 2] == 0).all()

@@ -1,0 +1,151 @@
+"""evaluate.views: a twin of a known room in views that only the table reads."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image as Pillow
+
+from dextera_build.artifacts.base import Collection, Folder
+from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.table import Table
+from dextera_build.artifacts.view import InstanceMap
+from dextera_build.errors import RuleError
+from dextera_build.geometry import raycast
+from dextera_build.rule import Context
+from dextera_build.testing import RuleRunner
+from rules.background import static_planes
+from rules.background.static import StaticOptions, static
+from rules.evaluate import elsewhere
+from rules.simulate.scene import scene
+from tests import factories
+
+LENS = factories.camera(320, 240)
+ROOM = [
+    ((-0.6, -0.4, -0.03), (0.6, 0.4, 0.0), (0.66, 0.55, 0.43)),
+    ((-3.0, 1.0, -0.8), (3.0, 1.1, 1.8), (0.75, 0.76, 0.74)),
+    ((-0.5, 0.3, 0.0), (-0.2, 0.39, 0.3), (0.5, 0.1, 0.15)),
+]
+EYES = {10: (0.0, -1.1, 0.7), 20: (0.15, -1.05, 0.75), 30: (-0.2, -1.0, 0.7)}
+
+
+def taken(frame: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Colours, depth [m] and T_world_camera of one of `EYES`."""
+    pose = factories.look_at(EYES[frame], (0.0, 0.2, 0.0))
+    meshes = [factories.box_mesh(low, high, colour) for low, high, colour in ROOM]
+    surfaces = [raycast.Surface(mesh.vertices, mesh.faces, colour=mesh.colour) for mesh in meshes]
+    seen = raycast.render(surfaces, LENS.matrix(), pose, LENS.height, LENS.width)
+    return raycast.shade(surfaces, seen), seen.depth, pose
+
+
+def file_of(pixels: np.ndarray) -> bytes:
+    data = io.BytesIO()
+    Pillow.fromarray(pixels).save(data, "PNG")
+    return data.getvalue()
+
+
+def folder(own: int = 10, **changes: bytes) -> Folder:
+    facts = {name: getattr(LENS, name) for name in ("width", "height", "fx", "fy", "cx", "cy")} | {
+        "depth_scale_m": 0.001
+    }
+    # A room of its own, which is not the twin's world.
+    room = factories.pose(2.0, 1.0, 0.5, 0.7)
+    files, views = {"capture.json": json.dumps(facts | {"frame": own}).encode()}, []
+    for frame in EYES:
+        rgb, depth, pose = taken(frame)
+        files[f"{frame}.png"], files[f"{frame}.depth.png"] = file_of(rgb), file_of((1000 * depth).astype(np.uint16))
+        names = {"rgb": f"{frame}.png", "depth": f"{frame}.depth.png"}
+        views.append({"frame": frame, **names, "T_world_camera": (room @ pose).tolist()})
+    return Folder(files={**files, "views.json": json.dumps(facts | {"views": views}).encode(), **changes})
+
+
+@pytest.fixture(scope="module")
+def twin(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, object], Scene]:
+    rgb, depth, pose = taken(10)
+    capture = factories.rgbd(rgb, depth.astype(np.float32), LENS)
+    corners = np.array([[-0.55, -0.35], [0.55, -0.35], [0.55, 0.35], [-0.55, 0.35]])
+    table = factories.support().model_copy(update={"camera_pose": factories.placed(pose, "camera"), "polygon": corners})
+    nothing = InstanceMap(labels=np.zeros(rgb.shape[:2], np.int32), fixed=np.zeros(rgb.shape[:2], bool))
+    context = Context(static_planes, static_planes.PlanesOptions(), scratch=tmp_path_factory.mktemp("room"))
+    made = static(context, capture.photograph, table, nothing, capture.measured, options=StaticOptions())
+    # What is below the floor hides nothing.
+    below = Collection[Asset](items={"box": factories.box_asset(factories.pose(0.0, 0.0, -5.0))})
+    inputs = {"photograph": capture.photograph, "measured": capture.measured, "instances": nothing}
+    return inputs, scene(Context(scratch=tmp_path_factory.mktemp("scene")), below, made, table, LENS)
+
+
+def rows(table: Table) -> dict[tuple[str, str], dict[str, float]]:
+    names = [column.name for column in table.columns]
+    return {(str(row[0]), str(row[1])): dict(zip(names, row, strict=True)) for row in table.rows}
+
+
+def test_the_twin_is_like_the_other_views(twin: tuple[dict[str, object], Scene], tmp_path: Path) -> None:
+    inputs, world = twin
+    runner = RuleRunner(tmp_path)
+    found = rows(runner.run("evaluate.views", backend="mujoco", scene=world, views=folder(), **inputs))
+    seen = found["twin", "seen by the capture"]
+    assert seen["PSNR"] > 22
+    assert seen["Depth median"] < 0.004
+    assert seen["Depth MAE"] < 0.02
+    assert found["twin", "all"]["Coverage"] > 0.99
+    assert found["baseline: one-sheet mesh", "all"]["Coverage"] < 0.95
+    assert found["baseline: depth splat", "seen by the capture"]["Depth median"] < 0.004
+    assert found["paper, HY-World", "background, calibrated top camera"]["PSNR"] == 20.74
+    assert {"PSNR, all", "PSNR, seen", "Coverage"} <= set(runner.outcome.metrics)
+
+
+def test_a_twin_that_is_moved_is_worse(twin: tuple[dict[str, object], Scene], tmp_path: Path) -> None:
+    inputs, world = twin
+    pose = world.camera_pose.matrix.copy()
+    pose[0, 3] += 0.08
+    moved = world.model_copy(update={"camera_pose": factories.placed(pose, "camera")})
+    right, wrong = (
+        rows(RuleRunner(tmp_path).run("evaluate.views", backend="mujoco", scene=each, views=folder(), **inputs))
+        for each in (world, moved)
+    )
+    for area in ("all", "seen by the capture"):
+        assert wrong["twin", area]["PSNR"] < right["twin", area]["PSNR"] - 1
+        assert wrong["twin", area]["Depth MAE"] > right["twin", area]["Depth MAE"] + 0.005
+
+
+def test_the_stub_draws_nothing(twin: tuple[dict[str, object], Scene], tmp_path: Path) -> None:
+    inputs, world = twin
+    found = rows(RuleRunner(tmp_path).run("evaluate.views", backend="stub", scene=world, views=folder(), **inputs))
+    assert found["twin", "all"]["Coverage"] == 0
+    assert found["twin", "all"]["Depth MAE"] is None
+
+
+def test_a_pixel_is_seen_if_its_surface_is_in_the_capture() -> None:
+    rgb, depth, pose = taken(10)
+    _, other, there = taken(20)
+    own = elsewhere.Own(rgb, depth, np.zeros(depth.shape, bool), LENS.matrix())
+    move = np.linalg.inv(pose) @ there
+    seen = elsewhere.seen(own, other, move, 0.05)
+    assert 0.5 < seen.mean() < (other > 0).mean()
+    # Some of the wall behind the red box is hidden from one eye and not from the other.
+    assert (~seen & (other > 0))[:, 40:-40].sum() > 20
+    assert elsewhere.seen(own, other, move, 1e-9).sum() < 0.02 * seen.sum(), "a tolerance that nothing keeps"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"views.json": b"{"}, "not valid JSON"),
+        ({"views.json": b"[]"}, "must hold an object"),
+        ({"views.json": b"{}"}, "incomplete"),
+        ({"20.png": b"no picture"}, "no readable picture"),
+        ({"20.png": file_of(np.zeros((10, 10, 3), np.uint8))}, "not of the size"),
+        ({"capture.json": b'{"frame": 11}'}, "lacks the frame"),
+    ],
+)
+def test_a_damaged_folder_is_refused(
+    twin: tuple[dict[str, object], Scene], tmp_path: Path, changes: dict[str, bytes], message: str
+) -> None:
+    inputs, world = twin
+    with pytest.raises(RuleError, match=message):
+        RuleRunner(tmp_path).run("evaluate.views", backend="stub", scene=world, views=folder(**changes), **inputs)
