@@ -52,7 +52,10 @@ def scene(degree: int, seed: int = 0, count: int = 60) -> Scene:
     scales = np.log(draw.uniform(0.03, 0.2, (count, 3)))
     scales[11:16] += 1.5
     logits = draw.normal(size=count) * 2
-    logits[20:23] = 7.0
+    # Opaque ones over one another, so that no light is left.
+    logits[20:40] = 7.0
+    scales[20:40] += 0.7
+    local[20:40, :2] *= 0.3
     place = pose()
     means = local @ place[:3, :3].T + place[:3, 3]
     harmonics = draw.normal(size=(count, (degree + 1) ** 2, 3)) * 0.5
@@ -106,8 +109,8 @@ def test_a_picture_is_that_of_the_dense_renderer(degree: int) -> None:
     wanted = dense_splats.render(*map(torch.tensor, given), k=K, pose=pose(), size=SIZE)
     for found, reference in zip(rendered(given), wanted, strict=True):
         assert np.abs(found - reference.numpy()).max() < 1e-12
-    assert rendered(given)[2].min() < 0.01
-    assert rendered(given)[2].max() > 0.5
+    assert 1e-4 < rendered(given)[2].min() < 2e-4
+    assert rendered(given)[2].max() > 0.3
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
@@ -167,7 +170,7 @@ def test_a_picture_is_that_of_the_preview_renderer_where_light_is_left() -> None
     wanted = splatting.render(plain, K, pose(), SIZE).reshape(-1, 3)
     colour, _, light = rendered(given)
     there = light > 0.02
-    assert 0.2 < there.mean() < 0.98
+    assert 0.2 < there.mean() < 0.9
     assert np.abs(colour - wanted)[there].max() < 1e-9
 
 

@@ -13,20 +13,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from dextera_build.learning.gaussian_fit.camera import Camera
 from dextera_build.learning.rasteriser import blending, gradients, projection, tiles
 
 WIDEST = 1.3
 """Directions are linearised at most at this multiple of half the field of view."""
-
-
-@dataclass(frozen=True)
-class Camera:
-    """A pinhole camera in the world of the Gaussians."""
-
-    k: np.ndarray  # (3, 3) intrinsics, integer pixel centres [px]
-    world_from_camera: np.ndarray  # (4, 4), OpenCV axes
-    size: tuple[int, int]  # rows, columns [px]
-    near_m: float = 0.01  # least depth of a drawn mean [m]
 
 
 @dataclass(frozen=True)
@@ -174,7 +165,7 @@ def _prepare() -> None:
     wp.config.log_level = wp.LOG_WARNING
     if "WARP_CACHE_PATH" not in os.environ:
         folder = os.path.expanduser(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
-        wp.config.kernel_cache_dir = os.path.join(folder, "dxb", "warp", wp.__version__)
+        wp.config.kernel_cache_dir = os.path.join(folder, "dxb", "warp")
     wp.init()
 
 
