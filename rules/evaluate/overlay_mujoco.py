@@ -21,10 +21,7 @@ def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np
     with rendering.Eye(model, scene.camera, scene.camera_pose.matrix) as eye:
         pixels = eye.rgb(data)
         geoms = eye.segmentation(data)
-    roots = np.append(np.asarray(model.body_rootid), -1)[rendering.bodies_of(model, geoms)]
-    owner = np.full(geoms.shape, -1, np.int32)
-    for number, name in enumerate(scene.bodies):
-        owner[roots == model.body(name).id] = number
+    owner = rendering.owners_of(model, geoms, scene.bodies)
     return _backed(pixels, owner < 0, scene), owner
 
 

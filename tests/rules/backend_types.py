@@ -16,7 +16,9 @@ import rules.align.object
 import rules.align.object_icp
 import rules.align.object_stub
 import rules.background.room.compose
+import rules.background.room.compose_gsplat
 import rules.background.room.compose_points
+import rules.background.room.compose_warp
 import rules.background.room.compose_worldmirror
 import rules.background.room.expand
 import rules.background.room.expand_stub
@@ -61,6 +63,9 @@ import rules.evaluate.replay_stub
 import rules.evaluate.rollouts
 import rules.evaluate.rollouts_mujoco
 import rules.evaluate.rollouts_stub
+import rules.evaluate.room
+import rules.evaluate.room_mujoco
+import rules.evaluate.room_stub
 import rules.factorize.contact.collision
 import rules.factorize.contact.collision_coacd
 import rules.factorize.contact.collision_stub
@@ -123,7 +128,9 @@ align_matches_stub: rules.align.matches.MatchesBackend = rules.align.matches_stu
 align_matches_xfeat: rules.align.matches.MatchesBackend = rules.align.matches_xfeat
 align_object_icp: rules.align.object.PlacementBackend = rules.align.object_icp
 align_object_stub: rules.align.object.PlacementBackend = rules.align.object_stub
+background_compose_gsplat: rules.background.room.compose.ComposeBackend = rules.background.room.compose_gsplat
 background_compose_points: rules.background.room.compose.ComposeBackend = rules.background.room.compose_points
+background_compose_warp: rules.background.room.compose.ComposeBackend = rules.background.room.compose_warp
 background_compose_worldmirror: rules.background.room.compose.ComposeBackend = rules.background.room.compose_worldmirror
 background_expand_stub: rules.background.room.expand.ExpandBackend = rules.background.room.expand_stub
 background_expand_warp: rules.background.room.expand.ExpandBackend = rules.background.room.expand_warp
@@ -154,6 +161,8 @@ evaluate_replay_mujoco: rules.evaluate.replay.ReplayBackend = rules.evaluate.rep
 evaluate_replay_stub: rules.evaluate.replay.ReplayBackend = rules.evaluate.replay_stub
 evaluate_rollouts_mujoco: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_mujoco
 evaluate_rollouts_stub: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_stub
+evaluate_room_mujoco: rules.evaluate.room.RoomBackend = rules.evaluate.room_mujoco
+evaluate_room_stub: rules.evaluate.room.RoomBackend = rules.evaluate.room_stub
 crease: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_crease
 particulate: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_particulate
 factorize_articulate_stub: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_stub

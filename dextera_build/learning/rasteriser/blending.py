@@ -14,7 +14,7 @@ LEAST_LIGHT = 1e-4
 
 @cache
 def blending(real: Any) -> Any:
-    """The kernel from sorted Gaussians to pixels: colour, depth, and light that passes all of them."""
+    """The kernel from sorted Gaussians to pixels: colour, depth, and light that passes all within the pixel's limit."""
     three, eight = (wp.types.vector(length, real) for length in (3, 8))
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -24,6 +24,7 @@ def blending(real: Any) -> Any:
         starts: wp.array[wp.int32],
         flat: wp.array[eight],
         colours: wp.array[three],
+        limits: wp.array[real],
         picture: wp.array[three],
         depth: wp.array[real],
         light: wp.array[real],
@@ -41,8 +42,11 @@ def blending(real: Any) -> Any:
         colour = three()
         far = real(0.0)
         last = starts[tile]
+        limit = limits[row * size[0] + column]
         for k in range(starts[tile], starts[tile + 1]):
             g = flat[k]
+            if g[7] > limit:
+                break
             dx = real(column) - g[0]
             dy = real(row) - g[1]
             exponent = real(0.5) * (g[2] * dx * dx + g[4] * dy * dy) + g[3] * dx * dy

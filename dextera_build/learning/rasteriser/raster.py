@@ -75,8 +75,14 @@ class Rasteriser:
         self.threads = threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self.threads) if device == "cpu" and self.threads > 1 else None
 
-    def forward(self, parameters: Parameters, camera: Camera) -> Picture:
-        """The picture that the camera sees."""
+    def forward(self, parameters: Parameters, camera: Camera, limits: Any = None) -> Picture:
+        """The picture that the camera sees.
+
+        Args:
+            parameters: The Gaussians.
+            camera: Where the picture is taken.
+            limits: (H W,) depth of something solid in each pixel [m], which hides means that are farther; or None.
+        """
         rows, columns = camera.size
         placed, size = self._camera(camera), wp.vec2i(columns, rows)
         given = parameters
@@ -91,7 +97,11 @@ class Rasteriser:
         starts, places, run, tones = self._sorted(size, flat, colours, boxes, counts, ends, pairs)
         picture, depth, light = self._new(rows * columns, 3), self._new(rows * columns), self._new(rows * columns)
         lasts = wp.empty(rows * columns, dtype=wp.int32, device=self.device)
-        self._by_tiles(blending.blending(self.real), starts, [size, starts, run, tones, picture, depth, light, lasts])
+        if limits is None:
+            limits = wp.full(rows * columns, float("inf"), dtype=self.real, device=self.device)
+        self._by_tiles(
+            blending.blending(self.real), starts, [size, starts, run, tones, limits, picture, depth, light, lasts]
+        )
         kept = _Kept(given, (*placed, size), flat, colours, counts, ends, places, starts, run, tones, lasts)
         return Picture(picture, depth, light, kept)
 

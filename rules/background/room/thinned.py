@@ -38,9 +38,9 @@ def _width(places: np.ndarray) -> float:
 
 
 def _cells(places: np.ndarray, widths: np.ndarray, octaves: float) -> np.ndarray:
-    """Cell (N,) of each point as one number, mixed from its size, a power of two, and from where it lies."""
-    level = np.round(np.log2(widths) + octaves)
-    cells = np.concatenate([level[:, None], np.floor(places / 2.0 ** level[:, None])], axis=1).astype(np.int64)
+    """Cell (N,) of each point as one number, mixed from its size, which doubles in steps, and from where it lies."""
+    level = np.round(np.log2(widths))[:, None]
+    cells = np.concatenate([level, np.floor(places / 2.0 ** (level + octaves))], axis=1).astype(np.int64)
     mixed = cells.astype(np.uint64) * MIXERS
     return np.asarray(np.bitwise_xor.reduce(mixed ^ (mixed >> np.uint64(29)), axis=1))
 
