@@ -102,17 +102,28 @@ def test_only_known_depth_counts_and_relative_to_itself() -> None:
 def test_fitting_brings_the_pictures_near_and_does_not_depend_on_chance() -> None:
     wanted, start = targets(truth()), opened(moved(truth()), "cpu", 1)
     told: list[int] = []
-    settings = Settings(90, mean_step_m=4e-3, seed=2)
+    settings = Settings(90, pixel_m=0.02, mean_step=0.2, anchor=0.0, seed=2)
     made = fit(start, wanted, render, settings, lambda step, loss: told.append(step))
     assert told == list(range(1, 91))
     assert error(made, wanted) < 0.6 * error(start, wanted)
     again = fit(start, wanted, render, settings)
     assert all(torch.equal(one, other) for one, other in zip(made, again, strict=True))
-    other = fit(start, wanted, render, Settings(90, mean_step_m=4e-3, seed=3))
+    other = fit(start, wanted, render, Settings(90, pixel_m=0.02, mean_step=0.2, anchor=0.0, seed=3))
     assert not torch.equal(made.means, other.means)
     # Every tensor took part.
     for name, before, after in zip(Trained._fields, start, made, strict=True):
         assert not torch.equal(before, after), name
+
+
+def test_the_anchor_holds_gaussians_where_they_began() -> None:
+    wanted, start = targets(truth()), opened(moved(truth()), "cpu", 1)
+
+    def distances(anchor: float) -> list[float]:
+        made = fit(start, wanted, render, Settings(30, pixel_m=0.02, mean_step=0.2, anchor=anchor))
+        return [float((one - other).norm()) for one, other in zip(made, start, strict=True)]
+
+    free, held = distances(0.0), distances(5.0)
+    assert all(near < 0.7 * far for near, far in zip(held, free, strict=True))
 
 
 def test_depth_alone_moves_gaussians() -> None:
@@ -126,14 +137,16 @@ def test_depth_alone_moves_gaussians() -> None:
     def far(made: Trained) -> float:
         return float(np.mean([float(loss_of(render(made, each.camera), each, 0.2, 1.0)) for each in wanted]))
 
-    assert far(fit(start, wanted, render, Settings(60, mean_step_m=4e-3, depth_weight=1.0))) < 0.5 * far(start)
+    assert far(
+        fit(start, wanted, render, Settings(60, pixel_m=0.02, mean_step=0.2, anchor=0.0, depth_weight=1.0))
+    ) < 0.5 * far(start)
 
 
 def test_a_loss_that_is_no_number_ends_the_fit() -> None:
     wanted = targets(truth(), depth=False)
     wanted[0].pixels[3, 3] = torch.nan
     with pytest.raises(FloatingPointError, match=r"after [0-2] steps"):
-        fit(opened(truth(), "cpu", 1), wanted, render, Settings(9, mean_step_m=1e-3))
+        fit(opened(truth(), "cpu", 1), wanted, render, Settings(9, pixel_m=0.02))
 
 
 def test_fitted_gaussians_come_back_from_ply_and_usd(tmp_path: Path) -> None:

@@ -19,7 +19,10 @@ Render = Callable[[Trained, Camera], tuple[Tensor, Tensor, Tensor]]
 
 TURN_STEP, SCALE_STEP, OPACITY_STEP, COLOUR_STEP = 1e-3, 5e-3, 5e-2, 2.5e-3
 """Step widths of Adam for quaternions, logarithms of scales, logits and coefficients of colours; that of the means is a
-setting, in metres."""
+setting."""
+STAY = (0.3, 0.5, 2.0, 0.5, 0.5)
+"""Changes of the same, in the same order, that the anchor holds as it holds a mean that moved by a pixel; the last is
+of the coefficients that depend on the direction."""
 LAST = 0.1
 """The step widths fall to this part of what they were, geometrically."""
 DIRECTED = 1 / 20
@@ -32,8 +35,12 @@ class Settings:
 
     steps: int
     """Steps, one view each; every view has its turn before one comes again."""
-    mean_step_m: float
-    """Step width of the means at the beginning [m]."""
+    pixel_m: float
+    """Distance of neighbouring pixels on the surface [m], the unit of the means."""
+    mean_step: float = 0.02
+    """Step width of the means at the beginning, in that unit."""
+    anchor: float = 0.1
+    """Weight of what holds Gaussians where they began; one that no view shows well would wander off otherwise."""
     ssim_share: float = 0.2
     """See `loss_of`."""
     depth_weight: float = 0.1
@@ -55,12 +62,17 @@ def fit(
         FloatingPointError: The loss is no number.
     """
     *shapes, harmonics = start
-    tensors = [each.clone().requires_grad_() for each in (*shapes, harmonics[:, :1], harmonics[:, 1:])]
+    begun = [each.clone() for each in (*shapes, harmonics[:, :1], harmonics[:, 1:])]
+    tensors = [each.clone().requires_grad_() for each in begun]
+    widths = (settings.pixel_m, *STAY)
     optimiser = torch.optim.Adam(_groups(tensors, settings), eps=1e-15)
     fall = torch.optim.lr_scheduler.ExponentialLR(optimiser, LAST ** (1 / settings.steps))
     for step, number in enumerate(_turns(len(targets), settings), 1):
         target = targets[number]
         loss = loss_of(render(_joined(tensors), target.camera), target, settings.ssim_share, settings.depth_weight)
+        if settings.anchor:
+            pull = sum((((one - other) / s) ** 2).sum() for one, other, s in zip(tensors, begun, widths, strict=True))
+            loss = loss + settings.anchor * pull / target.pixels.numel()
         if not torch.isfinite(loss):
             raise FloatingPointError(f"the loss is {loss.item()} after {step - 1} steps")
         optimiser.zero_grad(set_to_none=True)
@@ -72,7 +84,14 @@ def fit(
 
 
 def _groups(tensors: list[Tensor], settings: Settings) -> list[dict[str, Any]]:
-    rates = (settings.mean_step_m, TURN_STEP, SCALE_STEP, OPACITY_STEP, COLOUR_STEP, COLOUR_STEP * DIRECTED)
+    rates = (
+        settings.mean_step * settings.pixel_m,
+        TURN_STEP,
+        SCALE_STEP,
+        OPACITY_STEP,
+        COLOUR_STEP,
+        COLOUR_STEP * DIRECTED,
+    )
     pairs = zip(tensors, rates, strict=True)
     return [{"params": [tensor], "lr": rate} for tensor, rate in pairs if tensor.numel()]
 

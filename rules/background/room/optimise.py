@@ -33,7 +33,8 @@ def optimised(
     if not all(isinstance(views.lens(name), Camera) for name in views.names):
         ctx.fail("the optimiser takes pictures of pinhole cameras", hint="undistort them, or use backend `points`")
     start = _start(ctx, views, background, options)
-    targets = {name: _target(views, name, start.points, ctx.device) for name in views.names}
+    known = start.points if views.points is None else views.points
+    targets = {name: _target(views, name, known, ctx.device) for name in views.names}
     apart = _held_out(views, options)
     given = opened(start.splats.gaussians, ctx.device, options.degree)
     before = _likeness(given, [targets[name] for name in apart], render)
@@ -42,13 +43,7 @@ def optimised(
             given,
             [target for name, target in targets.items() if name not in apart],
             render,
-            Settings(
-                options.steps,
-                options.mean_step * float(np.median(_footprints(start.points))),
-                options.ssim_share,
-                options.depth_weight,
-                options.seed,
-            ),
+            _settings(options, start.points),
             lambda step, loss: _tell(ctx, step, options.steps, loss),
         )
     except FloatingPointError as error:
@@ -67,6 +62,18 @@ def _start(ctx: Context, views: Views, background: Background | None, options: O
         views = views.model_copy(update={"points": thinned(points, options.most)})
     start: Room = ctx.other("points").compose(views, background)
     return start
+
+
+def _settings(options: OptimiseOptions, points: PointCloud) -> Settings:
+    return Settings(
+        options.steps,
+        pixel_m=float(np.median(_footprints(points))),
+        mean_step=options.mean_step,
+        anchor=options.anchor,
+        ssim_share=options.ssim_share,
+        depth_weight=options.depth_weight,
+        seed=options.seed,
+    )
 
 
 def _footprints(points: PointCloud) -> np.ndarray:

@@ -108,7 +108,7 @@ def test_gsplat_is_asked_in_its_own_conventions(monkeypatch: pytest.MonkeyPatch)
     for found, reference in zip(made, wanted, strict=True):
         assert np.allclose(found.flatten(), reference.flatten(), atol=1e-5)
     target = Target(eye, torch.tensor(0.5).expand(24, 32, 3), None)
-    fitted = fit(given, [target], compose_gsplat.rendered, Settings(20, mean_step_m=1e-3))
+    fitted = fit(given, [target], compose_gsplat.rendered, Settings(20, pixel_m=0.02, mean_step=0.05, anchor=0.0))
     near, far = ((compose_gsplat.rendered(each, eye)[0] - 0.5).abs().mean() for each in (fitted, given))
     assert near < 0.95 * far
 
