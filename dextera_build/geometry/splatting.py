@@ -33,7 +33,8 @@ def render(
     world_from_camera: np.ndarray,
     size: tuple[int, int],
     *,
-    paper: float = 0.0,
+    paper: float | np.ndarray = 0.0,
+    paper_m: np.ndarray | None = None,
     near_m: float = 0.01,
 ) -> np.ndarray:
     """The picture that a camera sees, (H, W, 3) float64, sRGB.
@@ -43,15 +44,16 @@ def render(
         k: (3, 3) intrinsics, integer pixel centres [px].
         world_from_camera: (4, 4) T_world_camera, OpenCV axes.
         size: Rows and columns [px].
-        paper: sRGB grey behind them.
+        paper: sRGB behind them: one grey, or (H, W, 3).
+        paper_m: (H, W) image-plane depth of the paper [m], inf where it is behind all; it hides means that are farther.
         near_m: Smallest depth of a drawn mean [m].
     """
     rows, columns = size
     flat = _project(gaussians, k, world_from_camera, size, near_m)
     light, colour = np.ones(rows * columns), np.zeros((rows * columns, 3))
     for chunk in _chunks(flat.areas):
-        _blend(flat, chunk, columns, light, colour)
-    return (colour + paper * light[:, None]).reshape(rows, columns, 3)
+        _blend(flat, chunk, columns, light, colour, None if paper_m is None else paper_m.ravel())
+    return np.asarray(colour.reshape(rows, columns, 3) + paper * light.reshape(rows, columns, 1))
 
 
 def preview(gaussians: Gaussians) -> np.ndarray:
@@ -79,13 +81,13 @@ def preview(gaussians: Gaussians) -> np.ndarray:
 class _Flat:
     """Gaussians on the picture, from near to far."""
 
-    def __init__(self, centres: np.ndarray, conics: np.ndarray, boxes: np.ndarray, opacities: np.ndarray) -> None:
-        self.centres = centres  # (N, 2) column and row [px]
+    def __init__(self, places: np.ndarray, conics: np.ndarray, boxes: np.ndarray, opacities: np.ndarray) -> None:
+        self.centres, self.depths = places[:, :2], places[:, 2]  # (N, 2) column and row [px], (N,) [m]
         self.conics = conics  # (N, 3) xx, xy, yy of the inverse covariance [1/px^2]
         self.low, self.spans = boxes  # (N, 2) each, first pixel and number of pixels along columns and rows
         self.opacities = opacities  # (N,)
         self.areas = self.spans.prod(axis=1)
-        self.colours = np.zeros((len(centres), 3))
+        self.colours = np.zeros((len(places), 3))
 
 
 def _project(gaussians: Gaussians, k: np.ndarray, pose: np.ndarray, size: tuple[int, int], near: float) -> _Flat:
@@ -103,7 +105,8 @@ def _project(gaussians: Gaussians, k: np.ndarray, pose: np.ndarray, size: tuple[
     most = np.array([size[1] - 1, size[0] - 1])
     low = np.clip(np.ceil(centres - reach), 0, most + 1).astype(np.int64)
     high = np.clip(np.floor(centres + reach), -1, most).astype(np.int64)
-    flat = _Flat(centres, conics, np.stack([low, np.maximum(high - low + 1, 0)]), kept.opacities)
+    placed = np.concatenate([centres, z[:, None]], axis=1)
+    flat = _Flat(placed, conics, np.stack([low, np.maximum(high - low + 1, 0)]), kept.opacities)
     flat.colours = shapes.colours(kept, eye)
     return flat
 
@@ -134,8 +137,13 @@ def _chunks(areas: np.ndarray) -> Iterator[slice]:
         start = stop
 
 
-def _blend(flat: _Flat, chunk: slice, columns: int, light: np.ndarray, colour: np.ndarray) -> None:
-    """Lay a run of Gaussians behind what is there; `light` (H W,) is what passes through, `colour` (H W, 3)."""
+def _blend(
+    flat: _Flat, chunk: slice, columns: int, light: np.ndarray, colour: np.ndarray, limit: np.ndarray | None
+) -> None:
+    """Lay a run of Gaussians behind what is there; `light` (H W,) is what passes through, `colour` (H W, 3).
+
+    Nothing farther than `limit` (H W,) is laid.
+    """
     areas = flat.areas[chunk]
     owner = np.repeat(np.arange(chunk.start, chunk.stop), areas)
     place = np.arange(len(owner)) - np.repeat(np.cumsum(areas) - areas, areas)
@@ -144,8 +152,10 @@ def _blend(flat: _Flat, chunk: slice, columns: int, light: np.ndarray, colour: n
     dx, dy = column - flat.centres[owner, 0], row - flat.centres[owner, 1]
     xx, xy, yy = flat.conics[owner].T
     alpha = np.minimum(flat.opacities[owner] * np.exp(-0.5 * (xx * dx * dx + yy * dy * dy) - xy * dx * dy), _MOST)
-    kept = np.flatnonzero(alpha >= _LEAST)
-    pixel = (row * columns + column)[kept]
+    pixel = row * columns + column
+    shown = alpha >= _LEAST
+    kept = np.flatnonzero(shown if limit is None else shown & (flat.depths[owner] <= limit[pixel]))
+    pixel = pixel[kept]
     order = kept[np.argsort(pixel, kind="stable")]  # by pixel, and from near to far within it
     pixel, alpha, owner = np.sort(pixel, kind="stable"), alpha[order], owner[order]
     passed = np.log1p(-alpha)

@@ -27,8 +27,5 @@ def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np
     middle = np.mean(roots, axis=0) if roots else np.zeros(3)
     sides = (rendering.orbit(pose, middle, np.radians(turn)) for turn in TURNS_DEG)
     (pixels, *around), geoms = rendering.stock(model, data, ["capture", *sides], camera.height, camera.width)
-    owners = np.append(np.asarray(model.body_rootid), -1)[rendering.bodies_of(model, geoms)]
-    owner = np.full(geoms.shape, -1, np.int32)
-    for number, name in enumerate(scene.bodies):
-        owner[owners == model.body(name).id] = number
+    owner = rendering.owners_of(model, geoms, scene.bodies)
     return pixels, owner, tuple(around)

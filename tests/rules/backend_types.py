@@ -19,7 +19,9 @@ import rules.background.robot
 import rules.background.robot_mujoco
 import rules.background.robot_stub
 import rules.background.room.compose
+import rules.background.room.compose_gsplat
 import rules.background.room.compose_points
+import rules.background.room.compose_warp
 import rules.background.room.compose_worldmirror
 import rules.background.room.expand
 import rules.background.room.expand_stub
@@ -34,6 +36,9 @@ import rules.background.static
 import rules.background.static_flux2
 import rules.background.static_planes
 import rules.background.static_stub
+import rules.capture.drawn.draw
+import rules.capture.drawn.draw_mujoco
+import rules.capture.drawn.draw_stub
 import rules.capture.reference
 import rules.capture.reference_mujoco
 import rules.capture.reference_stub
@@ -64,6 +69,9 @@ import rules.evaluate.replay_stub
 import rules.evaluate.rollouts
 import rules.evaluate.rollouts_mujoco
 import rules.evaluate.rollouts_stub
+import rules.evaluate.room
+import rules.evaluate.room_mujoco
+import rules.evaluate.room_stub
 import rules.evaluate.views
 import rules.evaluate.views_mujoco
 import rules.evaluate.views_stub
@@ -89,8 +97,11 @@ import rules.factorize.masks.segment_grabcut
 import rules.factorize.masks.segment_sam3
 import rules.factorize.masks.segment_stub
 import rules.factorize.shapes.mesh
+import rules.factorize.shapes.mesh_bounding_box
+import rules.factorize.shapes.mesh_convex_hull
 import rules.factorize.shapes.mesh_hunyuan3d_2_1
 import rules.factorize.shapes.mesh_hunyuan3d_cloud
+import rules.factorize.shapes.mesh_poisson
 import rules.factorize.shapes.mesh_primitives
 import rules.factorize.shapes.mesh_sam3d_objects
 import rules.factorize.shapes.mesh_stub
@@ -132,7 +143,9 @@ align_matches_stub: rules.align.matches.MatchesBackend = rules.align.matches_stu
 align_matches_xfeat: rules.align.matches.MatchesBackend = rules.align.matches_xfeat
 align_object_icp: rules.align.object.PlacementBackend = rules.align.object_icp
 align_object_stub: rules.align.object.PlacementBackend = rules.align.object_stub
+background_compose_gsplat: rules.background.room.compose.ComposeBackend = rules.background.room.compose_gsplat
 background_compose_points: rules.background.room.compose.ComposeBackend = rules.background.room.compose_points
+background_compose_warp: rules.background.room.compose.ComposeBackend = rules.background.room.compose_warp
 background_compose_worldmirror: rules.background.room.compose.ComposeBackend = rules.background.room.compose_worldmirror
 background_expand_stub: rules.background.room.expand.ExpandBackend = rules.background.room.expand_stub
 background_expand_warp: rules.background.room.expand.ExpandBackend = rules.background.room.expand_warp
@@ -165,6 +178,8 @@ evaluate_replay_mujoco: rules.evaluate.replay.ReplayBackend = rules.evaluate.rep
 evaluate_replay_stub: rules.evaluate.replay.ReplayBackend = rules.evaluate.replay_stub
 evaluate_rollouts_mujoco: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_mujoco
 evaluate_rollouts_stub: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_stub
+evaluate_room_mujoco: rules.evaluate.room.RoomBackend = rules.evaluate.room_mujoco
+evaluate_room_stub: rules.evaluate.room.RoomBackend = rules.evaluate.room_stub
 evaluate_views_mujoco: rules.evaluate.views.ViewsBackend = rules.evaluate.views_mujoco
 evaluate_views_stub: rules.evaluate.views.ViewsBackend = rules.evaluate.views_stub
 crease: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_crease
@@ -207,3 +222,8 @@ simulate_task_mujoco: rules.simulate.task.TaskBackend = rules.simulate.task_mujo
 simulate_task_stub: rules.simulate.task.TaskBackend = rules.simulate.task_stub
 simulate_usd_openusd: rules.simulate.usd.UsdBackend = rules.simulate.usd_openusd
 simulate_usd_stub: rules.simulate.usd.UsdBackend = rules.simulate.usd_stub
+capture_draw_mujoco: rules.capture.drawn.draw.FallBackend = rules.capture.drawn.draw_mujoco
+capture_draw_stub: rules.capture.drawn.draw.FallBackend = rules.capture.drawn.draw_stub
+bounding_box: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_bounding_box
+convex_hull: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_convex_hull
+poisson: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_poisson

@@ -209,6 +209,18 @@ def bodies_of(model: Any, geoms: np.ndarray) -> np.ndarray:
     return np.asarray(owner[geoms])
 
 
+def owners_of(model: Any, geoms: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+    """For a segmentation's geom ids, the index in `names` of the world's child that each belongs to, (H, W) int32.
+
+    It is -1 without a geom, and for other children.
+    """
+    roots = np.append(np.asarray(model.body_rootid), -1)[bodies_of(model, geoms)]
+    owner = np.full(geoms.shape, -1, np.int32)
+    for number, name in enumerate(names):
+        owner[roots == model.body(name).id] = number
+    return owner
+
+
 def camera_spec(parent: Any, name: str, camera: Camera, world_from_camera: np.ndarray) -> Any:
     """Add the camera to a spec body (`MjsBody`) whose frame is the world's, and return the `MjsCamera`.
 

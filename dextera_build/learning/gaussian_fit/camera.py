@@ -1,0 +1,17 @@
+"""Where a picture of Gaussians is taken; without Warp, because other renderers take it too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera in the world of the Gaussians."""
+
+    k: np.ndarray  # (3, 3) intrinsics, integer pixel centres [px]
+    world_from_camera: np.ndarray  # (4, 4), OpenCV axes
+    size: tuple[int, int]  # rows, columns [px]
+    near_m: float = 0.01  # least depth of a drawn mean [m]

@@ -1,0 +1,60 @@
+"""evaluate.room: the twin's objects in the room of Gaussians, beside the photograph."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from PIL import Image as Pillow
+from PIL.Image import Resampling
+from pydantic import Field
+
+from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.room import Room
+from dextera_build.artifacts.scene import Scene
+from dextera_build.geometry import metrics
+from dextera_build.rule import Context, Options, rule
+
+from .panels import beside, titled
+
+if TYPE_CHECKING:
+    from dextera_build.artifacts.camera import Camera
+
+
+class RoomOptions(Options):
+    """Options of evaluate.room."""
+
+    longest_px: int = Field(640, ge=16, le=4096)
+    """Longest side of the pictures; Gaussians have gaps in pictures with more pixels than the views they come from."""
+
+
+class RoomBackend(Protocol):
+    """What a backend of evaluate.room defines."""
+
+    def render(
+        self, ctx: Context, scene: Scene, room: Room, camera: Camera, world_from_camera: np.ndarray, options: Any
+    ) -> np.ndarray:
+        """The objects of the scene in keyframe `home` among the Gaussians, (H, W, 3) uint8 sRGB."""
+        ...
+
+
+@rule(version=1, packages=("numpy", "pillow"))
+def room(ctx: Context[RoomBackend], photograph: Photograph, scene: Scene, room: Room, *, options: RoomOptions) -> Image:
+    """Return the photograph beside the twin's objects among the room's Gaussians, from the photograph's camera."""
+    whole = photograph.camera
+    camera = whole.scaled(min(1.0, options.longest_px / max(whole.width, whole.height)))
+    shot = np.asarray(Pillow.fromarray(photograph.rgb.pixels).resize((camera.width, camera.height), Resampling.BOX))
+    ctx.check(room.splats.frame == "world", "the room is not in the frame of the scene", frame=room.splats.frame)
+    pixels: np.ndarray = ctx.backend.render(ctx, scene, room, camera, scene.camera_pose.matrix, ctx.backend_options)
+    ctx.check(pixels.shape == shot.shape, "the render has another size than the camera says")
+    likeness = metrics.psnr(shot, pixels, np.ones(shot.shape[:2], bool))
+    if likeness is not None:
+        ctx.metric("likeness", likeness, "dB")
+    told = "as the photograph" if likeness is None else f"{likeness:.1f} dB from the photograph"
+    objects = "1 object" if len(scene.bodies) == 1 else f"{len(scene.bodies)} objects"
+    ctx.say(f"{objects} among {len(room.splats.means):,} Gaussians, {told}")
+    panes = [titled(shot, "photograph"), titled(pixels, "twin, the room as Gaussians")]
+    picture = beside(panes[0], panes[1], axis=1)
+    ctx.preview(picture, "photograph, and the twin's objects in the room")
+    return Image(pixels=picture)
