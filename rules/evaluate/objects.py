@@ -16,7 +16,7 @@ from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.geometry import metrics
 from dextera_build.rule import Context, Fraction, Options, rule
 
-from .sight import Seen, placed_bodies, render, true_objects, visible_fraction
+from .sight import Seen, counted, placed_bodies, render, true_objects
 
 COLUMNS = (
     Column(name="Object"),
@@ -61,6 +61,8 @@ class ObjectsOptions(Options):
     """Minimum mask IoU at which an asset matches a true object."""
     least_visible: Fraction = 0.0
     """Visible part of its outline from which a true object counts; others may be found, but are not missed."""
+    whole: bool = False
+    """Whether objects that the border of the picture cuts are left out, as parsing takes them for static ones."""
     summary: bool = True
     """Whether mean, deviation, count and the paper's row follow the objects."""
     samples: PositiveInt = 20000
@@ -105,10 +107,9 @@ def objects(
     overlaps = np.array([[metrics.mask_iou(f.mask, t.mask) for f in found.values()] for t in known.values()])
     pairs = metrics.match(overlaps.reshape(len(known), len(found)), options.match_iou)
     asset_of = {list(known)[row]: list(found)[column] for row, column in pairs}
-    visible = {name: visible_fraction(thing, camera) for name, thing in known.items()}
-    counted = [name for name in known if visible[name] >= options.least_visible]
+    visible = counted(known, camera, options.least_visible, whole=options.whole)
     rows: list[tuple[Cell, ...]] = []
-    for name in counted:
+    for name in visible:
         if name in asset_of:
             numbers = _score(found[asset_of[name]], known[name], truth, rgb, depth, options)
             rows.append((name, asset_of[name], visible[name], *numbers))
@@ -117,7 +118,7 @@ def objects(
     spurious = sorted(set(found) - set(asset_of.values()))
     ctx.preview(_outlines(truth, known, found), "truth green, twin magenta")
     rows += [(SPURIOUS, label, *[None] * (len(COLUMNS) - 2)) for label in spurious]
-    return _table(ctx, rows, spurious, len(known) - len(counted), _sources(bodies), truth, options)
+    return _table(ctx, rows, spurious, len(known) - len(visible), _sources(bodies), truth, options)
 
 
 def _score(
@@ -172,8 +173,9 @@ def _table(
         notes=(
             f"{true} true objects: {true - missed} found, {missed} missed; {len(spurious)} spurious assets"
             + (f" ({', '.join(spurious)})" if spurious else ""),
-            f"visible: part of the outline that is in the picture and not hidden; {hidden} objects of which less than "
-            f"{options.least_visible:g} is visible are left out",
+            f"visible: part of the outline that is in the picture and not hidden; {hidden} objects are left "
+            f"out, of which less than {options.least_visible:g} is visible"
+            + (" or which the border of the picture cuts" if options.whole else ""),
             "a missed object counts with IoU 0; its other cells are empty, and `count` says over how many objects each "
             "mean goes; deviation is that of a sample",
             f"objects and assets are paired one to one by mask IoU (Hungarian), at least {options.match_iou:g}",

@@ -90,6 +90,28 @@ def visible_fraction(thing: Seen, camera: Camera) -> float:
     return min(1.0, float(thing.mask.sum()) / max(1.0, 4.0 * float(whole.sum())))
 
 
+def touches_border(mask: np.ndarray) -> bool:
+    """Whether a mask (H, W) reaches the border of the picture, so that its object may go on beyond it."""
+    return bool(mask[[0, -1]].any() or mask[:, [0, -1]].any())
+
+
+def counted(things: dict[str, Seen], camera: Camera, least_visible: float, *, whole: bool) -> dict[str, float]:
+    """Visible part of the things that can be expected to be found.
+
+    Args:
+        things: True objects.
+        camera: Intrinsics.
+        least_visible: Visible part of its outline from which an object counts.
+        whole: Leave out objects that the border of the picture cuts; parsing takes them for static ones (row B2).
+    """
+    parts = {name: visible_fraction(thing, camera) for name, thing in things.items()}
+    return {
+        name: part
+        for name, part in parts.items()
+        if part >= least_visible and not (whole and touches_border(things[name].mask))
+    }
+
+
 def _joined(mask: np.ndarray, surfaces: list[raycast.Surface]) -> Seen:
     starts = np.cumsum([0, *(len(surface.vertices) for surface in surfaces)])
     faces = [surface.faces + start for surface, start in zip(surfaces, starts[:-1], strict=True)]

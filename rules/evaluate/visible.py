@@ -6,7 +6,7 @@ from dextera_build.artifacts.scene import Truth
 from dextera_build.artifacts.table import Column, Table
 from dextera_build.rule import Context, Fraction, Options, rule
 
-from .sight import true_objects, visible_fraction
+from .sight import counted, true_objects
 
 COLUMNS = (Column(name="Object"), Column(name="Visible", digits=2))
 
@@ -16,15 +16,17 @@ class VisibleOptions(Options):
 
     least_visible: Fraction = 0.25
     """Visible part of its outline from which a true object counts; see `evaluate.objects`."""
+    whole: bool = True
+    """Whether objects that the border of the picture cuts are left out; see `evaluate.objects`."""
 
 
 @rule(version=1, packages=("numpy", "open3d"))
 def visible(ctx: Context, truth: Truth, *, options: VisibleOptions | None = None) -> Table:
     """Return the true objects that count, with the visible part of each, whether or not a twin was built."""
     options = options or VisibleOptions()
-    seen = {name: visible_fraction(thing, truth.camera) for name, thing in true_objects(truth).items()}
-    rows = tuple((name, part) for name, part in seen.items() if part >= options.least_visible)
-    ctx.say(f"{len(rows)} of {len(seen)} true objects count")
+    known = true_objects(truth)
+    rows = tuple(counted(known, truth.camera, options.least_visible, whole=options.whole).items())
+    ctx.say(f"{len(rows)} of {len(known)} true objects count")
     return Table(
         title="True objects that count",
         columns=COLUMNS,

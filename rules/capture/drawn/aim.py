@@ -18,7 +18,7 @@ class AimOptions(Options):
 
     focal: PositiveFloat = 0.96
     """Focal length by the width of the picture; 0.96 is that of an Intel RealSense D435 at 640 x 480 px."""
-    heading_deg: PositiveFloat = 60.0
+    heading_deg: PositiveFloat = 45.0
     """Largest angle between the heading and the straight view of the wall [deg]."""
 
 

@@ -50,7 +50,7 @@ def fixtures(drawn: TableOptions, rng: np.random.Generator) -> dict[str, Thing]:
         parts |= _cupboard(room, rng)
     if rng.uniform() < 0.5:
         parts |= _shelf(room, rng)
-    if rng.uniform() < 0.3:
+    if rng.uniform() < 0.2:
         parts |= _machine(drawn, rng)
     return {name: _fixture(part) for name, part in parts.items()}
 

@@ -279,6 +279,8 @@ def test_an_object_cut_by_the_border_is_partly_visible(tmp_path: Path, truth: Tr
     for name, pixels in inside.items():
         assert cell(table, name, "Visible") == pytest.approx(pixels / whole[name], abs=0.04)
     assert 0.3 < inside["left"] / whole["left"] < 0.7
+    table, _ = evaluate(tmp_path, cut, {}, half, whole=True)
+    assert [row[0] for row in table.rows[:2]] == ["right", "mean"]
 
 
 def test_without_a_summary_there_are_objects_and_spurious_assets_only(tmp_path: Path, truth: Truth) -> None:
