@@ -35,7 +35,7 @@ class PlacementBackend(Protocol):
         ...
 
 
-@rule(version=2)
+@rule(version=3)
 def object(
     ctx: Context[PlacementBackend],
     body: Body,
@@ -47,7 +47,8 @@ def object(
 ) -> Placement:
     """Return the pose of the object frame in the world and the scale from mesh units to those of the world [m].
 
-    The render decides, not the registration's fitness, which is perfect for a collapsed fit. Without depth, the body
+    The render decides, not the registration's fitness, which is perfect for a collapsed fit: a bad one is refused, or
+    told by a warning if the body was fitted to this view and has a pose of its own. Without depth, the body
     stands on the support and its silhouette decides alone.
     """
     options = options or ObjectOptions()
@@ -56,19 +57,17 @@ def object(
     if measured is not None and valid < 50:
         ctx.fail(f"only {valid} pixels of the object have depth", hint="drop the element, or capture it nearer")
     placed = ctx.backend.place(ctx, body, seen, options, ctx.backend_options)
-    hint = "try another backend of `factorize.mesh`, or look at the mask of this object"
-    ctx.check(
-        placed.iou >= options.least_iou,
-        f"the placed render covers the mask with IoU {placed.iou:.2f}, {options.least_iou:.2f} is needed",
-        hint=hint,
-        method=placed.placement.method,
-    )
-    ctx.check(
-        placed.violation <= options.most_violation,
-        f"{placed.violation:.0%} of the placed render lies in free space, {options.most_violation:.0%} is allowed",
-        hint=hint,
-        method=placed.placement.method,
-    )
+    bad = ""
+    if placed.iou < options.least_iou:
+        bad = f"the placed render covers the mask with IoU {placed.iou:.2f}, {options.least_iou:.2f} is needed"
+    elif placed.violation > options.most_violation:
+        bad = f"{placed.violation:.0%} of the placed render lies in free space, {options.most_violation:.0%} is allowed"
+    if bad and measured is not None and body.pose is not None:
+        # It was fitted to the depth of this view, so its place is right, whatever its shape is worth.
+        ctx.warn(bad)
+    elif bad:
+        hint = "try another backend of `factorize.mesh`, or look at the mask of this object"
+        ctx.check(False, bad, hint=hint, method=placed.placement.method)
     placement = placed.placement.model_copy(update={"asset_source": body.asset_source})
     pixels = ctx.backend.picture(ctx, body, seen, placement, ctx.backend_options)
     if pixels is not None:

@@ -22,7 +22,7 @@ from ..regions.heights import relief
 from .marking import outlines
 from .occlusion import lower_in_the_picture, occluders
 from .overlap import suppress
-from .smeared import odd_scale, size, why_no_body
+from .smeared import odd_scale, size, sparse, why_no_body
 
 
 class SegmentOptions(Options):
@@ -93,6 +93,9 @@ def segment(
             "`factorize.mesh` that needs no depth: `dxb ls backends`",
         )
         result = picture.cut_out(found, options.margin_px) if bad else result
+        for name, one in result.items.items():
+            if doubt := sparse(one):
+                ctx.warn(f"{name}: {doubt}")
         odd = odd_scale({name: size(one) for name, one in result.items.items()})
         if odd:
             ctx.warn(f"{odd}: check `depth_scale_m` and the focal length of the capture")

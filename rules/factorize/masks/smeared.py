@@ -19,6 +19,9 @@ bodies had trusted depth on 0.67 to 0.95 of their pixels (thin ones least), smea
 GRAZING = 0.35
 """A smear lies along the line of sight: median cosine between it and the normals; bodies had 0.45 to 0.98."""
 
+COVERED = 0.8
+"""Objects of real captures have depth on 0.92 to 1.0 of their pixels."""
+
 
 def why_no_body(instance: Instance) -> str:
     """Why nothing can be made of an object: `only 103 of its 216 pixels have trusted depth`; empty if it can."""
@@ -33,6 +36,14 @@ def why_no_body(instance: Instance) -> str:
     if float(np.median(cosine)) < GRAZING:
         return "its depth lies along the lines of sight, as depth smeared between two surfaces does"
     return ""
+
+
+def sparse(instance: Instance) -> str:
+    """What is doubtful about the depth of an object: `only 64% of it has depth`; empty if nothing is."""
+    if instance.measured is None:
+        return ""
+    share = float((instance.measured.depth.depth > 0)[instance.view.mask].mean())
+    return "" if share >= COVERED else f"only {share:.0%} of it has depth, so its shape is uncertain"
 
 
 def _is_hidden(seen: evidence.Evidence) -> bool:
