@@ -62,8 +62,8 @@ def compared(
             "a missed object counts with IoU 0 and enters no other column; `count` says how many do",
             "photographs: those that became a twin; the objects of the others are missed",
             "spurious: assets that match no true object",
-            "true: objects of which at least the share that `evaluate.objects` states is visible, and which the border of "
-            "the picture does not cut",
+            "true: objects of which at least the share that `evaluate.objects` states is visible, and which the border "
+            "of the picture does not cut",
             *objects.DEFINITIONS,
         ),
     )

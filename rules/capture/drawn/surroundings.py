@@ -56,15 +56,15 @@ def fixtures(drawn: TableOptions, rng: np.random.Generator) -> dict[str, Thing]:
 
 
 def light(rng: np.random.Generator) -> tuple[tuple[Lamp, ...], float]:
-    """A lamp with shadows, one without, and the ambient intensity."""
+    """A lamp with shadows, one without, and the ambient intensity; together they light white to 1 at most."""
     angle = rng.uniform(0, 2 * np.pi)
     key = Lamp(
         direction=(float(np.cos(angle)), float(np.sin(angle)), float(-rng.uniform(0.8, 2.0))),
-        strength=float(rng.uniform(0.35, 0.7)),
+        strength=float(rng.uniform(0.3, 0.45)),
         shadow=True,
     )
-    fill = Lamp(direction=(float(rng.uniform(-1, 1)), 0.7, -0.7), strength=float(rng.uniform(0.1, 0.3)))
-    return (key, fill), float(rng.uniform(0.4, 0.65))
+    fill = Lamp(direction=(float(rng.uniform(-1, 1)), 0.7, -0.7), strength=float(rng.uniform(0.08, 0.15)))
+    return (key, fill), float(rng.uniform(0.3, 0.4))
 
 
 def _pale(rng: np.random.Generator, low: float = 0.65, high: float = 0.95) -> Colour:

@@ -13,7 +13,7 @@ from ..shapes import evidence
 
 FEWEST = 150
 """A body is fitted to at least so many pixels with trusted depth; `least_points` of factorize.mesh."""
-SOLID = 0.6
+SOLID = 0.55
 """Depth cameras smear the depth between two surfaces, where few pixels agree with their neighbours; of real captures,
 bodies had trusted depth on 0.67 to 0.95 of their pixels (thin ones least), smears on 0.36 to 0.52."""
 GRAZING = 0.35
