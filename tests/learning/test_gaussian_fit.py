@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from dextera_build.artifacts import splats_usd
 from dextera_build.artifacts.splats import Splats
 from dextera_build.geometry import cameras, ply
 from dextera_build.geometry.gaussians import Gaussians
+from dextera_build.learning import reproducible
 from dextera_build.learning.gaussian_fit.camera import Camera
 from dextera_build.learning.gaussian_fit.fit import Settings, fit
 from dextera_build.learning.gaussian_fit.loss import Target, loss_of, ssim
@@ -23,6 +25,12 @@ from tests.learning import dense_splats
 SIZE = (24, 32)
 K = np.array([[30.0, 0.0, 15.5], [0.0, 30.0, 11.5], [0.0, 0.0, 1.0]])
 EYES = ((0.0, -1.0, 0.4), (0.3, -1.0, 0.5), (-0.4, -0.9, 0.3))
+
+
+@pytest.fixture(autouse=True)
+def _one_thread() -> Iterator[None]:
+    with reproducible.one_thread():
+        yield
 
 
 def render(given: Trained, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:
@@ -122,7 +130,7 @@ def test_the_anchor_holds_gaussians_where_they_began() -> None:
         made = fit(start, wanted, render, Settings(30, pixel_m=0.02, mean_step=0.2, anchor=anchor))
         return [float((one - other).norm()) for one, other in zip(made, start, strict=True)]
 
-    free, held = distances(0.0), distances(5.0)
+    free, held = distances(0.0), distances(50.0)
     assert all(near < 0.7 * far for near, far in zip(held, free, strict=True))
 
 

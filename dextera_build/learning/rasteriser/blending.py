@@ -12,6 +12,16 @@ LEAST_LIGHT = 1e-4
 """A Gaussian that would let no more than this of the light pass is left out, and all behind it."""
 
 
+@wp.func
+def spotted(first: int, number: int, size: wp.vec2i) -> wp.vec3i:
+    """Tile, column and row of a pixel that is counted from the first one of tile `first`, tile by tile."""
+    tile = first + number / (TILE_PX * TILE_PX)
+    within = number % (TILE_PX * TILE_PX)
+    wide = (size[0] + TILE_PX - 1) / TILE_PX
+    column = (tile % wide) * TILE_PX + within % TILE_PX
+    return wp.vec3i(tile, column, (tile / wide) * TILE_PX + within / TILE_PX)
+
+
 @cache
 def blending(real: Any) -> Any:
     """The kernel from sorted Gaussians to pixels: colour, depth, and light that passes all within the pixel's limit."""
@@ -30,12 +40,10 @@ def blending(real: Any) -> Any:
         light: wp.array[real],
         lasts: wp.array[wp.int32],
     ) -> None:
-        number = wp.tid()
-        tile = first + number / (TILE_PX * TILE_PX)
-        within = number % (TILE_PX * TILE_PX)
-        wide = (size[0] + TILE_PX - 1) / TILE_PX
-        column = (tile % wide) * TILE_PX + within % TILE_PX
-        row = (tile / wide) * TILE_PX + within / TILE_PX
+        spot = spotted(first, wp.tid(), size)
+        tile = spot[0]
+        column = spot[1]
+        row = spot[2]
         if column >= size[0] or row >= size[1]:
             return
         passing = real(1.0)
@@ -90,12 +98,10 @@ def unblending(real: Any) -> Any:
         to_flat: wp.array[eight],
         to_colours: wp.array[three],
     ) -> None:
-        number = wp.tid()
-        tile = first + number / (TILE_PX * TILE_PX)
-        within = number % (TILE_PX * TILE_PX)
-        wide = (size[0] + TILE_PX - 1) / TILE_PX
-        column = (tile % wide) * TILE_PX + within % TILE_PX
-        row = (tile / wide) * TILE_PX + within / TILE_PX
+        spot = spotted(first, wp.tid(), size)
+        tile = spot[0]
+        column = spot[1]
+        row = spot[2]
         if column >= size[0] or row >= size[1]:
             return
         pixel = row * size[0] + column
@@ -104,8 +110,7 @@ def unblending(real: Any) -> Any:
         passing = light[pixel]
         # What the light would still be worth behind the Gaussian at hand.
         behind = passing * to_light[pixel]
-        start = starts[tile]
-        for step in range(lasts[pixel] - start):
+        for step in range(lasts[pixel] - starts[tile]):
             k = lasts[pixel] - 1 - step
             g = flat[k]
             dx = real(column) - g[0]

@@ -1,4 +1,4 @@
-"""The kernel that brings gradients of Gaussians on the picture back to their parameters."""
+"""Kernels that bring gradients of Gaussians on the picture back to their parameters."""
 
 # No `from __future__ import annotations`: Warp reads the annotations of kernels, which are types of this call.
 from functools import cache
@@ -18,73 +18,109 @@ from dextera_build.learning.rasteriser.shapes import (
 
 
 @cache
-def returning(real: Any) -> Any:
-    """The kernel from `flat_gradients` and `colour_gradients`, one for each pair with a tile, to the parameters.
+def adding(real: Any) -> Any:
+    """The kernel that adds up the gradients of each Gaussian's pairs with tiles.
 
-    Each Gaussian adds up its own pairs in one order, so the sum is the same whatever ran first.
+    It does so in one order, so the sums are the same whatever ran first.
     """
-    three, four, eight = (wp.types.vector(length, real) for length in (3, 4, 8))
-    seven, grid, pair = wp.types.vector(7, real), wp.types.matrix((3, 3), real), wp.types.matrix((2, 2), real)
+    three, eight = (wp.types.vector(length, real) for length in (3, 8))
 
     @wp.kernel(module="unique", enable_backward=False)
-    def give_back(
-        means: wp.array[three],
-        quaternions: wp.array[four],
-        log_scales: wp.array[three],
-        harmonics: wp.array2d[three],
-        turn: grid,
-        eye: three,
-        lens: seven,
-        flat: wp.array[eight],
-        colours: wp.array[three],
+    def add(
         counts: wp.array[wp.int32],
         ends: wp.array[wp.int32],
         places: wp.array[wp.int32],
-        flat_gradients: wp.array[eight],
-        colour_gradients: wp.array[three],
+        of_pairs: wp.array[eight],
+        colours_of_pairs: wp.array[three],
+        to_flat: wp.array[eight],
+        to_colours: wp.array[three],
+    ) -> None:
+        i = wp.tid()
+        shape = eight()
+        colour = three()
+        for k in range(ends[i] - counts[i], ends[i]):
+            shape += of_pairs[places[k]]
+            colour += colours_of_pairs[places[k]]
+        to_flat[i] = shape
+        to_colours[i] = colour
+
+    return add
+
+
+@cache
+def recolouring(real: Any) -> Any:
+    """The kernel from gradients of colours to those of coefficients, and of means by the direction they are seen in."""
+    three = wp.types.vector(3, real)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def recolour(
+        means: wp.array[three],
+        harmonics: wp.array2d[three],
+        eye: three,
+        colours: wp.array[three],
+        counts: wp.array[wp.int32],
+        to_colours: wp.array[three],
         to_means: wp.array[three],
-        to_quaternions: wp.array[four],
-        to_log_scales: wp.array[three],
-        to_logits: wp.array[real],
         to_harmonics: wp.array2d[three],
     ) -> None:
         i = wp.tid()
         if counts[i] == 0:
             return
-        g = eight()
-        shown = three()
-        for k in range(ends[i] - counts[i], ends[i]):
-            g += flat_gradients[places[k]]
-            shown += colour_gradients[places[k]]
-        # Opacity.
-        opacity = flat[i][6]
-        to_logits[i] = g[6] * opacity * (real(1.0) - opacity)
-        # Colour; what was raised to 0 does not change.
         ray = means[i] - eye
         way = wp.normalize(ray)
+        shown = to_colours[i]
         for c in range(3):
+            # What was raised to 0 does not change.
             if not colours[i][c] > real(0.0):
                 shown[c] = real(0.0)
         to_way = three()
         for k in range(harmonics.shape[1]):
             to_harmonics[i, k] = harmonic(k, way) * shown
             to_way += harmonic_slope(k, way) * wp.dot(harmonics[i, k], shown)
+        to_means[i] = normalised_gradient(way, wp.length(ray), to_way)
+
+    return recolour
+
+
+@cache
+def reshaping(real: Any) -> Any:
+    """The kernel from gradients of `flat` to those of quaternions, scales and opacities; it adds those of means."""
+    three, four, eight = (wp.types.vector(length, real) for length in (3, 4, 8))
+    seven, grid, pair = wp.types.vector(7, real), wp.types.matrix((3, 3), real), wp.types.matrix((2, 2), real)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def reshape(
+        means: wp.array[three],
+        quaternions: wp.array[four],
+        log_scales: wp.array[three],
+        turn: grid,
+        eye: three,
+        lens: seven,
+        flat: wp.array[eight],
+        counts: wp.array[wp.int32],
+        to_flat: wp.array[eight],
+        to_means: wp.array[three],
+        to_quaternions: wp.array[four],
+        to_log_scales: wp.array[three],
+        to_logits: wp.array[real],
+    ) -> None:
+        i = wp.tid()
+        if counts[i] == 0:
+            return
+        g = to_flat[i]
+        to_logits[i] = g[6] * flat[i][6] * (real(1.0) - flat[i][6])
         # Covariance on the picture, from its inverse.
-        p = turn * ray
         conic = pair(flat[i][2], flat[i][3], flat[i][3], flat[i][4])
-        to_conic = pair(g[2], real(0.5) * g[3], real(0.5) * g[3], g[4])
-        to_spread = -conic * to_conic * conic
+        to_spread = -conic * pair(g[2], real(0.5) * g[3], real(0.5) * g[3], g[4]) * conic
         length = wp.length(quaternions[i])
         unit = quaternions[i] / length
-        rotation = turned(unit)
         scales = three(wp.exp(log_scales[i][0]), wp.exp(log_scales[i][1]), wp.exp(log_scales[i][2]))
-        half = scaled(rotation, scales)
-        jacobian = flattening(lens, p)
-        across = jacobian * turn
+        half = scaled(turned(unit), scales)
+        p = turn * (means[i] - eye)
+        across = flattening(lens, p) * turn
         to_across = real(2.0) * to_spread * across * half * wp.transpose(half)
         to_half = real(2.0) * wp.transpose(across) * to_spread * across * half
-        to_rotation = scaled(to_half, scales)
-        to_quaternions[i] = normalised_gradient(unit, length, turned_gradient(unit, to_rotation))
+        to_quaternions[i] = normalised_gradient(unit, length, turned_gradient(unit, scaled(to_half, scales)))
         for c in range(3):
             to_log_scales[i][c] = to_half[0, c] * half[0, c] + to_half[1, c] * half[1, c] + to_half[2, c] * half[2, c]
         # Place in the camera: the shape's Jacobian, the centre, the depth.
@@ -92,6 +128,6 @@ def returning(real: Any) -> Any:
         across_u = lens[0] / p[2] * g[0]
         across_v = lens[1] / p[2] * g[1]
         to_p += three(across_u, across_v, g[7] - (across_u * p[0] + across_v * p[1]) / p[2])
-        to_means[i] = wp.transpose(turn) * to_p + normalised_gradient(way, wp.length(ray), to_way)
+        to_means[i] = to_means[i] + wp.transpose(turn) * to_p
 
-    return give_back
+    return reshape

@@ -25,6 +25,22 @@ LEAST, MOST = 1 / 255, 0.99
 """Opacities in one pixel: less is left out, more is lowered."""
 
 
+@wp.func
+def boxed(left: Any, top: Any, right: Any, bottom: Any, size: wp.vec2i) -> wp.vec4i:
+    """First column and row and last column and row of the tiles that a box of pixels reaches; an empty box if none."""
+    none = left - left
+    last_column = type(left)(size[0] - 1)
+    last_row = type(left)(size[1] - 1)
+    if right < none or bottom < none or left > last_column or top > last_row:
+        return wp.vec4i(0, 0, -1, -1)
+    return wp.vec4i(
+        int(wp.max(left, none)) / TILE_PX,
+        int(wp.max(top, none)) / TILE_PX,
+        int(wp.min(right, last_column)) / TILE_PX,
+        int(wp.min(bottom, last_row)) / TILE_PX,
+    )
+
+
 @cache
 def projecting(real: Any) -> Any:
     """The kernel from parameters to Gaussians on the picture: `flat`, `colours`, their tiles and the number of them."""
@@ -71,16 +87,9 @@ def projecting(real: Any) -> Any:
         flat[i] = eight(column, row, yy / determinant, -xy / determinant, xx / determinant, cut, opacity, p[2])
         wide = wp.sqrt(real(2.0) * cut * xx)
         high = wp.sqrt(real(2.0) * cut * yy)
-        if column + wide < real(0.0) or row + high < real(0.0):
-            return
-        if column - wide > real(size[0] - 1) or row - high > real(size[1] - 1):
-            return
-        left = int(wp.max(column - wide, real(0.0))) / TILE_PX
-        top = int(wp.max(row - high, real(0.0))) / TILE_PX
-        right = int(wp.min(column + wide, real(size[0] - 1))) / TILE_PX
-        bottom = int(wp.min(row + high, real(size[1] - 1))) / TILE_PX
-        boxes[i] = wp.vec4i(left, top, right, bottom)
-        counts[i] = (right - left + 1) * (bottom - top + 1)
+        box = boxed(column - wide, row - high, column + wide, row + high, size)
+        boxes[i] = box
+        counts[i] = (box[2] - box[0] + 1) * (box[3] - box[1] + 1)
         way = wp.normalize(means[i] - eye)
         colour = three(real(0.5), real(0.5), real(0.5))
         for k in range(harmonics.shape[1]):

@@ -113,10 +113,17 @@ class Rasteriser:
         to_run, to_tones = self._zeros(pairs, 8), self._zeros(pairs, 3)
         pixels = [size, kept.starts, kept.run, kept.tones, picture.light, kept.lasts, to_colour, to_depth, to_light]
         self._by_tiles(blending.unblending(self.real), kept.starts, [*pixels, to_run, to_tones])
-        shown = [kept.flat, kept.colours, kept.counts, kept.ends, kept.places, to_run, to_tones]
-        arrays = [given.means, given.quaternions, given.log_scales, given.harmonics]
-        out = [into.means, into.quaternions, into.log_scales, into.logits, into.harmonics]
-        self._launch(gradients.returning(self.real), len(given.means), [*arrays, *placed, *shown, *out])
+        count = len(given.means)
+        to_flat, to_colours = self._new(count, 8), self._new(count, 3)
+        pairs_of = [kept.counts, kept.ends, kept.places]
+        self._launch(gradients.adding(self.real), count, [*pairs_of, to_run, to_tones, to_flat, to_colours])
+        turn, eye, lens = placed
+        given_colours = [given.means, given.harmonics, eye, kept.colours, kept.counts]
+        out = [into.means, into.harmonics]
+        self._launch(gradients.recolouring(self.real), count, [*given_colours, to_colours, *out])
+        given_shapes = [given.means, given.quaternions, given.log_scales, turn, eye, lens, kept.flat, kept.counts]
+        out = [into.means, into.quaternions, into.log_scales, into.logits]
+        self._launch(gradients.reshaping(self.real), count, [*given_shapes, to_flat, *out])
 
     def _sorted(self, size: Any, flat: Any, colours: Any, boxes: Any, counts: Any, ends: Any, pairs: int) -> Any:
         """Where each tile starts, where each pair went, and what the tiles read, tile by tile from near to far."""

@@ -8,8 +8,6 @@ from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.views import Views
 from dextera_build.learning import reproducible
-from dextera_build.learning.rasteriser.autograd import rendered
-from dextera_build.learning.rasteriser.raster import Rasteriser
 from dextera_build.rule import Backend, Context
 
 from .optimise import optimised
@@ -27,6 +25,10 @@ BACKEND = Backend(
 
 def compose(ctx: Context, views: Views, background: Background | None, options: OptimiseOptions) -> Room:
     """Fitted Gaussians; on the CPU the result does not depend on the number of cores, on a GPU sums have no order."""
+    # Here, so that options can be read where Warp is not installed.
+    from dextera_build.learning.rasteriser.autograd import rendered
+    from dextera_build.learning.rasteriser.raster import Rasteriser
+
     maker = Rasteriser(ctx.device)
     if ctx.device != "cpu":
         return optimised(ctx, views, background, options, partial(rendered, maker))

@@ -54,15 +54,18 @@ def optimised(folder: Path, views: Views, **options: float) -> tuple[Room, dict[
 
 
 def test_views_that_are_held_out_look_better_afterwards(tmp_path: Path, views: Views) -> None:
-    room, metrics = optimised(tmp_path / "r", views)
+    room, metrics = optimised(tmp_path / "r", views, steps=25)
     before, after = metrics["held-out views before"][0], metrics["held-out views"][0]
     assert after > before + 1.0
     assert room.splats.frame == "world"
     assert views.points is not None
     assert len(room.splats.means) == len(views.points.points)
-    again, _ = optimised(tmp_path / "s", views)
-    assert np.array_equal(again.splats.means, room.splats.means)
-    assert np.array_equal(again.splats.harmonics, room.splats.harmonics)
+
+
+def test_the_same_call_gives_the_same_gaussians(tmp_path: Path, views: Views) -> None:
+    one, other = (optimised(tmp_path / name, views, steps=6, held_out=0)[0].splats for name in ("r", "s"))
+    for name in ("means", "rotations", "scales", "opacities", "harmonics"):
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
 
 def test_fewer_gaussians_of_higher_degree(tmp_path: Path, views: Views) -> None:
