@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 
 from dextera_build import digest as digests
-from dextera_build.engine import rewind
+from dextera_build.engine import blocking, rewind
 from dextera_build.engine.discovered import Reading
 from dextera_build.engine.dispatch import Dispatch
 from dextera_build.engine.expand import Wiring
@@ -182,7 +182,7 @@ class Scheduler:
         except DxbError as error:
             self._fail(unit, error)
             return
-        if not self._can_do_without(unit, unit.sources):
+        if not blocking.can_do_without(unit, unit.sources, self.graph):
             self._block(unit)
         elif unit.pending == 0:
             self.states.set(unit, State.READY)
@@ -321,7 +321,7 @@ class Scheduler:
             except DxbError as error:
                 self._fail(dependent, error)
                 return
-            if not self._can_do_without(dependent, dependent.sources[known:]):
+            if not blocking.can_do_without(dependent, dependent.sources[known:], self.graph):
                 self._block(dependent)
                 return
         if dependent.pending == 0:
@@ -357,31 +357,11 @@ class Scheduler:
                     self._fail(follower, error)
         else:
             self.listen(record_of_group(unit, error))
-        self._block_readers(unit)
+        blocking.block_readers(unit, self.graph, self.states)
 
     def _block(self, unit: Unit) -> None:
         self.states.set(unit, State.BLOCKED)
-        self._block_readers(unit)
-
-    def _block_readers(self, unit: Unit) -> None:
-        stack = [(unit, reader) for reader in unit.dependents]
-        while stack:
-            source, reader = stack.pop()
-            if reader.state is not State.WAITS:
-                continue
-            if not self._can_do_without(reader, [source]):
-                self.states.set(reader, State.BLOCKED)
-                stack += [(reader, further) for further in reader.dependents]
-            elif reader.pending == 0:
-                self.states.set(reader, State.READY)
-
-    def _can_do_without(self, unit: Unit, sources: Sequence[Unit]) -> bool:
-        """Whether a gathering leaves out all `sources` that are lost; without such sources, any unit can."""
-        for source in [source for source in sources if source.state in LOST]:
-            if not (isinstance(unit, Gathering) and self.graph.is_lenient(source.path, len(unit.labels))):
-                return False
-            unit.leave_out(source)
-        return True
+        blocking.block_readers(unit, self.graph, self.states)
 
     def _tell_missed(self, node: Node, reader: Unit) -> None:
         self.listen(events.BytesMissed(time.time(), node.address, reader.address))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.camera import Camera, Photograph
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
@@ -17,7 +18,7 @@ from .fixtures import room_boxes, thing_boxes
 from .front import front
 from .hidden import continued
 from .layers import Layers
-from .patches import divide
+from .patches import SUPPORT, Patch, divide
 from .pieces import atlas, one_picture
 from .scenery import Scenery
 from .shell import enclose, shell
@@ -25,6 +26,16 @@ from .slab import broad, outline, slab
 
 if TYPE_CHECKING:
     from .static import StaticOptions
+
+
+def bounded(layers: Layers, photograph: Photograph, support: Support) -> Layers:
+    """The layers without support behind things that stand beyond its visible outline."""
+    pose = support.camera_pose.matrix
+    labels = np.where(layers.behind & ~layers.hole, SUPPORT, np.where(layers.elsewhere, SUPPORT + 1, 0))
+    patch = Patch(SUPPORT, (pose[2, :3], float(pose[2, 3])))
+    seen = Scenery(photograph.rgb.pixels, labels.astype(np.int32), [patch], photograph.camera.matrix(), pose)
+    inside = regions.inside_convex(layers.floor, outline(seen, support.polygon, layers.hole))
+    return replace(layers, behind=layers.behind & (~layers.hole | inside))
 
 
 def survey(
@@ -69,8 +80,7 @@ def furnished(
     edge = outline(scenery, support.polygon, layers.hole)
     box = support_box(support.polygon, common.margin_m, common.thickness_m)
     room = enclose(scenery, edge, box.yaw)
-    meets = scenery.patches[0].depth(_pixels(scenery.labels.shape), scenery.k)
-    inside = np.isfinite(meets) & regions.inside_convex(layers.floor, edge)
+    inside = np.isfinite(layers.plane) & regions.inside_convex(layers.floor, edge)
     wider, behind = continued(scenery, room, stride)
     shown = one_picture(front(scenery, stride, inside, behind), scenery.pixels)
     vertices = shown.vertices.copy()
@@ -83,8 +93,3 @@ def furnished(
         invented=atlas(made),
         boxes=(box, *room_boxes(room), *thing_boxes(scenery, room, objects, common.thickness_m)),
     )
-
-
-def _pixels(shape: tuple[int, ...]) -> np.ndarray:
-    columns, rows = np.meshgrid(np.arange(shape[1], dtype=np.float64), np.arange(shape[0], dtype=np.float64))
-    return np.stack([columns, rows], axis=-1)

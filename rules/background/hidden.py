@@ -159,8 +159,9 @@ def _touching(free: np.ndarray, own: np.ndarray) -> np.ndarray:
 def _paint(picture: np.ndarray, mask: np.ndarray, seam: np.ndarray, wide: _Wide, number: int) -> None:
     """Continue a surface's colours over its hidden part."""
     own = (wide.labels == number).astype(np.uint8)
-    inner = cv2.erode(own, np.ones((5, 5), np.uint8), borderValue=1) > 0
-    known = inner if inner.any() else own > 0
+    # Pixels at the border show some of the neighbour's colour.
+    inner = (cv2.erode(own, np.ones((side, side), np.uint8), borderValue=1) > 0 for side in (7, 3, 1))
+    known = next(mask for mask in inner if mask.sum() > 0.25 * own.sum())
     rows, columns = np.nonzero(mask | (own > 0))
     area = np.s_[int(rows.min()) : int(rows.max()) + 1, int(columns.min()) : int(columns.max()) + 1]
     colour = np.where(known[area][..., None], wide.colour[area], 0.0).astype(np.float32)
@@ -175,7 +176,8 @@ def _paint(picture: np.ndarray, mask: np.ndarray, seam: np.ndarray, wide: _Wide,
 def _piece(
     patch: Patch, mask: np.ndarray, wide: _Wide, scenery: Scenery, room: Room, stride: float, picture: np.ndarray
 ) -> Piece:
-    points, faces = cut(mask, max(2.0, stride / HALF), 3.0)
+    flat = patch.plane is not None
+    points, faces = cut(mask, max(2.0, stride / HALF) * (3.0 if flat else 1.0), 6.0 if flat else 3.0)
     origin = wide.pixel[0, 0]
     pixel = origin + points * HALF
     depth = patch.depth(pixel, scenery.k)

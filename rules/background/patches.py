@@ -26,6 +26,8 @@ BLUR = 0.003
 """Depth and colours are registered to this fraction of the picture's width."""
 GAP = 0.13
 """Surfaces go on over unmeasured places that are nowhere farther from a measured pixel, as a fraction of the width."""
+BROAD = 0.02
+"""Least fraction of the picture that a broad plane covers."""
 STRANGE = 90.0
 """Colour distance from the support, of 255, at which an unmeasured neighbour of it is something else."""
 MARGIN = 8
@@ -108,7 +110,8 @@ def divide(
     measured = labels.copy()
     depths = np.where(support, _plane_depth(plane, k, labels.shape), soft)
     labels = _grown(pixels, np.where(_doubtful(labels, depths, step_m), 0, labels).astype(np.int32))
-    labels = _without_void(labels, measured)
+    broad = [n for n, flat in found.items() if flat is not None and (measured == n).sum() >= BROAD * measured.size]
+    labels = _without_void(labels, measured, [n for n in broad if n != SUPPORT])
     # The support goes on where it looks as it does; a floor without depth has another colour.
     strange = (labels == SUPPORT) & (measured != SUPPORT) & ~coloured_like(pixels, measured == SUPPORT, STRANGE)
     labels = np.where(strange & (_away(measured == SUPPORT) > 2 * BLUR), 0, labels).astype(np.int32)
@@ -162,8 +165,11 @@ def _away(mask: np.ndarray) -> np.ndarray:
     return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 3) / mask.shape[1])
 
 
-def _without_void(labels: np.ndarray, measured: np.ndarray) -> np.ndarray:
-    """Labels without unmeasured places that are wide, or wider than the surface beside them: nobody knows them."""
+def _without_void(labels: np.ndarray, measured: np.ndarray, broad: list[int]) -> np.ndarray:
+    """Labels without wide unmeasured places: nobody knows them.
+
+    Those that are wider than the surface beside them go to a broad plane nearby, such as a screen to its wall.
+    """
     away = _away(measured > 0)
     core = away > GAP
     wide = _away(core) <= GAP if core.any() else core
@@ -173,7 +179,16 @@ def _without_void(labels: np.ndarray, measured: np.ndarray) -> np.ndarray:
     np.maximum.at(radius, measured.reshape(-1), inner.reshape(-1))
     # Half a surface's width lies between its border and its middle.
     far = (away > 2 * radius[labels]) & (labels != SUPPORT)
-    return np.where((wide | far) & (away > 2 * BLUR), 0, labels).astype(np.int32)
+    walls = np.isin(measured, broad)
+    if not walls.any():
+        return np.where((wide | far) & (away > 2 * BLUR), 0, labels).astype(np.int32)
+    _, nearest = cv2.distanceTransformWithLabels(
+        (~walls).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    owner = np.zeros(int(nearest.max()) + 1, np.int32)
+    owner[nearest[walls]] = measured[walls]
+    wall = np.where(_away(walls) <= GAP, owner[nearest], 0)
+    return np.where(away <= 2 * BLUR, labels, np.where(wide, 0, np.where(far, wall, labels))).astype(np.int32)
 
 
 def _patch(

@@ -14,7 +14,7 @@ from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.view import InstanceMap
 from dextera_build.rule import Backend, Context, Fraction, Options
 
-from .furnished import furnished, seen_of, survey
+from .furnished import bounded, furnished, seen_of, survey
 from .holes import hole
 from .layers import SAME_COLOUR, Layers, split
 from .rectified import top_view
@@ -68,12 +68,15 @@ def clean(
     cv2.setNumThreads(1)
     depth = np.where(depth > options.farthest_m, 0.0, depth).astype(np.float32)
     taken = hole(instances, robot, options.dilate)
-    layers = split(photograph, depth, support, taken, options.snap_m)
+    layers = bounded(split(photograph, depth, support, taken, options.snap_m), photograph, support)
     image = photograph.rgb.pixels.astype(np.float32)
     if (taken & layers.behind).any():
         image = _fill_support(image, layers, photograph.camera, support, options)
     pixels = np.clip(np.round(image), 0, 255).astype(np.uint8)
-    pixels = _inpaint(pixels, taken & ~layers.behind, layers.behind)
+    # The support's outline is known to a few pixels only: its colour must not bleed into what is behind it.
+    rim = np.ones((2 * max(1, round(0.01 * taken.shape[1])) + 1,) * 2, np.uint8)
+    near = cv2.dilate(layers.behind.astype(np.uint8), rim) > 0
+    pixels = _inpaint(pixels, taken & ~layers.behind, near)
     scenery = survey(pixels, np.where(taken, 0.0, depth), layers.behind, photograph.camera, support, options.step_m)
     things = seen_of(instances.labels > 0, depth, photograph.camera, support)
     stride = max(1.0, options.stride * photograph.camera.width)

@@ -161,3 +161,33 @@ def test_psnr_is_that_of_the_mean_square_where_it_is_asked() -> None:
     assert metrics.psnr(one, other, np.ones_like(top)) == pytest.approx(20 * np.log10(10))
     assert metrics.psnr(one, other, ~top) is None
     assert metrics.psnr(one, other, np.zeros_like(top)) is None
+
+
+def test_ssim_is_one_for_equal_pictures_and_falls_with_noise_and_blur() -> None:
+    rng = np.random.default_rng(0)
+    one = rng.integers(0, 255, (40, 50, 3)).astype(np.uint8)
+    everywhere = np.ones((40, 50), bool)
+    assert metrics.ssim(one, one, everywhere) == pytest.approx(1.0)
+    little, much = (np.clip(one + rng.normal(0, s, one.shape), 0, 255).astype(np.uint8) for s in (10, 60))
+    assert 1.0 > metrics.ssim(one, little, everywhere) > metrics.ssim(one, much, everywhere) > 0.2
+    assert metrics.ssim(one, np.full_like(one, 128), everywhere) < 0.1
+    assert metrics.ssim(one, one, np.zeros((40, 50), bool)) is None
+
+
+def test_ssim_is_the_published_formula_for_flat_pictures() -> None:
+    one, other = np.full((30, 30, 3), 100, np.uint8), np.full((30, 30, 3), 120, np.uint8)
+    luminance = (2 * 100 * 120 + (0.01 * 255) ** 2) / (100**2 + 120**2 + (0.01 * 255) ** 2)
+    assert metrics.ssim(one, other, np.ones((30, 30), bool)) == pytest.approx(luminance)
+
+
+def test_depth_errors_are_those_of_the_pixels_where_both_are_valid() -> None:
+    truth = np.array([[1.0, 2.0, 4.0, 0.0, 2.0]])
+    found = np.array([[1.1, 2.0, 6.0, 3.0, 0.0]])
+    errors = metrics.depth_errors(found, truth, np.ones_like(truth, bool))
+    assert errors is not None
+    assert errors.mae == pytest.approx(0.7)
+    assert errors.rmse == pytest.approx(np.sqrt((0.01 + 4) / 3))
+    assert errors.median == pytest.approx(0.1)
+    assert errors.abs_rel == pytest.approx((0.1 + 0.5) / 3)
+    assert errors.delta1 == pytest.approx(2 / 3)
+    assert metrics.depth_errors(found, truth, np.zeros_like(truth, bool)) is None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
@@ -13,15 +13,18 @@ from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.draw import Arrangement, Contact, Draw, Sensor, Viewpoint
 from dextera_build.rule import Context, Fraction, Options, rule
 
+Pitch: TypeAlias = Annotated[float, Field(ge=0.0, le=90.0)]
+Roll: TypeAlias = Annotated[float, Field(ge=-180.0, le=180.0)]
+
 
 class SweepOptions(Options):
     """Values of the quantities that are varied one at a time; the others stay as drawn."""
 
     distance_m: tuple[PositiveFloat, ...] = ()
     """Distances [m]."""
-    pitch_deg: tuple[float, ...] = Field((), json_schema_extra={"ge": 0.0, "le": 90.0})
+    pitch_deg: tuple[Pitch, ...] = ()
     """Angles of the line of sight below the horizon [deg]."""
-    roll_deg: tuple[float, ...] = Field((), json_schema_extra={"ge": -180.0, "le": 180.0})
+    roll_deg: tuple[Roll, ...] = ()
     """Rotations about the line of sight [deg]."""
     noise: tuple[NonNegativeFloat, ...] = ()
     """Factors on the depth noise."""
@@ -52,9 +55,9 @@ class DrawsOptions(Options):
     """How close things lie, in turn by index."""
     distance_m: tuple[PositiveFloat, PositiveFloat] = (0.6, 1.0)
     """Range of the distance [m]."""
-    pitch_deg: tuple[float, float] = Field((30.0, 60.0), json_schema_extra={"ge": 0.0, "le": 90.0})
+    pitch_deg: tuple[Pitch, Pitch] = (30.0, 60.0)
     """Range of the angle below the horizon [deg]."""
-    roll_deg: tuple[float, float] = Field((-5.0, 5.0), json_schema_extra={"ge": -180.0, "le": 180.0})
+    roll_deg: tuple[Roll, Roll] = (-5.0, 5.0)
     """Range of the rotation about the line of sight [deg]."""
     width_px: PositiveInt = 640
     """Width of the picture [px]."""
