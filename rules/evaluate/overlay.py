@@ -26,11 +26,11 @@ class OverlayBackend(Protocol):
     """What a backend of evaluate.overlay defines."""
 
     def render(self, ctx: Context, scene: Scene, options: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Colours (H, W, 3) uint8 and, per pixel, the index of its object in `scene.bodies` (H, W) int32, or -1."""
+        """Colours (H, W, 3) uint8 and, per pixel, its place in `bodies` and `held` (H, W) int32, or -1."""
         ...
 
 
-@rule(version=1)
+@rule(version=2)
 def overlay(ctx: Context[OverlayBackend], photograph: Photograph, scene: Scene, *, options: OverlayOptions) -> Image:
     """Return four pictures from the photograph's camera: photograph, twin, blend, and the twin's outlines on the photo.
 
@@ -48,9 +48,10 @@ def overlay(ctx: Context[OverlayBackend], photograph: Photograph, scene: Scene, 
     owner: np.ndarray
     twin, owner = ctx.backend.render(ctx, scene, ctx.backend_options)
     ctx.check(twin.shape == photograph.rgb.pixels.shape, "the render has another size than the photograph")
-    shown = sum(bool((owner == number).any()) for number in range(len(scene.bodies)))
-    ctx.metric("objects in view", shown, f"of {len(scene.bodies)}")
-    ctx.say(f"{shown} of {len(scene.bodies)} objects in view")
-    picture = board(photograph.rgb.pixels, twin, owner, scene.bodies, options.blend)
+    names = (*scene.bodies, *scene.held)
+    shown = sum(bool((owner == number).any()) for number in range(len(names)))
+    ctx.metric("objects in view", shown, f"of {len(names)}")
+    ctx.say(f"{shown} of {len(names)} objects in view")
+    picture = board(photograph.rgb.pixels, twin, owner, names, options.blend)
     ctx.preview(picture, "photograph, twin, blend, outlines")
     return Image(pixels=picture)

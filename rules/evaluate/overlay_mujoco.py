@@ -15,7 +15,7 @@ BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu",), packages=("mu
 
 
 def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np.ndarray]:
-    """Colours (H, W, 3) uint8 and, per pixel, the index of its object in `scene.bodies` (H, W) int32, or -1."""
+    """Colours (H, W, 3) uint8 and, per pixel, its place in `bodies` and `held` (H, W) int32, or -1."""
     model = models.compile_folder(scene.model)
     data = models.at_home(model)
     with rendering.Eye(model, scene.camera, scene.camera_pose.matrix) as eye:
@@ -23,7 +23,7 @@ def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np
         geoms = eye.segmentation(data)
     roots = np.append(np.asarray(model.body_rootid), -1)[rendering.bodies_of(model, geoms)]
     owner = np.full(geoms.shape, -1, np.int32)
-    for number, name in enumerate(scene.bodies):
+    for number, name in enumerate((*scene.bodies, *scene.held)):
         owner[roots == model.body(name).id] = number
     return _backed(pixels, owner < 0, scene), owner
 
