@@ -19,6 +19,8 @@ OFF_CENTRE = 0.2
 """Largest distance of the principal point from the middle, in image sizes."""
 NEAR_M, FAR_M = 0.2, 3.0
 """Median depths of photographs of tables [m]."""
+GAPS = 0.1
+"""Part of the measured area that gaps may be; real captures had up to 0.04."""
 COARSE_M = 0.004
 """Steps of the depth above which bodies become staircases [m]."""
 
@@ -55,6 +57,20 @@ def of_depth(ctx: Context, depth: np.ndarray, source: str) -> None:
         ctx.warn(
             f"the median depth is {middle:.2f} m, but tables are photographed from {NEAR_M:g} to {FAR_M:g} m: {source} "
             f"may be too {large}, e.g. by a factor of 10"
+        )
+
+
+def of_gaps(ctx: Context, depth: np.ndarray) -> None:
+    """Warn of gaps amid the depth."""
+    from scipy import ndimage
+
+    valid = depth[::2, ::2] > 0
+    around = ndimage.binary_fill_holes(ndimage.binary_closing(valid, iterations=2))
+    share = float((around & ~valid).sum() / max(1, around.sum()))
+    if share > GAPS:
+        ctx.warn(
+            f"{share:.0%} of the depth is missing amid measured pixels: shapes are uncertain and vessels may look "
+            "solid; avoid sun, shiny and clear things, or average several depth images"
         )
 
 

@@ -137,6 +137,7 @@ def _depth(ctx: Context, data: bytes, name: str, facts: Mapping[str, object], op
             doubts.of_bits(ctx, name, scale)
         source = f"`depth_scale_m` {scale:g}"
     doubts.of_depth(ctx, depth, source)
+    doubts.of_gaps(ctx, depth)
     return depth
 
 

@@ -29,7 +29,7 @@ class OverlayBackend(Protocol):
         """The twin as any program draws it, without flags or lights of its own.
 
         Returns:
-            Colours (H, W, 3) uint8 through camera `capture`; per pixel, the index of its object in `scene.bodies`
+            Colours (H, W, 3) uint8 through camera `capture`; per pixel, its place in `bodies` and `held` of the scene
             (H, W) int32, or -1; colours from two other sides.
         """
         ...
@@ -53,15 +53,16 @@ def overlay(ctx: Context[OverlayBackend], photograph: Photograph, scene: Scene, 
     owner: np.ndarray
     twin, owner, sides = ctx.backend.render(ctx, scene, ctx.backend_options)
     ctx.check(twin.shape == photograph.rgb.pixels.shape, "the render has another size than the photograph")
-    shown = sum(bool((owner == number).any()) for number in range(len(scene.bodies)))
-    ctx.metric("objects in view", shown, f"of {len(scene.bodies)}")
+    names = (*scene.bodies, *scene.held)
+    shown = sum(bool((owner == number).any()) for number in range(len(names)))
+    ctx.metric("objects in view", shown, f"of {len(names)}")
     likeness = metrics.psnr(twin, photograph.rgb.pixels, np.ones(size, bool))
     if likeness is not None:
         ctx.metric("PSNR", likeness, "dB")
     ctx.say(
-        f"{shown} of {len(scene.bodies)} objects in view"
+        f"{shown} of {len(names)} objects in view"
         + (f", {likeness:.1f} dB from the photograph" if likeness is not None else "")
     )
-    picture = board(photograph.rgb.pixels, twin, owner, scene.bodies, options.blend, sides)
+    picture = board(photograph.rgb.pixels, twin, owner, names, options.blend, sides)
     ctx.preview(picture, "photograph, twin, blend, outlines, two other sides")
     return Image(pixels=picture)

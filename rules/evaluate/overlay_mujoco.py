@@ -16,16 +16,17 @@ TURNS_DEG = (-50.0, 50.0)
 
 
 def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
-    """Colours (H, W, 3) uint8 through camera `capture`, owner (H, W) int32 of each pixel, and colours from two sides.
+    """Colours (H, W, 3) uint8 through camera `capture`, its owner (H, W) int32 per pixel, and colours from two sides.
 
     The pictures are drawn as `mujoco.Renderer` draws them if it is told nothing else.
     """
     model = models.compile_folder(scene.model)
     data = models.at_home(model)
+    names = (*scene.bodies, *scene.held)
     camera, pose = scene.camera, scene.camera_pose.matrix
-    roots = [data.body(name).xpos for name in scene.bodies]
+    roots = [data.body(name).xpos for name in names]
     middle = np.mean(roots, axis=0) if roots else np.zeros(3)
     sides = (rendering.orbit(pose, middle, np.radians(turn)) for turn in TURNS_DEG)
     (pixels, *around), geoms = rendering.stock(model, data, ["capture", *sides], camera.height, camera.width)
-    owner = rendering.owners_of(model, geoms, scene.bodies)
+    owner = rendering.owners_of(model, geoms, names)
     return pixels, owner, tuple(around)

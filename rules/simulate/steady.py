@@ -40,5 +40,5 @@ def steady(ctx: Context[SteadyBackend], scene: Scene, *, options: SteadyOptions)
     held = len(result.held) - len(scene.held)
     ctx.metric("held", held, f"of {len(scene.bodies)}")
     free = f"{len(result.bodies)} {'body is' if len(result.bodies) == 1 else 'bodies are'} free"
-    ctx.say(free + (f", {held} held" if held else ""))
+    ctx.say(free + (f", {held} held" if held else "") + (", scale unknown" if result.scale == "unknown" else ""))
     return result

@@ -76,6 +76,13 @@ def test_a_depth_of_8_bit_is_called_so(tmp_path, scene):
     assert "with 16 bit" in (caught.value.hint or "")
 
 
+def test_holes_in_the_depth_are_told(tmp_path, scene):
+    counts = np.round(scene.capture.measured.depth.depth * 1000).astype(np.uint16)
+    rows, columns = np.indices(counts.shape)
+    counts[(rows // 24 % 2 == 0) & (columns // 24 % 2 == 0)] = 0
+    assert any("of the depth is missing amid measured pixels" in text for text in warnings(tmp_path, scene, counts))
+
+
 @pytest.mark.parametrize("move", [(12, 0), (-20, 6), (0, 15), (30, -9)])
 def test_depth_that_is_not_registered_is_measured(tmp_path, scene, move):
     depth = np.round(np.roll(scene.capture.measured.depth.depth, move[::-1], axis=(0, 1)) * 1000).astype(np.uint16)
