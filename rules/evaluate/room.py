@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from PIL import Image as Pillow
 from PIL.Image import Resampling
 from pydantic import Field
 
-from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.camera import Camera, Photograph
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene import Scene
@@ -17,9 +17,6 @@ from dextera_build.geometry import metrics
 from dextera_build.rule import Context, Options, rule
 
 from .panels import beside, titled
-
-if TYPE_CHECKING:
-    from dextera_build.artifacts.camera import Camera
 
 
 class RoomOptions(Options):

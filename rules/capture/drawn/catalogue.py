@@ -117,7 +117,7 @@ def _mesh(folder: Folder, part: PartOptions, turn: np.ndarray, texture_px: int) 
 def _picture(data: bytes, most_px: int) -> np.ndarray:
     from PIL import Image as Pillow
 
-    picture = Pillow.open(io.BytesIO(data)).convert("RGB")
+    picture = Pillow.open(io.BytesIO(data), formats=("PNG", "JPEG")).convert("RGB")
     picture.thumbnail((most_px, most_px))
     return np.asarray(picture)
 
