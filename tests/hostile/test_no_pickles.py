@@ -34,7 +34,7 @@ OWN = {
     # Warp's own, of kernels that stand in this package.
     "dextera_build/learning/rasteriser/raster.py": "names load_module",
 }
-"""What they read back or run the same process made: packed entries, and names of fields as classes here spell them."""
+"""Names that mean something else there."""
 CALLS = {"eval", "exec", "compile", "__import__"}
 """Builtins that run text."""
 LOADERS = {"torch": ("weights_only", True), "numpy": ("allow_pickle", False)}
