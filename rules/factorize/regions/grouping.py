@@ -1,8 +1,8 @@
 """Group patches into objects by how their surfaces meet, always judged for whole groups.
 
 Objects are mostly convex from outside. Patches that meet convexly or smoothly are joined; concave creases and depth
-steps separate them, with five exceptions: slivers, cavities, attached parts, one surface visible on both sides of an
-occluder, and laptops.
+steps separate them, with six exceptions: slivers, cavities, attached parts, what a network takes for one object, one
+surface visible on both sides of an occluder, and laptops.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from . import relations
+from .bonds import Bonds
 from .patches import Surfaces
 from .relations import Contact, Group
 
@@ -23,6 +24,8 @@ FEWEST = 12
 """Contacts with fewer pixel pairs are ignored."""
 ALIKE = 0.3
 """Smallest histogram overlap of one surface on both sides of an occluder."""
+BONDED = 1.0
+"""Log odds from which a pair is one object."""
 ATTACHED_M = 0.02
 """Widest gap between parts of one object [m]."""
 
@@ -78,6 +81,7 @@ def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     join_cavities(parts)
     join_convex(parts)
     join_parts(parts)
+    join_bonded(parts)
     join_occluded(parts)
     join_hinged(parts)
     return parts
@@ -154,6 +158,22 @@ def join_parts(parts: Grouping) -> None:
                     options.append((-distance, -other))
         if options:
             parts.join(number, -max(options)[1])
+
+
+def join_bonded(parts: Grouping) -> None:
+    """Join groups that a network takes for one object, the likeliest pair first, and judge again."""
+    bonds = Bonds(parts.surfaces)
+    scores: dict[tuple[int, int], float] = {}
+    while True:
+        for (a, b), contact in parts.contacts.items():
+            if (a, b) not in scores:
+                allowed = contact.pairs >= FEWEST and bonds.may_join(contact)
+                scores[a, b] = bonds.score(parts.groups[a], parts.groups[b], contact) if allowed else -np.inf
+        best = max(scores, key=lambda pair: (scores[pair], pair), default=None)
+        if best is None or scores[best] <= BONDED:
+            return
+        parts.join(*best)
+        scores = {pair: score for pair, score in scores.items() if not {*pair} & {*best}}
 
 
 def join_occluded(parts: Grouping) -> None:

@@ -1,0 +1,133 @@
+"""How likely two groups of patches are one object, by a small network that learned it from drawn scenes.
+
+`python -m tests.benchmarks.bonds` draws the scenes, learns, and writes `bond_weights.py`. Bonds join what the rules of
+`grouping` left apart, and only along a gentle crease: what a depth step separates may be two objects of one colour, and
+what stands upright on a plate may be a thing on a tray.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import bond_weights, relations
+from .patches import Surfaces
+from .relations import Contact, Group
+
+LEAST_MEETING = 0.1
+"""Smallest part of a common border without a depth step along which a bond may join."""
+SHARPEST_RAD = -0.5
+"""Sharpest mean concave turn along which a bond may join [rad]."""
+NAMES = (
+    *("border", "pairs", "meeting", "convexity", "turn", "area", "larger_area", "lightness", "hue", "likeness"),
+    *("bend", "larger_bend", "flatness", "larger_flatness", "top", "low", "own_low", "larger_low", "on_top"),
+    *("normal", "upward", "larger_upward", "spread", "larger_spread", "inside", "around"),
+)
+"""The features of a pair, of its smaller group first."""
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What features need of one group."""
+
+    low_m: float  # 2 % quantile of the height
+    points: np.ndarray  # (n, 2) a sample from above
+    sides: np.ndarray | None  # (k, 3) half-planes of their convex outline; None if they lie on a line
+    normal: np.ndarray  # (3,) mean direction
+    spread: float  # 1 minus the length of the mean normal
+    noise_m: float
+
+
+class Bonds:
+    """Scores pairs of groups; equal groups are looked at once."""
+
+    def __init__(self, surfaces: Surfaces) -> None:
+        self._surfaces = surfaces
+        self._looks: dict[int, tuple[Group, _Look]] = {}
+
+    def may_join(self, contact: Contact) -> bool:
+        """Whether a bond may join two groups with this contact."""
+        turn = contact.turn / max(contact.meeting, 1)
+        return contact.meeting > LEAST_MEETING * contact.pairs and turn > SHARPEST_RAD
+
+    def score(self, one: Group, other: Group, contact: Contact) -> float:
+        """Log odds that two groups are one object."""
+        values = (self.features(one, other, contact) - bond_weights.MEAN) / bond_weights.SCALE
+        hidden = np.tanh(values @ bond_weights.FIRST + bond_weights.FIRST_BIAS)
+        return float(hidden @ bond_weights.SECOND + bond_weights.SECOND_BIAS[0])
+
+    def features(self, one: Group, other: Group, contact: Contact) -> np.ndarray:
+        """Features (len(NAMES),) of a pair in any order; most are within -3 to 3."""
+        small, large = sorted((one, other), key=lambda group: group.area_m2)
+        a, b = self._look(small), self._look(large)
+        colour = small.colour - large.colour
+        return np.array(
+            [
+                *_of_border(small, contact),
+                np.log10(max(small.area_m2, 1e-5)) + 3.0,
+                np.log10(max(large.area_m2, 1e-5)) + 3.0,
+                abs(float(colour[0])) / 30.0,
+                float(np.linalg.norm(colour[1:])) / 20.0,
+                relations.likeness(self._surfaces, small, large),
+                *(float(np.clip(group.bend, -0.5, 0.5)) * 4.0 for group in (small, large)),
+                *(min(group.flatness_m / look.noise_m, 5.0) / 2.0 for group, look in ((small, a), (large, b))),
+                *(_bounded(height / 0.03) for height in (small.top_m - large.top_m, a.low_m - b.low_m)),
+                *(float(np.clip(look.low_m / 0.03, 0.0, 3.0)) for look in (a, b)),
+                _bounded((a.low_m - large.top_m) / 0.02),
+                float(a.normal @ b.normal),
+                *(abs(float(look.normal[2])) for look in (a, b)),
+                *(look.spread for look in (a, b)),
+                _inside(b.sides, a.points),
+                _inside(a.sides, b.points),
+            ]
+        )
+
+    def _look(self, group: Group) -> _Look:
+        known = self._looks.get(id(group))
+        if known is None or known[0] is not group:
+            known = self._looks[id(group)] = (group, _look(self._surfaces, group))
+        return known[1]
+
+
+def _of_border(small: Group, contact: Contact) -> tuple[float, ...]:
+    pairs = max(contact.pairs, 1)
+    return (
+        float(np.log1p(contact.pairs / np.sqrt(max(len(small.pixels), 1)))),
+        float(np.log1p(contact.pairs)) / 3.0,
+        contact.meeting / pairs,
+        contact.convexity,
+        float(np.clip(contact.turn / max(contact.meeting, 1), -1.5, 1.5)),
+    )
+
+
+def _look(s: Surfaces, group: Group) -> _Look:
+    points = s.points.reshape(-1, 3)[group.pixels]
+    sample = points[:: max(1, len(points) // 200), :2]
+    normals = s.normal.reshape(-1, 3)[group.pixels]
+    normals = normals[np.linalg.norm(normals, axis=1) > 0]
+    mean = normals.mean(axis=0) if len(normals) else np.zeros(3)
+    length = float(np.linalg.norm(mean))
+    low = float(np.quantile(s.height.ravel()[group.pixels], 0.02))
+    noise = relations.noise(s, group.pixels)
+    return _Look(low, sample, _sides(sample), mean / max(length, 1e-9), 1.0 - length, noise)
+
+
+def _sides(points: np.ndarray) -> np.ndarray | None:
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return np.asarray(ConvexHull(points).equations)
+    except QhullError:
+        return None
+
+
+def _inside(sides: np.ndarray | None, points: np.ndarray, margin_m: float = 0.003) -> float:
+    """Part of the points (n, 2) within a convex outline."""
+    if sides is None:
+        return 0.0
+    return float(((points @ sides[:, :2].T + sides[:, 2]) < margin_m).all(axis=1).mean())
+
+
+def _bounded(value: float) -> float:
+    return float(np.clip(value, -3.0, 3.0))

@@ -1,0 +1,176 @@
+"""Learn from drawn scenes which patches are one object, and write rules/factorize/regions/bond_weights.py.
+
+    make meshes
+    python -m tests.benchmarks.bonds --first 1000 --scenes 40
+
+Scenes are drawn by index as in `benchmark/stage_one`, whose own begin at 0. Samples are pairs of groups that touch: the
+patches as found, and groups that patches of one true object grow into, so that both are known to the network.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from dextera_build.api import Project
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.scene import Truth
+from rules.factorize.measured import Workspace
+from rules.factorize.regions import heights, patches, proposals
+from rules.factorize.regions.bonds import NAMES, Bonds
+from rules.factorize.regions.grouping import Grouping
+
+REPO = Path(__file__).parents[2]
+FILE = REPO / "rules/factorize/regions/bond_weights.py"
+PURE = 0.8
+"""Part of a patch that one true object covers at least."""
+HIDDEN, STEPS, BATCH = 16, 3000, 512
+APART_WEIGHT = 3.0
+"""Weight of pairs of two objects: joining them loses both, and parting one object leaves two halves."""
+
+
+def main() -> None:
+    """Draw, learn, write."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--meshes", type=Path, default=REPO / ".venv/objects", help="what `make meshes` wrote")
+    options.add_argument("--first", type=int, default=1000, help="index of the first scene")
+    options.add_argument("--scenes", type=int, default=40, help="number of scenes; every fifth is held out")
+    given = options.parse_args()
+    parts = [np.concatenate([*map(np.atleast_2d, rows)]) for rows in scenes(given.meshes, given.first, given.scenes)]
+    held = [number % 5 == 4 for number in range(len(parts))]
+    train, test = (np.concatenate([p for p, out in zip(parts, held, strict=True) if out == side]) for side in (0, 1))
+    mean, scale = train[:, :-1].mean(axis=0), train[:, :-1].std(axis=0) + 1e-3
+    network = learn((train[:, :-1] - mean) / scale, train[:, -1])
+    with torch.no_grad():
+        odds = network(torch.tensor((test[:, :-1] - mean) / scale, dtype=torch.float32))[:, 0].numpy()
+    told = {"one object": test[:, -1] > 0, "two objects": test[:, -1] == 0}
+    right = {name: float(((odds > 0) == (name == "one object"))[rows].mean()) for name, rows in told.items()}
+    facts = ", ".join(f"{share:.3f} of {int(told[name].sum())} pairs of {name}" for name, share in right.items())
+    write(network, mean, scale, f"Scenes {given.first} to {given.first + given.scenes - 1}; held out: right on {facts}")
+    print(facts)
+
+
+def scenes(meshes: Path, first: int, count: int) -> Iterator[list[np.ndarray]]:
+    """Rows of each scene: features, then 1 for pairs of one object and 0 for others."""
+    project = Project.find(REPO)
+    settings = {"draws.scenes": count, "draws.first": first, "draws.views": 1}
+    labels = [f"scene[{number:04d}_0]" for number in range(first, first + count)]
+    wanted = [f"{label}.{node}" for label in labels for node in ("photo", "truth", "twin/support")]
+    built = project.build("benchmark/stage_one", *wanted, inputs={"meshes": meshes}, settings=settings, keep_going=True)
+    for label in labels:
+        support = built.nodes.get(f"{label}.twin/support")
+        if support is None or support.output is None:
+            continue
+        photo, truth, plane = (built.artifact(f"{label}.{node}") for node in ("photo", "truth", "twin/support"))
+        assert isinstance(photo, Capture)
+        assert isinstance(truth, Truth)
+        assert isinstance(plane, Support)
+        rows = list(samples(photo, truth, plane))
+        if rows:
+            yield rows
+
+
+def samples(photo: Capture, truth: Truth, support: Support) -> Iterator[np.ndarray]:
+    """Rows of one scene."""
+    assert photo.measured is not None
+    seen = Workspace(photo.photograph, photo.measured.depth.depth, support)
+    if seen.turns:
+        return
+    relief = heights.relief(seen)
+    raised = relief.raised & relief.over
+    if not raised.any():
+        return
+    crop = patches.surfaces(relief, raised, seen, proposals.colour_lab(seen.pixels))
+    labels = patches.patches(crop)
+    true = _true(crop, labels.shape, truth.labels.labels)
+    owners = {number: _owner(true[labels == number]) for number in range(1, int(labels.max()) + 1)}
+    for seed in range(2):
+        yield from _grown(Grouping(crop, labels.copy()), dict(owners), np.random.default_rng(seed))
+
+
+def _true(crop: patches.Surfaces, shape: tuple[int, ...], labels: np.ndarray) -> np.ndarray:
+    """True labels of the crop's blocks, (h, w)."""
+    rows = np.minimum(crop.top + np.arange(shape[0]) * crop.stride + crop.stride // 2, labels.shape[0] - 1)
+    columns = np.minimum(crop.left + np.arange(shape[1]) * crop.stride + crop.stride // 2, labels.shape[1] - 1)
+    return np.asarray(labels[np.ix_(rows, columns)])
+
+
+def _owner(true: np.ndarray) -> int | None:
+    """The label that covers a patch, 0 for a fixture; None if it is mixed."""
+    values, counts = np.unique(true, return_counts=True)
+    best = int(counts.argmax())
+    return int(values[best]) if counts[best] >= PURE * counts.sum() else None
+
+
+def _grown(parts: Grouping, owners: dict[int, int | None], rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """Samples of the patches, then of groups after each of a few rounds of right joins."""
+    bonds = Bonds(parts.surfaces)
+    for _ in range(4):
+        right = []
+        for (a, b), contact in parts.contacts.items():
+            one, other = owners.get(a), owners.get(b)
+            if one is None or other is None or one == other == 0:
+                continue
+            yield np.append(bonds.features(parts.groups[a], parts.groups[b], contact), float(one == other))
+            if one == other:
+                right.append((a, b))
+        rng.shuffle(right)
+        for a, b in right[: max(1, len(right) // 2)]:
+            if (a, b) in parts.contacts:
+                parts.join(a, b)
+
+
+def learn(features: np.ndarray, same: np.ndarray) -> torch.nn.Sequential:
+    """A network of one hidden layer that gives the log odds of `same` (N,) from features (N, F) of unit variance."""
+    torch.manual_seed(0)
+    torch.set_num_threads(1)
+    network = torch.nn.Sequential(
+        torch.nn.Linear(features.shape[1], HIDDEN), torch.nn.Tanh(), torch.nn.Linear(HIDDEN, 1)
+    )
+    x, y = torch.tensor(features, dtype=torch.float32), torch.tensor(same, dtype=torch.float32)
+    optimizer = torch.optim.AdamW(network.parameters(), lr=3e-3, weight_decay=1e-2)
+    for _ in range(STEPS):
+        batch = torch.randint(0, len(x), (BATCH,))
+        odds = network(x[batch] + 0.1 * torch.randn_like(x[batch]))[:, 0]
+        weight = torch.where(y[batch] > 0, 1.0, APART_WEIGHT)
+        loss = torch.nn.functional.binary_cross_entropy_with_logits(odds, y[batch], weight=weight)
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+    return network
+
+
+def write(network: torch.nn.Sequential, mean: np.ndarray, scale: np.ndarray, facts: str) -> None:
+    """Write the weights as Python, so that they are part of the rule's code."""
+    first, second = network[0], network[2]
+    assert len(mean) == len(NAMES)
+    values: dict[str, np.ndarray] = {
+        "MEAN": mean,
+        "SCALE": scale,
+        "FIRST": first.weight.detach().numpy().T,
+        "FIRST_BIAS": first.bias.detach().numpy(),
+        "SECOND": second.weight.detach().numpy()[0],
+        "SECOND_BIAS": second.bias.detach().numpy(),
+    }
+    FILE.write_text(module(values, facts))
+
+
+def module(values: dict[str, np.ndarray], facts: str) -> str:
+    """Python source of the weights; numbers are text, which formatters leave in rows."""
+    told = f"Weights of `bonds.Bonds`, written by `python -m tests.benchmarks.bonds`.\n\n{facts}.\n"
+    parts = [f'"""{told}"""\n\n# ruff: noqa: SIM905\nimport numpy as np\n']
+    for name, value in values.items():
+        numbers = [f"{number:.3f}" for number in np.ravel(value)]
+        rows = "\n".join(" ".join(numbers[start : start + 16]) for start in range(0, len(numbers), 16))
+        shape = f".reshape({value.shape[0]}, {value.shape[1]})" if np.ndim(value) == 2 else ""
+        parts.append(f'{name} = np.array(\n    """\n{rows}\n""".split(),\n    np.float64,\n){shape}\n')
+    return "\n".join(parts)
+
+
+if __name__ == "__main__":
+    main()

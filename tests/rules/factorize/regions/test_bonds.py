@@ -1,0 +1,100 @@
+"""What the learned bonds join, and what they leave apart."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.object import Support
+from dextera_build.geometry import transforms
+from rules.factorize.measured import Workspace
+from rules.factorize.regions import bonds, grouping, heights, patches, proposals, relations
+from tests import factories
+from tests.tabletops import Tabletop, box, tabletop
+
+
+def at(x: float, y: float, z: float = 0.0) -> np.ndarray:
+    return transforms.rigid(np.eye(3), np.array([x, y, z]))
+
+
+def snowman() -> list[tuple[Mesh, np.ndarray]]:
+    """Two spheres of one colour on one another that run into each other."""
+    balls = []
+    for radius, z in ((0.06, 0.055), (0.05, 0.11)):
+        ball = trimesh.creation.icosphere(3, radius)
+        mesh = Mesh(
+            vertices=ball.vertices.astype(np.float32), faces=ball.faces.astype(np.int32), colour=(0.2, 0.5, 0.2)
+        )
+        balls.append((mesh, at(0.0, 0.0, z)))
+    return balls
+
+
+def workspace(shown: Tabletop) -> Workspace:
+    support = Support(
+        camera_pose=factories.placed(shown.world_from_camera, "camera"),
+        polygon=np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]),
+    )
+    assert shown.capture.measured is not None
+    return Workspace(shown.capture.photograph, shown.capture.measured.depth.depth, support)
+
+
+def parts_of(shown: Tabletop) -> tuple[patches.Surfaces, np.ndarray]:
+    seen = workspace(shown)
+    relief = heights.relief(seen)
+    crop = patches.surfaces(relief, relief.raised & relief.over, seen, proposals.colour_lab(seen.pixels))
+    return crop, patches.patches(crop)
+
+
+def test_a_body_of_two_round_parts_is_one_object() -> None:
+    found = proposals.scenery(workspace(tabletop(*snowman())))
+    assert len(found.objects) == 1
+
+
+def test_boxes_side_by_side_stay_two() -> None:
+    pair = [
+        (box(0.08, 0.06, 0.1, (0.7, 0.2, 0.2)), at(-0.041, 0.0)),
+        (box(0.08, 0.1, 0.07, (0.2, 0.3, 0.7)), at(0.041, 0.0)),
+    ]
+    assert len(proposals.scenery(workspace(tabletop(*pair))).objects) == 2
+
+
+def test_a_box_on_a_box_stays_two() -> None:
+    pair = [(box(0.2, 0.15, 0.05, (0.7, 0.6, 0.2)), at(0, 0)), (box(0.07, 0.07, 0.07, (0.2, 0.3, 0.7)), at(0, 0, 0.05))]
+    assert len(proposals.scenery(workspace(tabletop(*pair))).objects) == 2
+
+
+def test_without_bonds_the_round_parts_are_two(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(grouping, "join_bonded", lambda parts: None)
+    found = proposals.scenery(workspace(tabletop(*snowman())))
+    assert len(found.objects) == 2
+
+
+def test_features_are_bounded_and_the_same_in_any_order() -> None:
+    parts = grouping.Grouping(*parts_of(tabletop(*snowman())))
+    known = bonds.Bonds(parts.surfaces)
+    assert parts.contacts
+    for (a, b), contact in parts.contacts.items():
+        one, other = parts.groups[a], parts.groups[b]
+        features = known.features(one, other, contact)
+        assert features.shape == (len(bonds.NAMES),)
+        assert np.isfinite(features).all()
+        assert np.abs(features).max() < 6
+        assert (features == known.features(other, one, contact)).all()
+        assert known.score(one, other, contact) == known.score(other, one, contact)
+
+
+@pytest.mark.parametrize(
+    ("contact", "may"),
+    [
+        (relations.Contact(pairs=100, meeting=80, convex=40, turn=-8.0), True),
+        # Only a depth step lies between them.
+        (relations.Contact(pairs=100, meeting=5, convex=5, turn=0.0), False),
+        # One stands on the other.
+        (relations.Contact(pairs=100, meeting=80, convex=0, turn=-100.0), False),
+    ],
+)
+def test_bonds_join_along_gentle_creases_only(contact: relations.Contact, may: bool) -> None:
+    parts = grouping.Grouping(*parts_of(tabletop(*snowman())))
+    assert bonds.Bonds(parts.surfaces).may_join(contact) == may
