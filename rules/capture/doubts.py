@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from importlib.util import find_spec
 
 import numpy as np
 
@@ -61,7 +62,9 @@ def of_depth(ctx: Context, depth: np.ndarray, source: str) -> None:
 
 
 def of_gaps(ctx: Context, depth: np.ndarray) -> None:
-    """Warn of gaps amid the depth."""
+    """Warn of gaps amid the depth; without SciPy, which light installations lack, nothing is checked."""
+    if find_spec("scipy") is None:
+        return
     from scipy import ndimage
 
     valid = depth[::2, ::2] > 0
@@ -81,7 +84,9 @@ def of_bits(ctx: Context, name: str, scale: float) -> None:
 
 
 def of_registration(ctx: Context, pixels: np.ndarray, depth: np.ndarray) -> None:
-    """Warn of depth that is not registered to the photograph."""
+    """Warn of depth that is not registered to the photograph; without SciPy nothing is checked."""
+    if find_spec("scipy") is None:
+        return
     found = shift(pixels, depth)
     if found is not None:
         across = f"{abs(found.right)} px {'right' if found.right > 0 else 'left'}"
