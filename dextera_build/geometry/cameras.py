@@ -66,3 +66,18 @@ def look_down(target: np.ndarray, distance: float, heading: float, pitch: float,
     c, s = np.cos(roll), np.sin(roll)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     return transforms.rigid(np.stack([right, down, forward], axis=1) @ turn, np.asarray(target) - distance * forward)
+
+
+def nearest_pixels(
+    points: np.ndarray, k: np.ndarray, shape: tuple[int, ...], near_m: float = 0.05
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Row and column of the pixel nearest to each of `points` (..., 3) in the camera frame, and which are in view.
+
+    Rows and columns (...) are clipped to a picture of `shape` (H, W, ...). Points nearer than `near_m` are not in view.
+    """
+    ahead = points[..., 2] > near_m
+    flat = np.where(ahead[..., None], points, 1.0).reshape(-1, 3)
+    pixel = np.round(project(flat, k)).astype(np.int64).reshape(*points.shape[:-1], 2)
+    column, row = pixel[..., 0], pixel[..., 1]
+    inside = ahead & (pixel >= 0).all(axis=-1) & (column < shape[1]) & (row < shape[0])
+    return np.clip(row, 0, shape[0] - 1), np.clip(column, 0, shape[1] - 1), inside

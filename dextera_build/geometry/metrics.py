@@ -89,8 +89,8 @@ def delta_e76(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | 
 
 def depth_mae(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | None:
     """Mean absolute depth difference [m] over `where`, where both are valid (not 0); None if there is no such pixel."""
-    both = where & (one > 0) & (other > 0)
-    return float(np.abs(one[both].astype(np.float64) - other[both].astype(np.float64)).mean()) if both.any() else None
+    errors = depth_errors(one, other, where)
+    return None if errors is None else errors.mae
 
 
 def face_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -51,12 +51,7 @@ class Scenery:
         With `unmeasured`, pixels that belong to no patch show whatever is behind them.
         """
         seen = transforms.apply(np.linalg.inv(self.world_from_camera), points)
-        ahead = seen[..., 2] > 0.05
-        flat = np.where(ahead[..., None], seen, 1.0).reshape(-1, 3)
-        pixel = np.round(cameras.project(flat, self.k)).astype(np.int64).reshape(*points.shape[:-1], 2)
-        height, width = self.labels.shape
-        inside = ahead & (pixel >= 0).all(axis=-1) & (pixel[..., 0] < width) & (pixel[..., 1] < height)
-        row, column = np.clip(pixel[..., 1], 0, height - 1), np.clip(pixel[..., 0], 0, width - 1)
+        row, column, inside = cameras.nearest_pixels(seen, self.k, self.labels.shape)
         shown = inside & (np.abs(self.depth[row, column] - seen[..., 2]) < apart_m)
         if unmeasured:
             shown |= inside & (self.depth[row, column] == 0)

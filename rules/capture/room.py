@@ -8,11 +8,12 @@ import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.world import Part
+from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.world import Part, Thing
 from dextera_build.geometry import transforms
 from dextera_build.rule import Fraction, Options
 
-from . import solids, textures
+from . import solids, textures, walls
 
 
 class TableOptions(Options):
@@ -100,6 +101,13 @@ class RoomOptions(Options):
             block = _at(solids.box((size, size, top - z), steel), (x, front, z))
             parts["pedestal"] = Part(mesh=block, gloss=0.2)
         return parts
+
+
+def fixture(name: str, part: Part) -> Thing:
+    """A convex part, given in the world frame, as a thing that does not move."""
+    whole = part.model_copy(update={"pieces": walls.whole(part.mesh)})
+    pose = Pose(parent="reference", child="thing", matrix=np.eye(4))
+    return Thing(parts={name: whole}, surface=solids.union([part.mesh]), pose=pose)
 
 
 def _at(mesh: Mesh, place: tuple[float, float, float]) -> Mesh:

@@ -14,8 +14,8 @@ from dextera_build.artifacts.world import Hinge, Lamp, Matter, Part, RobotStand,
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Context, Fraction, Options, rule
 
-from . import solids, walls
-from .room import RoomOptions, TableOptions
+from . import solids
+from .room import RoomOptions, TableOptions, fixture
 from .things import ThingOptions
 
 
@@ -92,10 +92,7 @@ def world(ctx: Context, *, options: WorldOptions) -> World:
     camera, pose = _camera(options.camera)
     _check_places(ctx, objects, options.table)
     _check_view(ctx, objects, camera, pose)
-    fixtures = {
-        name: _thing({name: part.model_copy(update={"pieces": walls.whole(part.mesh)})}, np.eye(4))
-        for name, part in (options.table.parts() | options.room.parts()).items()
-    }
+    fixtures = {name: fixture(name, part) for name, part in (options.table.parts() | options.room.parts()).items()}
     stand = None
     if options.robot is not None:
         joints = {name: float(np.radians(value)) for name, value in options.robot.joints_deg.items()}

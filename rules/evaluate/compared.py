@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.table import Cell, Column, Table
-from dextera_build.rule import Context, Options, rule
-from dextera_build.statistics import bootstrap
+from dextera_build.rule import Context, rule
 
 from . import objects
+from .intervals import IntervalOptions
 from .pooled import Pool
 
 
-class ComparedOptions(Options):
+class ComparedOptions(IntervalOptions):
     """Options of evaluate.compared."""
-
-    draws: PositiveInt = 10000
-    """Bootstrap samples."""
-    confidence: float = Field(0.95, gt=0.0, lt=1.0)
-    """Coverage probability of the intervals."""
-    seed: NonNegativeInt = 0
-    """Seed of the bootstrap."""
 
 
 @rule(version=1, packages=("numpy",))
@@ -71,10 +63,7 @@ def compared(
 
 def _rows(name: str, pool: Pool, options: ComparedOptions) -> list[tuple[Cell, ...]]:
     metrics = list(pool.metrics.values())
-    ends = [
-        bootstrap(values, options.draws, options.confidence, options.seed) if len(values) else (None, None)
-        for values in metrics
-    ]
+    ends = [options.interval(values) for values in metrics]
     facts = (pool.scenes, pool.true, 100.0 * pool.found / max(pool.true, 1), pool.spurious)
     none: tuple[Cell, ...] = (None,) * len(facts)
     spreads = [float(values.std(ddof=1)) if len(values) > 1 else None for values in metrics]

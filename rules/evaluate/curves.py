@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.draw import Draw
 from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.geometry.plot import COLOURS, Line, plot
-from dextera_build.rule import Context, Options, rule
-from dextera_build.statistics import bootstrap, wilson
+from dextera_build.rule import Context, rule
+from dextera_build.statistics import wilson
 
+from .intervals import IntervalOptions
 from .pooled import Pool
 
 COLUMNS = (
@@ -32,20 +32,13 @@ COLUMNS = (
 )
 
 
-class CurvesOptions(Options):
+class CurvesOptions(IntervalOptions):
     """Options of evaluate.curves."""
-
-    draws: PositiveInt = 10000
-    """Bootstrap samples."""
-    confidence: float = Field(0.95, gt=0.0, lt=1.0)
-    """Coverage probability of the intervals."""
-    seed: NonNegativeInt = 0
-    """Seed of the bootstrap."""
 
 
 @rule(version=1, packages=("numpy", "pillow"))
 def curves(
-    ctx: Context, draws: Collection[Draw], scores: Table, expected: Table, *, options: CurvesOptions | None = None
+    ctx: Context, drawn: Collection[Draw], scores: Table, expected: Table, *, options: CurvesOptions | None = None
 ) -> Table:
     """Return one row per value of each swept quantity: how many photographs were built, objects found, mean IoU.
 
@@ -54,7 +47,7 @@ def curves(
     """
     options = options or CurvesOptions()
     points: dict[tuple[str, str], list[str]] = {}
-    for label, draw in draws.items.items():
+    for label, draw in drawn.items.items():
         points.setdefault((draw.axis, draw.value), []).append(label)
     built = {str(row[0]) for row in scores.rows}
     rows = []
@@ -66,7 +59,7 @@ def curves(
         picture = _picture(axis, own)
         if picture is not None:
             ctx.preview(picture, f"{axis}: photographs built (blue), objects found (red), mask IoU (green)")
-    ctx.say(f"{len(rows)} points, {len(draws.items)} photographs, {len(built)} built")
+    ctx.say(f"{len(rows)} points, {len(drawn.items)} photographs, {len(built)} built")
     return Table(
         title="Envelope",
         columns=COLUMNS,
@@ -84,9 +77,6 @@ def curves(
 def _cells(pool: Pool, options: CurvesOptions) -> tuple[Cell, ...]:
     iou = pool.metrics["Mask IoU"]
     low, high = wilson(pool.found, pool.true, options.confidence)
-    ends: tuple[Cell, Cell] = (
-        bootstrap(iou, options.draws, options.confidence, options.seed) if len(iou) else (None, None)
-    )
     return (
         pool.true,
         100.0 * pool.found / pool.true if pool.true else None,
@@ -94,7 +84,7 @@ def _cells(pool: Pool, options: CurvesOptions) -> tuple[Cell, ...]:
         100.0 * high if pool.true else None,
         pool.spurious,
         _mean(iou),
-        *ends,
+        *options.interval(iou),
         _mean(pool.metrics["F-score@1cm"]),
         _mean(pool.metrics["Chamfer-L1"]),
     )

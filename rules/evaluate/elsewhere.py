@@ -22,7 +22,7 @@ class Own:
 def seen(own: Own, depth: np.ndarray, own_from_other: np.ndarray, apart_m: float) -> np.ndarray:
     """Pixels (H, W) of another view whose measured surface the capture measured, too, within `apart_m`."""
     points = transforms.apply(own_from_other, cameras.backproject(depth, own.k))
-    row, column, inside = _places(points, own)
+    row, column, inside = cameras.nearest_pixels(points, own.k, own.depth.shape)
     measured = own.depth[row, column]
     near = np.abs(measured - points[..., 2]) < apart_m
     return np.asarray((depth > 0) & inside & (measured > 0) & near)
@@ -33,7 +33,7 @@ def objects(own: Own, depth: np.ndarray, own_from_other: np.ndarray, reach_px: i
     from scipy.ndimage import binary_dilation
 
     points = transforms.apply(own_from_other, cameras.backproject(depth, own.k))
-    row, column, inside = _places(points, own)
+    row, column, inside = cameras.nearest_pixels(points, own.k, own.depth.shape)
     there = (depth > 0) & inside & own.objects[row, column]
     return np.asarray(binary_dilation(there, iterations=reach_px)) if reach_px else there
 
@@ -42,7 +42,7 @@ def splat(own: Own, other_from_own: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     """The capture's measured pixels as points of one pixel: colours (H, W, 3) uint8 and depth (H, W) [m]."""
     valid = own.depth > 0
     points = transforms.apply(other_from_own, cameras.backproject(own.depth, own.k)[valid])
-    row, column, inside = _places(points, own)
+    row, column, inside = cameras.nearest_pixels(points, own.k, own.depth.shape)
     order = np.flatnonzero(inside)
     order = order[np.argsort(-points[order, 2], kind="stable")]
     rgb, depth = np.zeros_like(own.rgb), np.zeros(own.depth.shape)
@@ -61,13 +61,3 @@ def sheet(own: Own) -> raycast.Surface:
     rows, columns = np.indices((height, width))
     uv = np.stack([(columns + 0.5) / width, 1.0 - (rows + 0.5) / height], axis=-1).reshape(-1, 2)
     return raycast.Surface(cameras.backproject(own.depth, own.k).reshape(-1, 3), faces, uv[faces], own.rgb)
-
-
-def _places(points: np.ndarray, own: Own) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Row and column of the nearest pixel of `points` (..., 3), clipped, and whether they are inside the picture."""
-    ahead = points[..., 2] > 0.05
-    flat = np.where(ahead[..., None], points, 1.0).reshape(-1, 3)
-    pixel = np.round(cameras.project(flat, own.k)).astype(np.int64).reshape(*points.shape[:-1], 2)
-    height, width = own.depth.shape
-    inside = ahead & (pixel >= 0).all(axis=-1) & (pixel[..., 0] < width) & (pixel[..., 1] < height)
-    return np.clip(pixel[..., 1], 0, height - 1), np.clip(pixel[..., 0], 0, width - 1), inside

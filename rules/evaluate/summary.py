@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import Field, NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.table import Cell, Column, Table
-from dextera_build.rule import Context, Options, rule
-from dextera_build.statistics import bootstrap
+from dextera_build.rule import Context, rule
+
+from .intervals import IntervalOptions
 
 
-class SummaryOptions(Options):
+class SummaryOptions(IntervalOptions):
     """Options of evaluate.summary."""
-
-    draws: PositiveInt = 10000
-    """Bootstrap samples."""
-    confidence: float = Field(0.95, gt=0.0, lt=1.0)
-    """Coverage probability of the interval."""
-    seed: NonNegativeInt = 0
-    """Seed of the bootstrap."""
 
 
 @rule(version=1)
@@ -75,7 +68,7 @@ def _row(
             cells += [0, None, None, None, None]
             continue
         spread = float(values.std(ddof=1)) if len(values) > 1 else None
-        low, high = bootstrap(values, options.draws, options.confidence, options.seed)
+        low, high = options.interval(values)
         cells += [len(values), float(values.mean()), spread, low, high]
     cells += [sum(kind in row for row in rows) for kind in kinds]
     return tuple(cells)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from dextera_build.artifacts.camera import Camera, Measured, Photograph
 from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import AssetSource, Support
+from dextera_build.artifacts.object import AssetSource, Element, Support
 from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
 from dextera_build.geometry import upright
 from dextera_build.rule import Context
@@ -58,6 +59,14 @@ class Workspace:
             upright.turned(self.depth, self.turns),
             self.support.model_copy(update={"camera_pose": pose.model_copy(update={"matrix": matrix})}),
         )
+
+
+def turned_elements(elements: Iterable[Element], size: tuple[int, int], count: int) -> tuple[Element, ...]:
+    """Elements with their boxes in the picture, `size` wide and high, after `count` quarter turns of it."""
+    return tuple(
+        element.model_copy(update={"box": element.box and upright.turned_box(element.box, size, count)})
+        for element in elements
+    )
 
 
 class Measurements(Generic[T]):

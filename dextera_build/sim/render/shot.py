@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-
 GAMMA = 2.2
 """Exponent that approximates the sRGB curve when light is averaged."""
 
@@ -19,18 +17,6 @@ class Shot:
     rgb: np.ndarray  # (H, W, 3) float64, sRGB 0..1
     depth: np.ndarray  # (H, W) float64, image-plane z [m]; 0 if empty
     labels: np.ndarray  # (H, W) int32, object label at the pixel's centre; 0 for everything else
-
-
-def enlarge(camera: Camera, factor: int) -> Camera:
-    """The same camera with `factor` times as many pixels per edge."""
-    return Camera(
-        width=camera.width * factor,
-        height=camera.height * factor,
-        fx=camera.fx * factor,
-        fy=camera.fy * factor,
-        cx=(camera.cx + 0.5) * factor - 0.5,
-        cy=(camera.cy + 0.5) * factor - 0.5,
-    )
 
 
 def average(pixels: np.ndarray, factor: int) -> np.ndarray:

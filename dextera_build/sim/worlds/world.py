@@ -16,7 +16,7 @@ from dextera_build.sim.model import robot as robots
 from dextera_build.sim.model import tessellate
 from dextera_build.sim.render.lighting import light
 from dextera_build.sim.render.rendering import Eye
-from dextera_build.sim.render.shot import Shot, average, enlarge
+from dextera_build.sim.render.shot import Shot, average
 
 ROBOT = "robot/"
 """Prefix of the robot's names in the compiled model."""
@@ -144,7 +144,7 @@ def photograph(world: World, robot: RobotModel | None, *, supersample: int, soft
         depth = eye.depth(stage.data).astype(np.float64)
         geoms = eye.segmentation(stage.data)
     keys = [number for number, lamp in enumerate(world.lamps) if lamp.shadow]
-    fine = enlarge(world.camera, supersample)
+    fine = world.camera.scaled(supersample)
     with Eye(stage.model, fine, world.camera_pose.matrix) as eye:
         colours = average(eye.rgb(stage.data), supersample)
         if soft and keys:

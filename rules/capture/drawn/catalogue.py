@@ -16,7 +16,7 @@ from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.world import Matter, Part, Thing
 from dextera_build.errors import listing
 from dextera_build.geometry import convex
-from dextera_build.geometry.solids import Solid
+from dextera_build.geometry.solids import Solid, join
 from dextera_build.rule import Context, Fraction, Options, rule
 
 UP = {
@@ -124,9 +124,8 @@ def _picture(data: bytes, most_px: int) -> np.ndarray:
 
 def _joined(meshes: list[Mesh]) -> Mesh:
     """All parts as one surface without a texture; corners at one place are one vertex."""
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts[:-1], strict=True)])
-    vertices, place = np.unique(np.concatenate([mesh.vertices for mesh in meshes]), axis=0, return_inverse=True)
-    faces = place.reshape(-1)[faces]
+    whole = join([Solid(mesh.vertices, mesh.faces) for mesh in meshes])
+    vertices, place = np.unique(whole.vertices, axis=0, return_inverse=True)
+    faces = place.reshape(-1)[whole.faces]
     proper = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     return Mesh(vertices=vertices, faces=faces[proper].astype(np.int32))

@@ -6,12 +6,11 @@ import colorsys
 
 import numpy as np
 
-from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.world import Lamp, Part, Thing
 from dextera_build.geometry import transforms
 
-from .. import solids, textures, walls
-from ..room import RoomOptions, TableOptions
+from .. import solids, textures
+from ..room import RoomOptions, TableOptions, fixture
 
 Colour = tuple[float, float, float]
 FLOOR_M = -0.74
@@ -52,7 +51,7 @@ def fixtures(drawn: TableOptions, rng: np.random.Generator) -> dict[str, Thing]:
         parts |= _shelf(room, rng)
     if rng.uniform() < 0.2:
         parts |= _machine(drawn, rng)
-    return {name: _fixture(part) for name, part in parts.items()}
+    return {name: fixture(name, part) for name, part in parts.items()}
 
 
 def light(rng: np.random.Generator) -> tuple[tuple[Lamp, ...], float]:
@@ -104,9 +103,3 @@ def _box(size: tuple[float, float, float], place: tuple[float, float, float], rn
     picture = textures.plain(256, 256, _pale(rng, 0.25, 0.9), 0.03, 6, int(rng.integers(2**31)))
     mesh = solids.moved(solids.box(size, picture), transforms.rigid(np.eye(3), np.array(place)))
     return Part(mesh=mesh, gloss=0.1)
-
-
-def _fixture(part: Part) -> Thing:
-    whole = part.model_copy(update={"pieces": walls.whole(part.mesh)})
-    pose = Pose(parent="reference", child="thing", matrix=np.eye(4))
-    return Thing(parts={"whole": whole}, surface=solids.union([part.mesh]), pose=pose)

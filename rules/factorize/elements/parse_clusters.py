@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.object import Element
-from dextera_build.geometry.upright import turned_box
 from dextera_build.rule import Backend, Context, Options
 
-from ..measured import Measurements, Workspace
+from ..measured import Measurements, Workspace, turned_elements
 from ..regions.proposals import colour_lab, scenery
 from . import naming
 
@@ -28,7 +27,4 @@ def propose(
     seen = scenery(level)
     found = naming.elements(seen.objects, seen.relief, colour_lab(level.pixels))
     size = (level.camera.width, level.camera.height)
-    return tuple(
-        element.model_copy(update={"box": element.box and turned_box(element.box, size, -workspace.turns)})
-        for element in found
-    )
+    return turned_elements(found, size, -workspace.turns)

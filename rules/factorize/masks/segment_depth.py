@@ -6,10 +6,10 @@ import numpy as np
 
 from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.object import Element, Elements
-from dextera_build.geometry.upright import turned, turned_box
+from dextera_build.geometry.upright import turned
 from dextera_build.rule import Backend, Context, Options
 
-from ..measured import Measurements, Workspace
+from ..measured import Measurements, Workspace, turned_elements
 from ..regions.proposals import Proposal, scenery
 from . import matte
 from .overlap import box_inside, box_iou
@@ -31,10 +31,7 @@ def masks(
     workspace = measured.needed()
     level, turns = workspace.upright(), workspace.turns
     size = (workspace.camera.width, workspace.camera.height)
-    wanted = tuple(
-        element.model_copy(update={"box": element.box and turned_box(element.box, size, turns)})
-        for element in elements.elements
-    )
+    wanted = turned_elements(elements.elements, size, turns)
     return {name: turned(mask, -turns) for name, mask in _masks(level, wanted).items()}
 
 

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dextera_build.geometry import regions
+
 from . import bond_weights, relations
 from .patches import Surfaces
 from .relations import Contact, Group
@@ -19,6 +21,8 @@ LEAST_MEETING = 0.1
 """Smallest part of a common border without a depth step along which a bond may join."""
 SHARPEST_RAD = -0.5
 """Sharpest mean concave turn along which a bond may join [rad]."""
+MARGIN_M = 0.003
+"""Points this far outside an outline count as inside [m]."""
 NAMES = (
     *("border", "pairs", "meeting", "convexity", "turn", "area", "larger_area", "lightness", "hue", "likeness"),
     *("bend", "larger_bend", "flatness", "larger_flatness", "top", "low", "own_low", "larger_low", "on_top"),
@@ -33,7 +37,7 @@ class _Look:
 
     low_m: float  # 2 % quantile of the height
     points: np.ndarray  # (n, 2) a sample from above
-    sides: np.ndarray | None  # (k, 3) half-planes of their convex outline; None if they lie on a line
+    outline: np.ndarray  # (k, 2) corners of their convex outline; fewer than three if they lie on a line
     normal: np.ndarray  # (3,) mean direction
     spread: float  # 1 minus the length of the mean normal
     noise_m: float
@@ -78,8 +82,8 @@ class Bonds:
                 float(a.normal @ b.normal),
                 *(abs(float(look.normal[2])) for look in (a, b)),
                 *(look.spread for look in (a, b)),
-                _inside(b.sides, a.points),
-                _inside(a.sides, b.points),
+                _inside(b.outline, a.points),
+                _inside(a.outline, b.points),
             ]
         )
 
@@ -110,23 +114,12 @@ def _look(s: Surfaces, group: Group) -> _Look:
     length = float(np.linalg.norm(mean))
     low = float(np.quantile(s.height.ravel()[group.pixels], 0.02))
     noise = relations.noise(s, group.pixels)
-    return _Look(low, sample, _sides(sample), mean / max(length, 1e-9), 1.0 - length, noise)
+    return _Look(low, sample, regions.convex_hull(sample), mean / max(length, 1e-9), 1.0 - length, noise)
 
 
-def _sides(points: np.ndarray) -> np.ndarray | None:
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        return np.asarray(ConvexHull(points).equations)
-    except QhullError:
-        return None
-
-
-def _inside(sides: np.ndarray | None, points: np.ndarray, margin_m: float = 0.003) -> float:
-    """Part of the points (n, 2) within a convex outline."""
-    if sides is None:
-        return 0.0
-    return float(((points @ sides[:, :2].T + sides[:, 2]) < margin_m).all(axis=1).mean())
+def _inside(outline: np.ndarray, points: np.ndarray) -> float:
+    """Part of the points (n, 2) within a convex outline, or a few millimetres beside it."""
+    return float(regions.inside_convex(points, outline, MARGIN_M).mean()) if len(outline) > 2 else 0.0
 
 
 def _bounded(value: float) -> float:

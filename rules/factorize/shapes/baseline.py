@@ -59,9 +59,3 @@ def shape_of(
         unseen_fraction=1.0 - painted.seen_fraction,
         scores={name: judged.score},
     )
-
-
-def with_feet(evidence: Evidence) -> np.ndarray:
-    """The seen points (N, 3) and their projections onto the support [m]."""
-    points = evidence.points
-    return np.concatenate([points, points * [1.0, 1.0, 0.0]])

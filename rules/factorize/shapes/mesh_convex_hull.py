@@ -15,6 +15,7 @@ from dextera_build.rule import Backend, Context, Options
 from ..measured import Measurements
 from . import baseline
 from .evidence import Evidence
+from .standing_hull import with_feet
 
 if TYPE_CHECKING:
     from .mesh import MeshOptions
@@ -35,5 +36,5 @@ def complete(
 
 def hull(evidence: Evidence) -> Solid:
     """The convex hull of the seen points and of their projections onto the support."""
-    vertices, faces = convex.surface(baseline.with_feet(evidence))
+    vertices, faces = convex.surface(with_feet(evidence.points))
     return Solid(vertices.astype(np.float64), faces.astype(np.int64))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import convex, transforms
+from dextera_build.geometry import cameras, convex, transforms
 from dextera_build.geometry.solids import Solid
 
 from .evidence import Evidence
@@ -28,16 +28,19 @@ def standing_hull(evidence: Evidence) -> Finished | None:
     kept = np.clip(points, low, high)
     kept[:, 2] = np.maximum(kept[:, 2], THIN_M)
     foot = np.array([*(low + high)[:2] / 2, 0.0])
-    cloud = np.concatenate([kept, kept * [1.0, 1.0, 0.0]]) - foot
+    cloud = with_feet(kept) - foot
     vertices, faces = convex.surface(cloud, THIN_M)
     lifted = vertices.astype(np.float64) - [0.0, 0.0, float(vertices[:, 2].min())]
     body = Solid(lifted, faces.astype(np.int64))
     return Finished(body, transforms.rigid(np.eye(3), foot), (body.vertices,))
 
 
+def with_feet(points: np.ndarray) -> np.ndarray:
+    """Points (N, 3) and their projections onto the surface below, z = 0 [m]."""
+    return np.concatenate([points, points * [1.0, 1.0, 0.0]])
+
+
 def _measured(evidence: Evidence) -> np.ndarray:
     """Points (N, 3) of all pixels of the mask with a depth, in the frame of `Evidence.points`."""
-    rows, columns = np.nonzero(evidence.mask & evidence.known & (evidence.depth > 0))
-    k = evidence.k
-    rays = np.stack([(columns - k[0, 2]) / k[0, 0], (rows - k[1, 2]) / k[1, 1], np.ones(len(rows))], axis=1)
-    return transforms.apply(evidence.world_from_camera, rays * evidence.depth[rows, columns][:, None])
+    seen = evidence.mask & evidence.known & (evidence.depth > 0)
+    return transforms.apply(evidence.world_from_camera, cameras.backproject(evidence.depth, evidence.k)[seen])

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import itertools
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -19,21 +16,10 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras, solids, transforms
 from dextera_build.sim.worlds import falling
 from dextera_build.testing import RuleRunner
+from rules.capture.drawn import places
 from tests.rules.capture.drawn_things import block, blocks
 
-DRAWN = Path(__file__).parents[3] / "rules/capture/drawn"
 LOW, HIGH = np.array([-0.6, -0.4]), np.array([0.6, 0.4])
-
-
-@pytest.fixture(scope="module")
-def places() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("places_under_test", DRAWN / "places.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def world(tmp_path: Path, contact: str, seed: int = 1, backend: str = "mujoco") -> World:
@@ -96,7 +82,7 @@ def test_what_falls_off_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_gaps_before_the_fall_are_as_told(places: ModuleType, seed: int) -> None:
+def test_gaps_before_the_fall_are_as_told(seed: int) -> None:
     for contact, least, most in (("apart", places.GAP_M, 1.0), ("touching", places.TOUCHING_M, 0.004)):
         placed = places.scattered(blocks(5), contact, LOW, HIGH, np.random.default_rng(seed))
         outlines = []

@@ -90,7 +90,7 @@ def test_a_curve_has_a_point_per_value_with_what_was_not_built(tmp_path: Path) -
     runner = RuleRunner(tmp_path)
     table = runner.run(
         "evaluate.curves",
-        draws=Collection[Draw](items=draws),
+        drawn=Collection[Draw](items=draws),
         scores=scores(row("near 0", "cup", 0.9), row("near 0", "box", 0.8), row("far 0", "cup", 0.5)),
         expected=expected(**{"near 0": 2, "far 0": 1, "far 1": 2, "piled 0": 3}),
     )

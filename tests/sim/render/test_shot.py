@@ -23,7 +23,7 @@ def test_an_enlarged_camera_sees_the_same() -> None:
     camera = Camera(width=64, height=48, fx=60.0, fy=58.0, cx=30.0, cy=25.0)
     point = np.array([[0.1, -0.2, 1.3]])
     small = cameras.project(point, camera.matrix())
-    large = cameras.project(point, shot.enlarge(camera, 3).matrix())
+    large = cameras.project(point, camera.scaled(3).matrix())
     # Pixel i covers fine pixels 3 i .. 3 i + 2, whose middle is 3 i + 1.
     np.testing.assert_allclose(large, 3 * small + 1)
-    assert shot.enlarge(camera, 3).width == pytest.approx(192)
+    assert camera.scaled(3).width == pytest.approx(192)
