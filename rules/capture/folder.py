@@ -33,7 +33,7 @@ class FolderOptions(Options):
     """Maximum accepted median depth [m]."""
 
 
-@rule(version=3, packages=("pillow", "scipy"))
+@rule(version=3, packages=("pillow",))
 def folder(ctx: Context, folder: Folder, *, options: FolderOptions) -> Capture:
     """Return the capture in `capture.json`, `rgb.png` or `rgb.jpg`, and, if there is depth, `depth.png` or `depth.npy`.
 
