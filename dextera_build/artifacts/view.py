@@ -148,7 +148,7 @@ class Seen:
         if not count:
             return self
         view, pose = self.view, self.measured.camera_pose
-        matrix = pose.matrix @ np.linalg.inv(upright.turned_from_camera(count))
+        matrix = pose.matrix @ upright.turned_from_camera(-count)
         return Seen(
             view.model_copy(
                 update={

@@ -5,7 +5,7 @@ Masks and pictures are (H, W[, 3]) of one camera, surfaces are triangles in one 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -144,7 +144,7 @@ def match(overlaps: np.ndarray, least: float) -> list[tuple[int, int]]:
     return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if overlaps[r, c] >= least]
 
 
-def mean_std(values: Sequence[float | None]) -> tuple[float | None, float | None, int]:
+def mean_std(values: Iterable[float | None]) -> tuple[float | None, float | None, int]:
     """Mean, sample standard deviation (None below two values) and count of the values that are not None."""
     known = np.array([value for value in values if value is not None], np.float64)
     if not len(known):

@@ -11,7 +11,7 @@ from dextera_build.report.pictures import Pictures
 from dextera_build.report.pieces import failure, link, metrics, state
 from dextera_build.report.run import Node, Run
 from dextera_build.report.tables import passed
-from dextera_build.report.wording import count, duration, some, states
+from dextera_build.report.wording import count, duration, parted, some, states
 
 _MOST = 3  # pictures of one node in the strip
 
@@ -25,7 +25,7 @@ def title(run: Run) -> Html:
     warnings = ["stub backends"] if run.profile == "stub" else []
     if any(node.artifact == "Scene" and node.fields.get("scale") == "unknown" for node in run.nodes):
         warnings.append("scale unknown")
-    doubtful = sum(f"; {node.line}".count("; warning: ") for node in run.nodes)
+    doubtful = sum(len(parted(node.line)[1]) for node in run.nodes)
     if doubtful:
         warnings.append(count(doubtful, "warning"))
     made = {str(node.fields.get("asset_source", "")) for node in run.nodes if node.artifact == "Asset"}

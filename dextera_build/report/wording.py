@@ -92,3 +92,9 @@ def _magnitude(value: float) -> int:
     while 0 < size < 1:
         size, power = size * 10, power - 1
     return power
+
+
+def parted(line: str) -> tuple[str, list[str]]:
+    """What a rule said about its result, and its warnings, from the one line that holds both; see `Outcome.told`."""
+    said, *warnings = f"; {line}".split("; warning: ")
+    return said.removeprefix("; "), warnings

@@ -65,9 +65,9 @@ def object(
     if bad and measured is not None and body.pose is not None:
         # It was fitted to the depth of this view, so its place is right, whatever its shape is worth.
         ctx.warn(bad)
-    elif bad:
+    else:
         hint = "try another backend of `factorize.mesh`, or look at the mask of this object"
-        ctx.check(False, bad, hint=hint, method=placed.placement.method)
+        ctx.check(not bad, bad, hint=hint, method=placed.placement.method)
     placement = placed.placement.model_copy(update={"asset_source": body.asset_source})
     pixels = ctx.backend.picture(ctx, body, seen, placement, ctx.backend_options)
     if pixels is not None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.robot import RobotModel
+from dextera_build.geometry import transforms
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import robot as robots
 from dextera_build.sim.render import rendering
@@ -24,6 +25,5 @@ def mask(
         data.joint(name).qpos[0] = position
     mujoco.mj_forward(model, data)
     # The robot's model has its base at the origin, so the camera moves instead.
-    root = np.eye(4)
-    root[:3, :3], root[:3, 3] = data.body("base").xmat.reshape(3, 3), data.body("base").xpos
+    root = transforms.rigid(data.body("base").xmat.reshape(3, 3), data.body("base").xpos)
     return np.asarray(rendering.render_segmentation(model, data, camera, root @ np.linalg.inv(base)) >= 0)

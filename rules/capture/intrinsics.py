@@ -15,7 +15,7 @@ from dextera_build.rule import Context
 
 from .exif import Exif
 from .facts import INTRINSICS, NAME, camera_of, distortion_of
-from .pinhole import Lens, distorted
+from .pinhole import Lens, distorted, pinhole
 
 CALIBRATIONS = ("camera_info.yaml", "cameras.txt")
 """Files that calibration programs write: ROS camera_info, COLMAP."""
@@ -56,5 +56,5 @@ def _calibrated(ctx: Context, data: bytes, name: str) -> Camera | Lens:
             hint="cut a perspective picture out of the panorama first",
         )
     if isinstance(found, BrownConrady) and not found.coefficients().any():
-        return Camera(width=found.width, height=found.height, fx=found.fx, fy=found.fy, cx=found.cx, cy=found.cy)
+        return pinhole(found)
     return found

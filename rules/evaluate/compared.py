@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.table import Cell, Column, Table
+from dextera_build.geometry import metrics
 from dextera_build.rule import Context, rule
 
 from . import objects
@@ -30,8 +31,9 @@ def compared(
     rows: list[tuple[Cell, ...]] = []
     for name, table in tables.items.items():
         pool = Pool.of(table, expected)
-        rows += _rows(name, pool, options)
-        means = {key: float(np.mean(values)) for key, values in pool.metrics.items() if len(values)}
+        sums = {key: metrics.mean_std(values) for key, values in pool.metrics.items()}
+        rows += _rows(name, pool, list(sums.values()), options)
+        means = {key: mean for key, (mean, _, _) in sums.items() if mean is not None}
         ctx.say(f"{name}: {pool.found} of {pool.true} found, mean IoU {means.get('Mask IoU', 0.0):.3f}")
         for key, mean in means.items():
             ctx.metric(f"{name}: {key}", mean, next(column.unit for column in objects.COLUMNS if column.name == key))
@@ -61,18 +63,18 @@ def compared(
     )
 
 
-def _rows(name: str, pool: Pool, options: ComparedOptions) -> list[tuple[Cell, ...]]:
-    metrics = list(pool.metrics.values())
-    ends = [options.interval(values) for values in metrics]
+def _rows(
+    name: str, pool: Pool, sums: Sequence[tuple[float | None, float | None, int]], options: ComparedOptions
+) -> list[tuple[Cell, ...]]:
+    ends = [options.interval(values) for values in pool.metrics.values()]
     facts = (pool.scenes, pool.true, 100.0 * pool.found / max(pool.true, 1), pool.spurious)
     none: tuple[Cell, ...] = (None,) * len(facts)
-    spreads = [float(values.std(ddof=1)) if len(values) > 1 else None for values in metrics]
     return [
-        (name, "mean", *facts, *(float(values.mean()) if len(values) else None for values in metrics)),
-        (name, "deviation", *none, *spreads),
+        (name, "mean", *facts, *(mean for mean, _, _ in sums)),
+        (name, "deviation", *none, *(deviation for _, deviation, _ in sums)),
         (name, "low", *none, *(low for low, _ in ends)),
         (name, "high", *none, *(high for _, high in ends)),
-        (name, "count", *none, *(len(values) for values in metrics)),
+        (name, "count", *none, *(count for _, _, count in sums)),
     ]
 
 

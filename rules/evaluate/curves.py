@@ -7,6 +7,7 @@ import numpy as np
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.draw import Draw
 from dextera_build.artifacts.table import Cell, Column, Table
+from dextera_build.geometry import metrics
 from dextera_build.geometry.plot import COLOURS, Line, plot
 from dextera_build.rule import Context, rule
 from dextera_build.statistics import wilson
@@ -83,15 +84,10 @@ def _cells(pool: Pool, options: CurvesOptions) -> tuple[Cell, ...]:
         100.0 * low if pool.true else None,
         100.0 * high if pool.true else None,
         pool.spurious,
-        _mean(iou),
+        metrics.mean_std(iou)[0],
         *options.interval(iou),
-        _mean(pool.metrics["F-score@1cm"]),
-        _mean(pool.metrics["Chamfer-L1"]),
+        *(metrics.mean_std(pool.metrics[name])[0] for name in ("F-score@1cm", "Chamfer-L1")),
     )
-
-
-def _mean(values: np.ndarray) -> float | None:
-    return float(values.mean()) if len(values) else None
 
 
 def _picture(axis: str, rows: list[tuple[Cell, ...]]) -> np.ndarray | None:

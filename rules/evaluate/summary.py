@@ -6,6 +6,7 @@ import numpy as np
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.table import Cell, Column, Table
+from dextera_build.geometry import metrics
 from dextera_build.rule import Context, rule
 
 from .intervals import IntervalOptions
@@ -63,13 +64,9 @@ def _row(
 ) -> tuple[Cell, ...]:
     cells: list[Cell] = [label]
     for i in measures:
-        values = np.array([cell for cell in (row[i] for row in rows) if isinstance(cell, int | float)], np.float64)
-        if not len(values):
-            cells += [0, None, None, None, None]
-            continue
-        spread = float(values.std(ddof=1)) if len(values) > 1 else None
-        low, high = options.interval(values)
-        cells += [len(values), float(values.mean()), spread, low, high]
+        values = [float(cell) for cell in (row[i] for row in rows) if isinstance(cell, int | float)]
+        mean, spread, count = metrics.mean_std(values)
+        cells += [count, mean, spread, *options.interval(np.array(values))]
     cells += [sum(kind in row for row in rows) for kind in kinds]
     return tuple(cells)
 

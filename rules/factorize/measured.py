@@ -53,7 +53,7 @@ class Workspace:
             return self
         camera = self.camera.turned(self.turns)
         pose = self.support.camera_pose
-        matrix = pose.matrix @ np.linalg.inv(upright.turned_from_camera(self.turns))
+        matrix = pose.matrix @ upright.turned_from_camera(-self.turns)
         return Workspace(
             Photograph(rgb=Image(pixels=upright.turned(self.pixels, self.turns)), camera=camera),
             upright.turned(self.depth, self.turns),

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 from dextera_build.cli.errors import paint
-from dextera_build.report.wording import MARKS, STATES, count, duration, size, some, states
+from dextera_build.report.wording import MARKS, STATES, count, duration, parted, size, some, states
 from dextera_build.runs.costs import Costs
 from dextera_build.runs.events import (
     BytesMissed,
@@ -57,7 +57,7 @@ def line(event: Event, *, verbose: bool) -> Line | None:
 def node(event: NodeFinished) -> Line:
     """`  +  body[mug].mesh   12.0 s   primitives   revolved, closed`, and below it the warnings of the rule."""
     time = duration(event.seconds) if event.status in ("ran", "fetched", "failed") else event.status
-    said, *warnings = _parts(event)
+    said, warnings = parted(_first(event.line))
     if event.status == "failed" and event.error:
         said = _first(event.error.message)
     if event.status == "waits":
@@ -69,15 +69,9 @@ def node(event: NodeFinished) -> Line:
     return [*row, *(piece for text in warnings for piece in (("\n       ", ""), (f"warning: {text}", "waits")))]
 
 
-def _parts(event: NodeFinished) -> list[str]:
-    """The rule's line and its warnings, see `Context.warn`."""
-    line, *warnings = f"; {_first(event.line)}".split("; warning: ")
-    return [line.removeprefix("; "), *warnings]
-
-
 def _still(event: NodeFinished) -> Line | None:
     """The row of a known result, if it came with warnings."""
-    return node(event) if event.status == "cached" and len(_parts(event)) > 1 else None
+    return node(event) if event.status == "cached" and parted(event.line)[1] else None
 
 
 def left_over(events: Sequence[NodeFinished]) -> list[Line]:

@@ -22,6 +22,12 @@ def spotted(first: int, number: int, size: wp.vec2i) -> wp.vec3i:
     return wp.vec3i(tile, column, (tile / wide) * TILE_PX + within / TILE_PX)
 
 
+@wp.func
+def exponent(g: Any, dx: Any, dy: Any) -> Any:
+    """Minus the logarithm of a Gaussian `g`, see `projection`, `dx` and `dy` [px] from its centre, over its peak."""
+    return type(dx)(0.5) * (g[2] * dx * dx + g[4] * dy * dy) + g[3] * dx * dy
+
+
 @cache
 def blending(real: Any) -> Any:
     """The kernel from sorted Gaussians to pixels: colour, depth, and light that passes all within the pixel's limit."""
@@ -57,10 +63,10 @@ def blending(real: Any) -> Any:
                 break
             dx = real(column) - g[0]
             dy = real(row) - g[1]
-            exponent = real(0.5) * (g[2] * dx * dx + g[4] * dy * dy) + g[3] * dx * dy
-            if exponent > g[5] or exponent < real(0.0):
+            e = exponent(g, dx, dy)
+            if e > g[5] or e < real(0.0):
                 continue
-            alpha = wp.min(g[6] * wp.exp(-exponent), real(MOST))
+            alpha = wp.min(g[6] * wp.exp(-e), real(MOST))
             left = passing * (real(1.0) - alpha)
             if left <= real(LEAST_LIGHT):
                 break
@@ -115,10 +121,10 @@ def unblending(real: Any) -> Any:
             g = flat[k]
             dx = real(column) - g[0]
             dy = real(row) - g[1]
-            exponent = real(0.5) * (g[2] * dx * dx + g[4] * dy * dy) + g[3] * dx * dy
-            if exponent > g[5] or exponent < real(0.0):
+            e = exponent(g, dx, dy)
+            if e > g[5] or e < real(0.0):
                 continue
-            soft = wp.exp(-exponent)
+            soft = wp.exp(-e)
             alpha = wp.min(g[6] * soft, real(MOST))
             passing = passing / (real(1.0) - alpha)
             weight = passing * alpha

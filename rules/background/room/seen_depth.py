@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import transforms
+from dextera_build.geometry import cameras, transforms
 from dextera_build.learning.gaussian_fit.camera import Camera
 
 SAME = 0.03
@@ -15,11 +15,9 @@ def seen_depth(points: np.ndarray, camera: Camera) -> np.ndarray:
     """Depth (H, W) [m] of the nearest point in each pixel; 0 where there is none, or one behind a nearer surface."""
     rows, columns = camera.size
     local = transforms.apply(transforms.invert(camera.world_from_camera), points.astype(np.float64))
-    local = local[local[:, 2] > camera.near_m]
-    places = np.round(local[:, :2] / local[:, 2:] * camera.k[[0, 1], [0, 1]] + camera.k[:2, 2]).astype(np.int64)
-    inside = ((places >= 0) & (places < [columns, rows])).all(axis=1)
+    row, column, inside = cameras.nearest_pixels(local, camera.k, camera.size, camera.near_m)
     nearest = np.full((rows, columns), np.inf)
-    np.minimum.at(nearest, (places[inside, 1], places[inside, 0]), local[inside, 2])
+    np.minimum.at(nearest, (row[inside], column[inside]), local[inside, 2])
     around = np.pad(nearest, 1, constant_values=np.inf)
     least = np.min([around[r : r + rows, c : c + columns] for r in range(3) for c in range(3)], axis=0)
     shown = np.isfinite(nearest) & (nearest <= (1 + SAME) * least)

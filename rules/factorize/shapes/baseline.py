@@ -7,10 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Shape
-from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import transforms
 from dextera_build.geometry.solids import Solid
@@ -19,8 +16,9 @@ from dextera_build.rule import Context
 from ..measured import Measurements
 from . import evidence as evidence_of
 from .evidence import Evidence
-from .paint import paint
+from .hypotheses import Finished
 from .scoring import judge
+from .shaped import lifted, shaped
 
 if TYPE_CHECKING:
     from .mesh import MeshOptions
@@ -41,21 +39,5 @@ def shape_of(
     judged = judge(body, evidence)
     low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
     base = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
-    own = Solid(body.vertices - base, body.faces)
-    pose = transforms.rigid(np.eye(3), base + np.array([0.0, 0.0, evidence.base]))
-    painted = paint(own, pose, seen, common.texture_px)
-    return Shape(
-        mesh=Mesh(
-            vertices=own.vertices.astype(np.float32),
-            faces=own.faces.astype(np.int32),
-            uv=painted.uv,
-            texture=Image(pixels=painted.pixels),
-        ),
-        pose=Pose(parent="world", child="object", matrix=pose),
-        hypothesis=name,
-        hollow=False,
-        residual_m=judged.residual_m,
-        mask_iou=judged.mask_iou,
-        unseen_fraction=1.0 - painted.seen_fraction,
-        scores={name: judged.score},
-    )
+    own = Finished(Solid(body.vertices - base, body.faces), transforms.rigid(np.eye(3), base))
+    return shaped(name, lifted(own, evidence.base), judged, {name: judged.score}, seen, common.texture_px)

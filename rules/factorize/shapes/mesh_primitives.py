@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat
 
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Rival, Shape
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.view import ObjectView, Seen
@@ -22,9 +20,10 @@ from . import evidence as evidence_of
 from .families.names import HYPOTHESES
 from .handle import with_handle
 from .hypotheses import Candidate, Finished, propose
-from .paint import HALF_TURN, MIRROR, paint
+from .paint import HALF_TURN, MIRROR
 from .refine import descend, fit, undetermined
 from .scoring import Judgement, judge
+from .shaped import lifted, shaped
 from .standing_hull import standing_hull
 
 if TYPE_CHECKING:
@@ -132,7 +131,7 @@ def _stand_in(ctx: Context, evidence: evidence_of.Evidence, seen: Seen, common: 
         )
     ctx.warn(f"{why}: the convex hull of what was seen stands in")
     judged = judge(body.solid.moved(body.pose), evidence)
-    body = _lifted(body, evidence.base)
+    body = lifted(body, evidence.base)
     return _shape("hull", body, judged, {"hull": judged.score}, seen, common)
 
 
@@ -192,35 +191,11 @@ def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tupl
             again = judge(handled.solid.moved(handled.pose), evidence, cost)
             if again.score > mark.score:
                 body, mark = handled, again
-    return _lifted(body, evidence.base), mark, left
-
-
-def _lifted(body: Finished, base: float) -> Finished:
-    """Move a body whose zero is the surface under it to the world frame of the support."""
-    pose = body.pose.copy()
-    pose[2, 3] += base
-    return replace(body, pose=pose)
+    return lifted(body, evidence.base), mark, left
 
 
 def _shape(
     name: str, body: Finished, judged: Judgement, scores: dict[str, float], seen: Seen, options: MeshOptions
 ) -> Shape:
     symmetry = HALF_TURN if name in HALF_TURN_SYMMETRIC else MIRROR if name == "mirrored" else None
-    painted = paint(body.solid, body.pose, seen, options.texture_px, symmetry, revolved=name in HANDLED)
-    mesh = Mesh(
-        vertices=body.solid.vertices.astype(np.float32),
-        faces=body.solid.faces.astype(np.int32),
-        uv=painted.uv,
-        texture=Image(pixels=painted.pixels),
-    )
-    return Shape(
-        mesh=mesh,
-        walls=tuple(Hull(vertices=corners.astype(np.float32)) for corners in body.walls),
-        pose=Pose(parent="world", child="object", matrix=body.pose),
-        hypothesis=name,
-        hollow=body.hollow,
-        residual_m=judged.residual_m if np.isfinite(judged.residual_m) else None,
-        mask_iou=judged.mask_iou,
-        unseen_fraction=1.0 - painted.seen_fraction,
-        scores=scores,
-    )
+    return shaped(name, body, judged, scores, seen, options.texture_px, symmetry, revolved=name in HANDLED)
