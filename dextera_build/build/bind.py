@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.view import Segmentation
-from dextera_build.build import build as building
-from dextera_build.build.lock import Locking, changing
-from dextera_build.engine.graph import Call, Output
+from dextera_build.build.lock import changing
+from dextera_build.build.values import output_of, raise_errors, run, value
+from dextera_build.engine.graph import Call
 from dextera_build.errors import UsageError, did_you_mean, listing
 from dextera_build.geometry import pictures
 from dextera_build.project import lockfile
@@ -91,11 +91,11 @@ class Naming:
     def prepare(self, listen: Listener) -> RunResult:
         """Build the photograph and the objects that get names."""
         session = self._session({})
-        slots = {slot: _output(self._call(session), slot) for slot in ("photograph", "objects")}
+        slots = {slot: output_of(self._call(session), slot) for slot in ("photograph", "objects")}
         nodes = {slot: ".".join(source.call) for slot, source in slots.items()}
-        result = _build(session, tuple(nodes.values()), listen)
+        result = run(session, tuple(nodes.values()), listen)
         if result.ok:
-            values = (_value(session, result, nodes[slot], source) for slot, source in slots.items())
+            values = (value(session, result, nodes[slot], source.fields) for slot, source in slots.items())
             self._inputs = tuple(values)
         return result
 
@@ -173,14 +173,14 @@ class Naming:
         """Build the node with these names: its option `names`, and what it returned."""
         session = self._session(names)
         options: Any = self._call(session).options["names"]
-        result = _build(session, (self.node,), lambda event: None)
-        _raise(result)
+        result = run(session, (self.node,), lambda event: None)
+        raise_errors(result)
         found: Any = session.decoded(self.node, RULE, str(result.nodes[self.node].output))
         return options, found
 
     def _ready(self) -> tuple[Photograph, Segmentation]:
         if self._inputs is None:
-            _raise(self.prepare(lambda event: None))
+            raise_errors(self.prepare(lambda event: None))
         assert self._inputs is not None
         return self._inputs
 
@@ -241,27 +241,3 @@ def _tried(old: Binding, photograph: str) -> Binding | None:
 
 def _properties(said: Mapping[str, Any]) -> dict[str, str]:
     return {key: said[key] for key in PROPERTIES if said[key]}
-
-
-def _output(call: Call, slot: str) -> Output:
-    source = call.inputs[slot]
-    assert isinstance(source, Output), f"`{slot}` is the output of a node"
-    return source
-
-
-def _build(session: Session, nodes: tuple[str, ...], listen: Listener) -> RunResult:
-    locking = Locking(session.project, lock=False, locked=False, added=session.added)
-    return building.build(session, building.Order(nodes), locking, listen).result
-
-
-def _raise(result: RunResult) -> None:
-    for error in result.errors.values():
-        raise error
-
-
-def _value(session: Session, result: RunResult, node: str, source: Output) -> Any:
-    record = result.nodes[node]
-    value: Any = session.decoded(node, record.rule, str(record.output))
-    for part in source.fields:
-        value = getattr(value, part)
-    return value

@@ -15,6 +15,7 @@ GROUPS = {
         "diff": "compare two runs, nodes or artifacts",
         "log": "show past runs and what their nodes printed",
         "get": "write a node's artifact to files",
+        "library": "list, search and export the objects and backgrounds that were built",
         "view": "show a scene in the browser",
         "report": "write a run's report, one offline HTML file",
     },
@@ -24,7 +25,7 @@ GROUPS = {
     },
     "project": {
         "init": "make a new project",
-        "new": "make a new recipe, rule or backend in this project",
+        "new": "make a new recipe, rule or backend; propose elements or a mask to edit",
         "models": "list, fetch, verify and add the weights of pretrained models",
         "consent": "show, give or withdraw consent to send data of this project to services",
         "doctor": "check this machine's packages, devices and settings",

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from dextera_build import digest
 from dextera_build.report import flow, objects, provenance, result, timeline
 from dextera_build.report.details import details
+from dextera_build.report.document import document
 from dextera_build.report.html import Html, join, tag
 from dextera_build.report.pictures import LADDER, Pictures, from_header
 from dextera_build.report.pieces import section
@@ -22,8 +22,6 @@ from dextera_build.runs.events import Event
 
 LIMIT = 5_000_000
 """Maximum size of a report [bytes]; pictures are made coarser until it fits."""
-
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
 
 def read_events(path: Path) -> list[dict[str, Any]]:
@@ -86,23 +84,7 @@ def page(run: Run, pictures: Pictures, licences: Mapping[str, str]) -> str:
     menu = tag("nav", {"aria-label": "sections"}, [tag("a", {"href": f"#{name}"}, words) for name, words, _ in parts])
     sections = [section(name, words, *inner) for name, words, inner in parts]
     body = tag("main", None, result.title(run), menu, result.failures(run), sections)
-    return "<!doctype html>\n" + tag(
-        "html", {"lang": "en"}, _head(run), tag("body", None, body, _overlays(), _script())
-    )
-
-
-def _head(run: Run) -> Html:
-    style = Html((resources.files(__package__) / "assets/report.css").read_text(encoding="utf-8"))
-    return tag(
-        "head",
-        None,
-        tag("meta", {"charset": "utf-8"}),
-        tag("meta", {"http-equiv": "Content-Security-Policy", "content": _POLICY}),
-        tag("meta", {"name": "viewport", "content": "width=device-width, initial-scale=1"}),
-        tag("meta", {"name": "color-scheme", "content": "light dark"}),
-        tag("title", None, f"{run.recipe} · run {run.name}"),
-        tag("style", None, style),
-    )
+    return document(f"{run.recipe} · run {run.name}", body, _overlays())
 
 
 def _overlays() -> Html:
@@ -111,11 +93,6 @@ def _overlays() -> Html:
     shut = tag("button", {"type": "button", "class": "close", "aria-label": "close"}, "×")
     large = tag("dialog", {"id": "large", "aria-label": "picture"}, shut, tag("figure"))
     return join([panel, large])
-
-
-def _script() -> Html:
-    code = (resources.files(__package__) / "assets/report.js").read_text(encoding="utf-8")
-    return tag("script", None, Html(code))
 
 
 class _More:

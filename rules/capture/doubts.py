@@ -8,6 +8,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
+from dextera_build.geometry import planes
 from dextera_build.rule import Context
 
 from .registered import shift
@@ -22,8 +23,10 @@ NEAR_M, FAR_M = 0.2, 3.0
 """Median depths of photographs of tables [m]."""
 GAPS = 0.1
 """Part of the measured area that gaps may be; real captures had up to 0.04."""
-COARSE_M = 0.004
-"""Steps of the depth above which bodies become staircases [m]."""
+COARSE_M = 0.002
+"""Steps of the depth above which bodies become staircases; real captures had 0.1 to 1 mm [m]."""
+NOISY = 5.0
+"""Noise between neighbouring pixels, in that of the noise model; real captures had up to 0.1."""
 
 
 def of_camera(ctx: Context, camera: Camera) -> None:
@@ -77,10 +80,27 @@ def of_gaps(ctx: Context, depth: np.ndarray) -> None:
         )
 
 
-def of_bits(ctx: Context, name: str, scale: float) -> None:
-    """Warn of a depth image of 8 bit."""
-    if scale > COARSE_M:
-        ctx.warn(f"`{name}` has 8 bit, so its depths are steps of {1000 * scale:.0f} mm: write it with 16 bit")
+def of_steps(ctx: Context, counts: np.ndarray, scale: float, name: str, bits: int) -> None:
+    """Warn of depths (H, W) in coarse steps: an image of 8 bit, also if it was written with 16 bit again."""
+    known = np.unique(counts)
+    step = scale * float(np.diff(known).min()) if len(known) > 1 else 0.0
+    if bits == 8:
+        ctx.warn(f"`{name}` has 8 bit, so its depths are steps of {1000 * scale:.3g} mm: write it with 16 bit")
+    elif step > COARSE_M:
+        ctx.warn(
+            f"the {len(known)} depths in `{name}` are steps of {1000 * step:.3g} mm: was it reduced to 8 bit? "
+            "Write the counts that the camera gives"
+        )
+
+
+def of_noise(ctx: Context, depth: np.ndarray) -> None:
+    """Warn of depth that is mostly noise."""
+    noise, middle = planes.pixel_noise(depth), float(np.median(depth[depth > 0]))
+    if noise > NOISY * float(planes.depth_sigma(np.array(middle))):
+        ctx.warn(
+            f"neighbouring pixels of the depth differ by {1000 * noise:.0f} mm at a median of {middle:.2f} m, which is "
+            "noise: are its bytes in the right order, and is it the raw depth?"
+        )
 
 
 def of_registration(ctx: Context, pixels: np.ndarray, depth: np.ndarray) -> None:

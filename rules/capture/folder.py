@@ -133,11 +133,11 @@ def _depth(ctx: Context, data: bytes, name: str, facts: Mapping[str, object], op
         values = counts(ctx, data, name)
         depth = np.where(values == SATURATED, 0.0, values * scale).astype(np.float32)
         _check_depth(ctx, depth, name, options, bits)
-        if bits == 8:
-            doubts.of_bits(ctx, name, scale)
+        doubts.of_steps(ctx, values, scale, name, bits)
         source = f"`depth_scale_m` {scale:g}"
     doubts.of_depth(ctx, depth, source)
     doubts.of_gaps(ctx, depth)
+    doubts.of_noise(ctx, depth)
     return depth
 
 

@@ -1,4 +1,4 @@
-"""`dxb new`: a recipe, a rule or a backend to start from."""
+"""`dxb new`: a recipe, a rule or a backend to start from; the elements or a mask of a photograph to edit."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from dextera_build.cli import options
-from dextera_build.cli.project import new_backend
+from dextera_build.cli.project import new_backend, new_seen
 from dextera_build.errors import UsageError
 from dextera_build.project.project import Project
 
@@ -56,18 +56,34 @@ _NAMES = {
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("kind", choices=tuple(_NAMES), help="kind of file")
+    parser.add_argument("kind", choices=(*_NAMES, *new_seen.KINDS), help="kind of file")
     parser.add_argument(
         "--kind",
         dest="backend_kind",
         choices=new_backend.KINDS,
         help="how a backend works: in dxb's process, by a service, by a program per call, or by one that stays",
     )
-    parser.add_argument("name", help="twin/my_scene, factorize.my_rule, or factorize.my_rule=my_backend")
+    parser.add_argument(
+        "name",
+        help="twin/my_scene, factorize.my_rule, or factorize.my_rule=my_backend; of a scene or a mask, the recipe of "
+        "its photograph",
+    )
+    parser.add_argument("object", nargs="?", help="of a mask, the object: blue_mug")
+    parser.add_argument("-o", "--out", metavar="FILE", help="of a scene (scene.yaml) or a mask (masks/OBJECT.png)")
+    options.project_arguments(parser)
+    options.request_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths."""
+    if args.kind in new_seen.KINDS:
+        return new_seen.run(args)
+    if args.object or args.out or options.added(args):
+        raise UsageError(
+            f"a {args.kind} takes its name and nothing else",
+            code="DXB-U215",
+            hint=f"`dxb new {args.kind} {args.name}`; `-o`, an object and changes to a recipe are for scenes and masks",
+        )
     form, example = _NAMES[args.kind]
     if not re.fullmatch(form, args.name):
         raise UsageError(f"`{args.name}` is not a valid name; one looks like `{example}`", code="DXB-U192")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dextera_build.artifacts.object import Element
-from dextera_build.geometry import cameras, regions
+from dextera_build.geometry import cameras, planes, regions, upright
 
 from ..measured import Workspace
 from ..regions.heights import relief
@@ -19,6 +19,10 @@ FRONTAL = 0.9
 """Cosine between the support's normal and the camera's axis from which it may be a wall."""
 FAR_M = 2.0
 """Height of a camera above a support from which the unit of the depth is in doubt [m]."""
+NEAR_M = 0.12
+"""Height of a camera above a support below which the unit of the depth is in doubt [m]."""
+NOISY = 5.0
+"""Noise between neighbouring pixels, in that of the noise model, from which depth is no more than noise."""
 SPARSE = 0.6
 """Fraction of pixels with depth over the support below which the depth is too sparse."""
 FEW = 30
@@ -34,7 +38,14 @@ def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
     """
     heights = relief(seen)
     raised, outline = int((heights.raised & heights.over).sum()), _outline(seen)
+    yield from _unit(seen)
     cut = [element.name for element in static if element.box and _at_border(element.box, seen.depth.shape)]
+    beyond = None if cut or raised >= FEW else _largest(_in_front(heights.raised & ~heights.over, seen.turns))
+    if beyond is not None:
+        yield (
+            f"the border of the picture cuts what stands out there, {beyond}, and the support beneath it",
+            "turn or move the camera so that every object and what it stands on is whole in the picture",
+        )
     if cut:
         things = "the thing" if len(cut) == 1 else f"{len(cut)} things"
         yield (
@@ -46,13 +57,8 @@ def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
             "the support is seen frontally, as a wall is",
             "aim at the table from above; a camera that hangs straight over it must see more than 12 mm of height",
         )
-    if seen.world_from_camera[2, 3] > FAR_M:
-        yield (
-            f"the support is {seen.world_from_camera[2, 3]:.1f} m below the camera, where noise hides lower things",
-            "check `depth_scale_m` in `capture.json`, or capture the table from 0.4 to 1.5 m",
-        )
     empty = outline & (seen.depth <= 0)
-    hole = _largest_hole(empty)
+    hole = _largest(empty)
     if (outline & (seen.depth > 0)).sum() < SPARSE * outline.sum():
         share = (outline & (seen.depth > 0)).sum() / max(1, outline.sum())
         yield f"only {share:.0%} of the support has depth", "capture it from nearer, without sun and mirrors"
@@ -71,6 +77,27 @@ def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
     yield "what stands there is too large, hangs, or is no thing of its own", "look at the preview of `support`"
 
 
+def _unit(seen: Workspace) -> Iterator[Cause]:
+    """Depth that is noise, or in another unit than the capture says."""
+    noise, middle = planes.pixel_noise(seen.depth), float(np.median(seen.depth[seen.depth > 0]))
+    if noise > NOISY * float(planes.depth_sigma(np.array(middle))):
+        yield (
+            f"the depth is noise: neighbouring pixels differ by {1000 * noise:.0f} mm at a median of {middle:.2f} m",
+            "check that the depth image holds the camera's raw counts, in the right order of bytes",
+        )
+    height = float(seen.world_from_camera[2, 3])
+    if height < NEAR_M:
+        yield (
+            f"the support is only {100 * height:.0f} cm below the camera",
+            "check `depth_scale_m` in `capture.json`: it may be too small, e.g. by a factor of 10",
+        )
+    if height > FAR_M:
+        yield (
+            f"the support is {height:.1f} m below the camera, where noise hides lower things",
+            "check `depth_scale_m` in `capture.json`, or capture the table from 0.4 to 1.5 m",
+        )
+
+
 def _outline(seen: Workspace) -> np.ndarray:
     """Pixels (H, W) whose line of sight meets the support inside its outline."""
     camera, pose = seen.camera, seen.world_from_camera
@@ -80,15 +107,22 @@ def _outline(seen: Workspace) -> np.ndarray:
     return np.asarray(ahead & regions.inside_convex(meets, seen.support.polygon))
 
 
-def _largest_hole(empty: np.ndarray) -> str | None:
-    """The largest connected region without depth as `box [left, top, right, bottom]`, if it is 0.3 % of the picture."""
-    labels, count = regions.label(empty)
+def _in_front(mask: np.ndarray, turns: int) -> np.ndarray:
+    """The connected regions of a mask (H, W) bool that the lower border of the upright picture cuts."""
+    labels, _ = regions.label(mask)
+    lowest = np.unique(upright.turned(labels, turns)[-1])
+    return np.isin(labels, lowest[lowest > 0])
+
+
+def _largest(mask: np.ndarray) -> str | None:
+    """The largest connected region as `box [left, top, right, bottom]`, if it is 0.3 % of the picture."""
+    labels, count = regions.label(mask)
     if not count:
         return None
     sizes = np.bincount(labels.ravel())
     sizes[0] = 0
     best = int(sizes.argmax())
-    if sizes[best] < 0.003 * empty.size:
+    if sizes[best] < 0.003 * mask.size:
         return None
     rows, columns = np.nonzero(labels == best)
     return f"box [{columns.min()}, {rows.min()}, {columns.max() + 1}, {rows.max() + 1}]"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, NoReturn, Protocol
 
 import numpy as np
@@ -10,11 +11,14 @@ from dextera_build.artifacts.base import File
 from dextera_build.artifacts.camera import Measured, Photograph
 from dextera_build.artifacts.object import Element, Elements, Support
 from dextera_build.errors import listing
+from dextera_build.geometry import upright
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..masks.marking import boxes
+from ..masks.overlap import Box
 from ..measured import Measurements, Workspace, of_workspace
 from ..regions.heights import relief
+from ..regions.proposals import Proposal, scenery
 from . import scene_file
 from .nothing import causes
 
@@ -36,7 +40,7 @@ class ParseBackend(Protocol):
         ...
 
 
-@rule(version=2)
+@rule(version=3)
 def parse(
     ctx: Context[ParseBackend],
     photograph: Photograph,
@@ -57,10 +61,11 @@ def parse(
     table = Element(name="support", category="support", phrase="support", interactive=False, material="wood")
     if scene is not None:
         wanted, source = scene_file.read(scene.data), "scene.yaml"
+        scene_file.inside(wanted, *photograph.rgb.pixels.shape[1::-1])
         if proposals is None:
             found = scene_file.boxed(wanted)
         else:
-            found = scene_file.match(wanted, proposals, options.match_iou)
+            found = scene_file.match(wanted, proposals, options.match_iou, _at(depth) if depth.taken else None)
     elif proposals is None:
         ctx.fail("this backend proposes no elements, and no `scene.yaml` lists them", hint="give the input `scene`")
     else:
@@ -74,6 +79,30 @@ def parse(
     ctx.say(f"{', '.join(interactive)}" + (f"; {static} static" if static else ""))
     ctx.preview(boxes(photograph.rgb.pixels, found), "elements")
     return result
+
+
+NEAR_PX = 4
+"""Distance from a region at which a point is still its own: masks lack smeared borders and holes [px]."""
+
+
+def _at(measured: Measurements[Workspace]) -> scene_file.Find:
+    """The box of the region above the support that has most of the pixels around a point."""
+
+    def find(point: tuple[int, int]) -> Box | None:
+        workspace = measured.needed()
+        count, (height, width) = workspace.turns, workspace.depth.shape
+        box = upright.turned_box((point[0], point[1], point[0] + 1, point[1] + 1), (width, height), count)
+        around = slice(max(0, box[1] - NEAR_PX), box[3] + NEAR_PX), slice(max(0, box[0] - NEAR_PX), box[2] + NEAR_PX)
+        shares = [(int(thing.mask[around].sum()), thing.box) for thing in things()]
+        share, best = max(shares, default=(0, (0, 0, 0, 0)), key=lambda found: found[0])
+        level = workspace.upright().camera
+        return upright.turned_box(best, (level.width, level.height), -count) if share else None
+
+    @cache
+    def things() -> tuple[Proposal, ...]:
+        return scenery(measured.needed().upright()).objects
+
+    return find
 
 
 def _nothing(ctx: Context, measured: Measurements[Workspace], found: tuple[Element, ...]) -> NoReturn:

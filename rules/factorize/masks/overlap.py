@@ -12,12 +12,12 @@ Box = tuple[int, int, int, int]
 def box_iou(a: Box, b: Box) -> float:
     """Intersection over union of two boxes (left, top, right, bottom), right and bottom excluded."""
     shared = _shared(a, b)
-    return shared / max(1, _area(a) + _area(b) - shared)
+    return shared / max(1, box_area(a) + box_area(b) - shared)
 
 
 def box_inside(a: Box, b: Box) -> float:
     """Fraction of box `a` inside box `b`."""
-    return _shared(a, b) / max(1, _area(a))
+    return _shared(a, b) / max(1, box_area(a))
 
 
 def suppress(masks: Mapping[str, np.ndarray], most_iou: float, most_inside: float) -> dict[str, np.ndarray]:
@@ -41,9 +41,10 @@ def suppress(masks: Mapping[str, np.ndarray], most_iou: float, most_inside: floa
     return kept
 
 
-def _area(box: Box) -> int:
+def box_area(box: Box) -> int:
+    """Pixels in a box."""
     return max(0, box[2] - box[0]) * max(0, box[3] - box[1])
 
 
 def _shared(a: Box, b: Box) -> int:
-    return _area((max(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), min(a[3], b[3])))
+    return box_area((max(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), min(a[3], b[3])))

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.camera import Measured, Photograph
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.object import AssetSource, Element, Elements, Support
-from dextera_build.artifacts.view import Instance, InstanceMap, MeasuredView, ObjectView, Segmentation, Traits
+from dextera_build.artifacts.object import Element, Elements, Support
+from dextera_build.artifacts.view import Segmentation, Traits
 from dextera_build.errors import listing
-from dextera_build.geometry import upright
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..measured import Measurements, Workspace, of_workspace
-from ..regions.heights import relief
+from .cutting import Cutter, Said
 from .marking import outlines
-from .occlusion import lower_in_the_picture, occluders
 from .overlap import suppress
 from .smeared import odd_scale, size, sparse, why_no_body
 
@@ -77,8 +72,11 @@ def segment(
         elements=listing(wanted),
         hint="check the boxes of the elements against the photograph",
     )
-    picture = _Picture(photograph, measured, support, depth, masks, wanted, depth.source(elements.asset_source))
-    result = picture.cut_out(found, options.margin_px)
+    source = depth.source(elements.asset_source)
+    said = {name: Said(element.phrase, _traits(element), source) for name, element in wanted.items()}
+    static = [mask for name, mask in masks.items() if name not in wanted]
+    cutter = Cutter(photograph, measured, support, depth)
+    result = _cut_out(cutter, found, said, static, options.margin_px)
     bad: dict[str, str] = {}
     if depth.taken:
         bad = {name: why for name, one in result.items.items() if (why := why_no_body(one))}
@@ -92,7 +90,7 @@ def segment(
             hint="capture it from nearer, in better light, or name it in a `scene.yaml` and choose a backend of "
             "`factorize.mesh` that needs no depth: `dxb ls backends`",
         )
-        result = picture.cut_out(found, options.margin_px) if bad else result
+        result = _cut_out(cutter, found, said, static, options.margin_px) if bad else result
         for name, one in result.items.items():
             if doubt := sparse(one):
                 ctx.warn(f"{name}: {doubt}")
@@ -105,95 +103,21 @@ def segment(
     return result
 
 
-@dataclass(frozen=True)
-class _Picture:
-    """A photograph with the masks of its elements."""
-
-    photograph: Photograph
-    measured: Measured | None
-    support: Support | None
-    depth: Measurements[Workspace]
-    masks: Mapping[str, np.ndarray]
-    wanted: Mapping[str, Element]
-    source: AssetSource
-
-    def cut_out(self, found: Mapping[str, np.ndarray], margin: int) -> Segmentation:
-        """The instances of these masks; of two that share a pixel, the earlier element has it."""
-        names = tuple(name for name in self.wanted if name in found)
-        labels = np.zeros(self.photograph.rgb.pixels.shape[:2], np.int32)
-        for number in range(len(names), 0, -1):
-            labels[found[names[number - 1]]] = number
-        others = [mask for name, mask in self.masks.items() if name not in self.wanted]
-        turns = 0 if self.support is None else upright.turns(self.support.camera_pose.matrix)
-        around = _surroundings(self.depth, labels, others, turns)
-        items = {
-            name: self._instance(labels, number, name, around, margin) for number, name in enumerate(names, start=1)
-        }
-        return Segmentation(items=items, names=names, map=InstanceMap(labels=labels, fixed=around.fixed))
-
-    def _instance(self, labels: np.ndarray, number: int, name: str, around: _Surroundings, margin: int) -> Instance:
-        box = _box(labels == number, margin)
-        mask, element = np.ascontiguousarray(labels[box] == number), self.wanted[name]
-        view = ObjectView(
-            rgb=Image(pixels=np.ascontiguousarray(self.photograph.rgb.pixels[box])),
-            mask=mask,
-            occluder=around.hiding(number, box),
-            camera=self.photograph.camera.crop(box[1].start, box[0].start, mask.shape[1], mask.shape[0]),
-            phrase=element.phrase,
-            asset_source=self.source,
-        )
-        traits = Traits(**{name: getattr(element, name) for name in Traits.model_fields})
-        return Instance(view=view, traits=traits, measured=_measured(self.measured, self.support, box))
+def _cut_out(
+    cutter: Cutter, found: dict[str, np.ndarray], said: dict[str, Said], static: list[np.ndarray], margin: int
+) -> Segmentation:
+    """The objects with a mask, in the order of the elements."""
+    named = {name: one for name, one in said.items() if name in found}
+    return cutter.cut_out(_labels([found[name] for name in named]), named, static, margin)
 
 
-Box = tuple[slice, slice]
+def _traits(element: Element) -> Traits:
+    return Traits(**{name: getattr(element, name) for name in Traits.model_fields})
 
 
-@dataclass(frozen=True)
-class _Surroundings:
-    """What else is in the picture, from depth or from the masks alone."""
-
-    labels: np.ndarray
-    """(H, W) int32 instance labels."""
-    fixed: np.ndarray
-    """(H, W) bool, things that are no object."""
-    raised: np.ndarray | None = None
-    """(H, W) bool, measured pixels above the support; None without depth."""
-    depth: np.ndarray | None = None
-    """(H, W) float32 [m]; None without depth."""
-    turns: int = 0
-    """Counter-clockwise quarter turns that make the photograph upright."""
-
-    def hiding(self, number: int, box: Box) -> np.ndarray:
-        """Pixels of a crop where something nearer may hide object `number`, (h, w) bool."""
-        if self.raised is None or self.depth is None:
-            labels, fixed = (upright.turned(picture, self.turns) for picture in (self.labels, self.fixed))
-            lower = upright.turned(lower_in_the_picture(labels, fixed, number), -self.turns)
-            return np.ascontiguousarray(lower[box])
-        mask = np.ascontiguousarray(self.labels[box] == number)
-        return occluders(mask, self.raised[box], self.depth[box].astype(np.float64))
-
-
-def _surroundings(
-    depth: Measurements[Workspace], labels: np.ndarray, static: list[np.ndarray], turns: int
-) -> _Surroundings:
-    if depth.taken:
-        seen = depth.needed()
-        raised = relief(seen).raised
-        return _Surroundings(labels, raised & (labels == 0), raised, seen.depth)
-    fixed = np.logical_or.reduce([np.zeros(labels.shape, bool), *static]) & (labels == 0)
-    return _Surroundings(labels, fixed, turns=turns)
-
-
-def _box(mask: np.ndarray, margin: int) -> Box:
-    rows, columns = np.nonzero(mask)
-    top, bottom = max(0, int(rows.min()) - margin), int(rows.max()) + margin + 1
-    left, right = max(0, int(columns.min()) - margin), int(columns.max()) + margin + 1
-    return slice(top, min(bottom, mask.shape[0])), slice(left, min(right, mask.shape[1]))
-
-
-def _measured(measured: Measured | None, support: Support | None, box: Box) -> MeasuredView | None:
-    if measured is None or support is None:
-        return None
-    depth = DepthImage(depth=np.ascontiguousarray(measured.depth.depth[box]))
-    return MeasuredView(depth=depth, camera_pose=support.camera_pose)
+def _labels(masks: list[np.ndarray]) -> np.ndarray:
+    """(H, W) int32, 1 for the first of the masks (H, W) bool; of two that share a pixel, the earlier one has it."""
+    labels = np.zeros(masks[0].shape, np.int32)
+    for number in range(len(masks), 0, -1):
+        labels[masks[number - 1]] = number
+    return labels

@@ -47,6 +47,9 @@ elements:
         ("elements:\n- {name: a, body_type: soft}", "`soft` is not a body_type", "scene.yaml:2:24"),
         ("elements:\n- {name: a, material: plastc}", "`plastc` is not a material", "scene.yaml:2:23"),
         ("elements:\n- {name: a, box: [1, 2, 3]}", "`box` must be four whole numbers", "scene.yaml:2:18"),
+        ("elements:\n- {name: a, at_px: [1, 2, 3]}", "`at_px` must be two whole numbers", "scene.yaml:2:20"),
+        ("elements:\n- {name: a, at_px: 1}", "`at_px` must be two whole numbers", "scene.yaml:2:20"),
+        ("elements:\n- {name: a, at_px: [-1, 2]}", "`at_px` must be two whole numbers", "scene.yaml:2:20"),
         ("elements:\n- {name: a, box: [9, 2, 3, 8]}", "`box` is empty", "scene.yaml:2:18"),
         ("elements:\n- {name: a, interactive: yes}", "`interactive` must be `true` or `false`", "scene.yaml:2:26"),
         ("elements:\n- {name: a, phrase: [x]}", "`phrase` must be a word or a phrase", "scene.yaml:2:21"),
@@ -78,8 +81,9 @@ def test_words_that_fit_two_proposals_match_none():
         for i, name in enumerate(["red_box", "red_box_2"])
     ]
     wanted = scene_file.read(b"elements:\n- {name: cereal, phrase: red box}")
-    with pytest.raises(RuleError, match="`cereal` matches nothing"):
+    with pytest.raises(RuleError, match="`cereal` matches 2 things equally: red_box, red_box_2") as caught:
         scene_file.match(wanted, proposals, 0.3)
+    assert "at_px: [column, row]" in (caught.value.hint or "")
 
 
 def test_without_a_backend_that_proposes_boxes_count_as_they_are():
@@ -105,3 +109,48 @@ def test_a_static_element_needs_no_proposal():
     (element,) = scene_file.match(wanted, [], 0.3)
     assert not element.interactive
     assert element.category == "room"
+
+
+TWO = [Element(name=f"red_box_{i}", category="box", phrase="red box", box=(10 * i, 0, 10 * i + 9, 9)) for i in (1, 2)]
+
+
+def wanted_at(*points: tuple[int, int]):
+    lines = [f"- {{name: a{i}, at_px: [{column}, {row}]}}" for i, (column, row) in enumerate(points)]
+    return scene_file.read(("elements:\n" + "\n".join(lines)).encode())
+
+
+def test_a_point_matches_what_has_its_pixel():
+    first, second = scene_file.match(wanted_at((22, 3), (12, 3)), TWO, 0.3)
+    assert [(e.name, e.box) for e in (first, second)] == [("a0", TWO[1].box), ("a1", TWO[0].box)]
+    with pytest.raises(RuleError, match="`a0` matches nothing") as caught:
+        scene_file.match(wanted_at((19, 8)), TWO, 0.3)
+    assert (caught.value.code, caught.value.facts["wanted"]) == ("DXB-B204", "at_px [19, 8]")
+    with pytest.raises(RuleError, match="`a1` matches nothing") as caught:
+        scene_file.match(wanted_at((12, 3), (13, 4)), TWO, 0.3)
+    assert caught.value.facts["taken"] == "red_box_1"
+
+
+def test_of_overlapping_boxes_the_mask_at_the_point_decides_else_the_smaller_box():
+    large = Element(name="tray", category="object", phrase="tray", box=(0, 0, 40, 40))
+    (element, *_) = scene_file.match(wanted_at((12, 3)), [large, *TWO], 0.3)
+    assert element.box == TWO[0].box
+    (element, *_) = scene_file.match(wanted_at((12, 3)), [large, *TWO], 0.3, at=lambda point: large.box)
+    assert element.box == large.box
+    with pytest.raises(RuleError, match="`a0` matches nothing"):
+        scene_file.match(wanted_at((12, 3)), [large, *TWO], 0.3, at=lambda point: None)
+
+
+@pytest.mark.parametrize(
+    "place", ["at_px: [640, 3]", "at_px: [3, 480]", "box: [640, 3, 700, 9]", "box: [0, 480, 9, 490]"]
+)
+def test_a_place_outside_the_photograph_is_refused_with_its_size(place):
+    wanted = scene_file.read(f"elements:\n- {{name: a, {place}}}".encode())
+    with pytest.raises(RuleError, match="of `a` is outside the photograph") as caught:
+        scene_file.inside(wanted, 640, 480)
+    assert caught.value.facts["photograph"] == "640 x 480 px"
+    assert str(caught.value.where) == "scene.yaml:2:3"
+
+
+def test_without_a_backend_that_proposes_a_point_is_not_enough():
+    with pytest.raises(RuleError, match="`a0` has no box: nothing is proposed at its point"):
+        scene_file.boxed(wanted_at((12, 3)))

@@ -1,0 +1,123 @@
+"""Objects cut out of a photograph by their masks: crops, what hides them, and the map of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Measured, Photograph
+from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.object import AssetSource, Support
+from dextera_build.artifacts.view import Instance, InstanceMap, MeasuredView, ObjectView, Segmentation, Traits
+from dextera_build.geometry import upright
+
+from ..measured import Measurements, Workspace
+from ..regions.heights import relief
+from .occlusion import lower_in_the_picture, occluders
+
+
+@dataclass(frozen=True)
+class Said:
+    """What is known of an object besides its pixels."""
+
+    phrase: str
+    """See `Element.phrase`."""
+    traits: Traits
+    """See `Instance.traits`."""
+    source: AssetSource
+    """What its mask was made from."""
+
+
+@dataclass(frozen=True)
+class Cutter:
+    """A photograph to cut objects out of."""
+
+    photograph: Photograph
+    measured: Measured | None
+    support: Support | None
+    depth: Measurements[Workspace]
+
+    def cut_out(
+        self, labels: np.ndarray, said: Mapping[str, Said], static: list[np.ndarray], margin: int
+    ) -> Segmentation:
+        """The objects of a map.
+
+        Args:
+            labels: (H, W) int32; 1, 2, ... are the objects of `said`, in its order.
+            said: Name -> what is known of the object.
+            static: Masks (H, W) bool of things that are no object, for a photograph without depth.
+            margin: Margin of the photograph around a mask [px].
+        """
+        around = self.surroundings(labels, static)
+        items = {
+            name: self.instance(number, around, known, margin) for number, (name, known) in enumerate(said.items(), 1)
+        }
+        return Segmentation(items=items, names=tuple(said), map=InstanceMap(labels=labels, fixed=around.fixed))
+
+    def surroundings(self, labels: np.ndarray, static: list[np.ndarray]) -> Surroundings:
+        """What else is in the picture; see `cut_out`."""
+        if self.depth.taken:
+            seen = self.depth.needed()
+            raised = relief(seen).raised
+            return Surroundings(labels, raised & (labels == 0), raised, seen.depth)
+        turns = 0 if self.support is None else upright.turns(self.support.camera_pose.matrix)
+        fixed = np.logical_or.reduce([np.zeros(labels.shape, bool), *static]) & (labels == 0)
+        return Surroundings(labels, fixed, turns=turns)
+
+    def instance(self, number: int, around: Surroundings, said: Said, margin: int) -> Instance:
+        """One object, cropped from the photograph and its depth."""
+        box = _box(around.labels == number, margin)
+        mask = np.ascontiguousarray(around.labels[box] == number)
+        view = ObjectView(
+            rgb=Image(pixels=np.ascontiguousarray(self.photograph.rgb.pixels[box])),
+            mask=mask,
+            occluder=around.hiding(number, box),
+            camera=self.photograph.camera.crop(box[1].start, box[0].start, mask.shape[1], mask.shape[0]),
+            phrase=said.phrase,
+            asset_source=said.source,
+        )
+        return Instance(view=view, traits=said.traits, measured=_measured(self.measured, self.support, box))
+
+
+Box = tuple[slice, slice]
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What else is in the picture, from depth or from the masks alone."""
+
+    labels: np.ndarray
+    """(H, W) int32 instance labels."""
+    fixed: np.ndarray
+    """(H, W) bool, things that are no object."""
+    raised: np.ndarray | None = None
+    """(H, W) bool, measured pixels above the support; None without depth."""
+    depth: np.ndarray | None = None
+    """(H, W) float32 [m]; None without depth."""
+    turns: int = 0
+    """Counter-clockwise quarter turns that make the photograph upright."""
+
+    def hiding(self, number: int, box: Box) -> np.ndarray:
+        """Pixels of a crop where something nearer may hide object `number`, (h, w) bool."""
+        if self.raised is None or self.depth is None:
+            labels, fixed = (upright.turned(picture, self.turns) for picture in (self.labels, self.fixed))
+            lower = upright.turned(lower_in_the_picture(labels, fixed, number), -self.turns)
+            return np.ascontiguousarray(lower[box])
+        mask = np.ascontiguousarray(self.labels[box] == number)
+        return occluders(mask, self.raised[box], self.depth[box].astype(np.float64))
+
+
+def _box(mask: np.ndarray, margin: int) -> Box:
+    rows, columns = np.nonzero(mask)
+    top, bottom = max(0, int(rows.min()) - margin), int(rows.max()) + margin + 1
+    left, right = max(0, int(columns.min()) - margin), int(columns.max()) + margin + 1
+    return slice(top, min(bottom, mask.shape[0])), slice(left, min(right, mask.shape[1]))
+
+
+def _measured(measured: Measured | None, support: Support | None, box: Box) -> MeasuredView | None:
+    if measured is None or support is None:
+        return None
+    depth = DepthImage(depth=np.ascontiguousarray(measured.depth.depth[box]))
+    return MeasuredView(depth=depth, camera_pose=support.camera_pose)
