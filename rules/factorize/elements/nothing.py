@@ -19,7 +19,7 @@ FRONTAL = 0.9
 """Cosine between the support's normal and the camera's axis from which it may be a wall."""
 FAR_M = 2.0
 """Height of a camera above a support from which the unit of the depth is in doubt [m]."""
-NEAR_M = 0.12
+NEAR_M = 0.2
 """Height of a camera above a support below which the unit of the depth is in doubt [m]."""
 NOISY = 5.0
 """Noise between neighbouring pixels, in that of the noise model, from which depth is no more than noise."""
@@ -71,8 +71,8 @@ def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
         yield "nothing is higher than the noise above the support", "check that objects are on it"
     elif not static:
         yield (
-            f"what stands out is smaller than {1e4 * SMALLEST_M2:.0f} cm² of surface or 12 mm of height",
-            "capture it from nearer",
+            f"the support is empty, or things on it are smaller than {1e4 * SMALLEST_M2:.0f} cm² or 12 mm high",
+            "put objects on it, or capture them from nearer",
         )
     yield "what stands there is too large, hangs, or is no thing of its own", "look at the preview of `support`"
 

@@ -204,6 +204,9 @@ def _merged(item: Wanted, proposal: Element | None) -> Element:
     base: dict[str, Any] = {"category": "object", "phrase": item.name.replace("_", " ")}
     if proposal is not None:
         base = {key: getattr(proposal, key) for key in ("category", "body_type", "material", "box", "phrase")}
+        # How sure the material is, was judged for the category that was proposed.
+        if given.get("category", proposal.category) == proposal.category:
+            base["material_confidence"] = proposal.material_confidence
     if "category" in given and "body_type" not in given:
         given["body_type"] = "articulated" if given["category"] == "laptop" else "rigid"
     if "material" in given:

@@ -76,6 +76,20 @@ def test_a_depth_of_8_bit_is_called_so(tmp_path, scene):
     assert "with 16 bit" in (caught.value.hint or "")
 
 
+def test_8_bit_is_told_at_any_step_and_also_in_16_bit(tmp_path, scene):
+    metres = np.clip(scene.capture.measured.depth.depth, 0, 0.89)
+    assert any("has 8 bit" in text for text in warnings(tmp_path, scene, (metres / 0.0035).astype(np.uint8), 0.0035))
+    stretched = (metres / 0.0035).astype(np.uint16) * 257
+    found = warnings(tmp_path, scene, stretched, 0.0035 / 257)
+    assert any("are steps of 3.5 mm: was it reduced to 8 bit?" in text for text in found), found
+
+
+def test_noise_is_called_so(tmp_path, scene):
+    noise = np.random.default_rng(2).integers(400, 1200, scene.labels.labels.shape).astype(np.uint16)
+    assert any("which is noise" in text for text in warnings(tmp_path, scene, noise))
+    assert not any("which is noise" in text for text in warnings(tmp_path, tabletops.tabletop(noise=3.0)))
+
+
 def test_holes_in_the_depth_are_told(tmp_path, scene):
     counts = np.round(scene.capture.measured.depth.depth * 1000).astype(np.uint16)
     rows, columns = np.indices(counts.shape)

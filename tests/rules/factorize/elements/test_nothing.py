@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -68,6 +70,34 @@ def test_a_unit_that_is_ten_times_too_large_is_suspected(tmp_path):
         scenery.run("factorize.parse", **shot, support=support)
     assert "m below the camera, where noise hides lower things" in str(caught.value.message) + str(caught.value.facts)
     assert "depth_scale_m" in (caught.value.hint or "")
+
+
+def test_depth_that_is_noise_is_called_so(tmp_path):
+    scene = tabletops.tabletop((BOX, factories.pose()))
+    noise = np.random.default_rng(2).uniform(0.4, 1.2, scene.labels.labels.shape)
+    error = error_of(tmp_path, with_depth(scene.capture, noise))
+    assert "the depth is noise: neighbouring pixels differ by 2" in error.message
+    assert "order of bytes" in (error.hint or "")
+
+
+def test_a_unit_that_is_too_small_is_suspected(tmp_path):
+    scene = tabletops.tabletop((BOX, factories.pose()))
+    assert scene.capture.measured is not None
+    error = error_of(tmp_path, with_depth(scene.capture, scene.capture.measured.depth.depth * 0.15))
+    assert re.search("the support is only [0-9]+ cm below the camera", error.message)
+    assert "`depth_scale_m`" in (error.hint or "")
+
+
+def test_an_object_cut_together_with_the_support_beneath_it_is_told(tmp_path):
+    """Where the lower border cuts the object, nothing of it stands over the support that is seen."""
+    scene = tabletops.tabletop((tabletops.box(0.12, 0.12, 0.12, (0.8, 0.2, 0.2)), factories.pose(0.0, -0.1)))
+    top = int(np.nonzero(scene.labels.labels)[0].min())
+    photo, measured = scene.capture.photograph, scene.capture.measured
+    assert measured is not None
+    rows = top + 40
+    lens = photo.camera.crop(0, 0, photo.camera.width, rows)
+    cut = factories.rgbd(photo.rgb.pixels[:rows].copy(), measured.depth.depth[:rows].copy(), lens)
+    assert "the border of the picture cuts" in error_of(tmp_path, cut).message
 
 
 def test_dropout_of_half_of_the_depth_is_filled(tmp_path):
