@@ -25,19 +25,19 @@ class OverlayOptions(Options):
 class OverlayBackend(Protocol):
     """What a backend of evaluate.overlay defines."""
 
-    def render(self, ctx: Context, scene: Scene, options: Any) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
+    def render(self, ctx: Context, scene: Scene, options: Any) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
         """The twin as any program draws it, without flags or lights of its own.
 
         Returns:
             Colours (H, W, 3) uint8 through camera `capture`; per pixel, its place in `bodies` and `held` of the scene
-            (H, W) int32, or -1; colours from two other sides.
+            (H, W) int32, or -1; side -> colours from there, of the same size, in which all objects are whole.
         """
         ...
 
 
-@rule(version=2)
+@rule(version=3)
 def overlay(ctx: Context[OverlayBackend], photograph: Photograph, scene: Scene, *, options: OverlayOptions) -> Image:
-    """Return pictures from the photograph's camera: photograph, twin, blend, outlines on the photo; two from elsewhere.
+    """Return pictures from the photograph's camera: photograph, twin, blend, outlines on it; then from other sides.
 
     The twin is rendered in keyframe `home` by a stock renderer.
     """
@@ -64,5 +64,5 @@ def overlay(ctx: Context[OverlayBackend], photograph: Photograph, scene: Scene, 
         + (f", {likeness:.1f} dB from the photograph" if likeness is not None else "")
     )
     picture = board(photograph.rgb.pixels, twin, owner, names, options.blend, sides)
-    ctx.preview(picture, "photograph, twin, blend, outlines, two other sides")
+    ctx.preview(picture, "photograph, twin, blend, outlines, four other sides")
     return Image(pixels=picture)

@@ -7,26 +7,30 @@ import numpy as np
 from dextera_build.artifacts.scene import Scene
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import model as models
-from dextera_build.sim.render import rendering
+from dextera_build.sim.render import framing, rendering
 
 BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu",), packages=("mujoco",), extra="twin")
 
-TURNS_DEG = (-50.0, 50.0)
-"""Directions of the other two pictures, about the vertical from the photograph's."""
+SIDES = {"the left": (-50.0, None), "the right": (50.0, None), "behind": (180.0, None), "above": (0.0, 75.0)}
+"""Side -> direction about the vertical from the photograph's, and angle at which the camera looks down [deg]."""
 
 
-def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
-    """Colours (H, W, 3) uint8 through camera `capture`, its owner (H, W) int32 per pixel, and colours from two sides.
+def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Colours (H, W, 3) uint8 through camera `capture`, its owner (H, W) int32 per pixel, and colours from other sides.
 
     The pictures are drawn as `mujoco.Renderer` draws them if it is told nothing else.
     """
     model = models.compile_folder(scene.model)
     data = models.at_home(model)
     names = (*scene.bodies, *scene.held)
-    camera, pose = scene.camera, scene.camera_pose.matrix
-    roots = [data.body(name).xpos for name in names]
-    middle = np.mean(roots, axis=0) if roots else np.zeros(3)
-    sides = (rendering.orbit(pose, middle, np.radians(turn)) for turn in TURNS_DEG)
-    (pixels, *around), geoms = rendering.stock(model, data, ["capture", *sides], camera.height, camera.width)
+    camera, eye = scene.camera, scene.camera_pose.matrix[:3, 3]
+    free = scene.bodies  # what is held is a part of the room
+    sides = [
+        framing.around(
+            model, data, free, eye, np.radians(turn), tilt and np.radians(tilt), camera.width / camera.height
+        )
+        for turn, tilt in SIDES.values()
+    ]
+    (pixels, *others), geoms = rendering.stock(model, data, ["capture", *sides], camera.height, camera.width)
     owner = rendering.owners_of(model, geoms, names)
-    return pixels, owner, tuple(around)
+    return pixels, owner, dict(zip(SIDES, others, strict=True))

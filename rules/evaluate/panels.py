@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import colorsys
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,9 +21,9 @@ def board(
     owner: np.ndarray,
     names: tuple[str, ...],
     blend: float,
-    sides: Sequence[np.ndarray] = (),
+    sides: Mapping[str, np.ndarray],
 ) -> np.ndarray:
-    """Two by two labelled panels of one camera, and two from elsewhere below them.
+    """Two by two labelled panels of one camera, and those from elsewhere below them, two in a row.
 
     Args:
         photo: (H, W, 3) uint8 photograph.
@@ -31,13 +31,13 @@ def board(
         owner: (H, W) int32, index into `names` of the object in each pixel of the render, or -1.
         names: Object names.
         blend: Weight of the render in the blended panel.
-        sides: Two renders of the same size from elsewhere, or none.
+        sides: Where from -> render of the same size; an even number.
     """
     mixed = np.round(photo * (1.0 - blend) + twin * blend).astype(np.uint8)
     traced = outlined(photo, owner, names)
     panels = [("photograph", photo), ("twin", twin), (f"{blend:.0%} twin over photograph", mixed)]
     panels.append(("outlines of the twin on the photograph", traced))
-    panels += [(f"twin from {where}", side) for where, side in zip(("the left", "the right"), sides, strict=False)]
+    panels += [(f"twin from {where}", side) for where, side in sides.items()]
     panes = [titled(pixels, title) for title, pixels in panels]
     whole = beside(panes[0], panes[1], axis=1)
     for left, right in zip(panes[2::2], panes[3::2], strict=True):

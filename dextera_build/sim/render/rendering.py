@@ -166,18 +166,6 @@ def _geoms(pairs: np.ndarray) -> np.ndarray:
     return np.where(pairs[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), pairs[..., 0], -1).astype(np.int32)
 
 
-def orbit(world_from_camera: np.ndarray, target: np.ndarray, turn: float) -> Any:
-    """An `mjvCamera` that looks at `target` (3,) from the place of another camera, turned about the vertical [rad]."""
-    away = world_from_camera[:3, 3] - target
-    camera = mujoco.MjvCamera()
-    camera.type = mujoco.mjtCamera.mjCAMERA_FREE
-    camera.lookat[:] = target
-    camera.distance = float(np.linalg.norm(away))
-    camera.azimuth = float(np.degrees(np.arctan2(-away[1], -away[0]) + turn))
-    camera.elevation = -float(np.degrees(np.arcsin(away[2] / camera.distance)))
-    return camera
-
-
 def through(model: Any, view: View) -> Eye:
     """The camera of `view` as used by policies and films."""
     return Eye(model, view.camera, view.camera_pose.matrix, samples=view.samples)

@@ -15,6 +15,8 @@ from dextera_build.artifacts.view import InstanceMap
 from dextera_build.errors import RuleError
 from dextera_build.geometry import metrics, raycast
 from dextera_build.rule import Context, Options
+from dextera_build.sim.model import model as models
+from dextera_build.sim.render import framing, rendering
 from rules.background import static_planes
 from rules.background.static import StaticOptions, static
 from rules.evaluate import overlay_mujoco, overlay_stub
@@ -67,12 +69,26 @@ def test_default_flags_show_the_photograph(tmp_path: Path) -> None:
     assert metrics.psnr(drawn, pixels, table) > 30.0
 
 
+def test_all_objects_are_whole_from_every_side(twin: Scene) -> None:
+    model = models.compile_folder(twin.model)
+    data = models.at_home(model)
+    eye, names, aspect = twin.camera_pose.matrix[:3, 3], twin.bodies, LENS.width / LENS.height
+    for turn, tilt in ((-0.9, None), (0.9, None), (3.1, None), (0.0, 1.3)):
+        camera = framing.around(model, data, names, eye, turn, tilt, aspect)
+        _, geoms = rendering.stock(model, data, [camera], LENS.height, LENS.width)
+        owner = rendering.owners_of(model, geoms, names)
+        edge = np.concatenate([owner[:3].ravel(), owner[-3:].ravel(), owner[:, :3].ravel(), owner[:, -3:].ravel()])
+        assert {0, 1} <= set(np.unique(owner)), (turn, "both are seen")
+        assert (edge < 0).all(), (turn, "none is cut")
+        assert (owner >= 0).mean() > 0.03, (turn, "and they are not small")
+
+
 @pytest.mark.parametrize("backend", [overlay_mujoco, overlay_stub])
-def test_the_board_holds_six_pictures(backend: ModuleType, twin: Scene, tmp_path: Path) -> None:
+def test_the_board_holds_eight_pictures(backend: ModuleType, twin: Scene, tmp_path: Path) -> None:
     context = Context(backend=backend, scratch=tmp_path)
     board = overlay(context, factories.capture(LENS, TABLE).photograph, twin, options=OverlayOptions())
     height, width = board.pixels.shape[:2]
-    assert height > 3 * LENS.height
+    assert height > 4 * LENS.height
     assert width > 2 * LENS.width
     shown = 2 if backend is overlay_mujoco else 0
     assert context.outcome.line.startswith(f"{shown} of 2 objects in view, ")
