@@ -88,7 +88,7 @@ class RequestArguments(TypedDict, total=False):
     inputs: Mapping[str, str | os.PathLike[str]]
     """Input of the recipe -> path (from the current folder) or target of another recipe."""
     settings: Mapping[str, object]
-    """`body[mug].mesh.wall_m` -> value; overrides the recipe."""
+    """`body[mug].mesh.primitives.wall_m` -> value; overrides the recipe."""
     backends: Mapping[str, str]
     """Rule -> backend."""
     profile: str

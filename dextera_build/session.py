@@ -54,7 +54,7 @@ class Added:
     inputs: Mapping[str, str] = field(default_factory=dict)
     """Input of the recipe -> path, or target of another recipe."""
     settings: tuple[str, ...] = ()
-    """`body[mug].mesh.wall_m=0.004`."""
+    """`body[mug].mesh.primitives.wall_m=0.004`."""
     backends: Mapping[str, str] = field(default_factory=dict)
     """Rule -> backend."""
 

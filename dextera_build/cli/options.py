@@ -57,7 +57,7 @@ def request_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         dest="settings",
-        help="set an option: 'body[mug].mesh.wall_m=0.004'",
+        help="set an option: 'body[mug].mesh.primitives.wall_m=0.004'",
     )
     group.add_argument(
         "--backend", metavar="RULE=NAME", action="append", default=[], dest="backends", help="choose a rule's backend"

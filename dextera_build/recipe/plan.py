@@ -35,7 +35,7 @@ class Request:
     inputs: Mapping[str, str] = field(default_factory=dict)
     """Input name -> path or target address; overrides the recipe."""
     settings: tuple[Setting, ...] = ()
-    """Options that override the recipe: `--set 'body[mug].mesh.wall_m=0.004'`."""
+    """Options that override the recipe: `--set 'body[mug].mesh.primitives.wall_m=0.004'`."""
     backends: Mapping[str, str] = field(default_factory=dict)
     """Rule -> backend, or several in order of preference, separated by commas; overrides the profile's."""
     incomplete: bool = False

@@ -1,4 +1,4 @@
-"""Options given outside the recipe: `body[mug].mesh.wall_m=0.004`."""
+"""Options given outside the recipe: `body[mug].mesh.primitives.wall_m=0.004`."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def parse(text: str) -> Setting:
     """
     steps: list[re.Match[str]] = []
     place, end = len(text) - len(text.lstrip()), "."
-    # A label may contain dots and equals signs: `sweep[voxel_m=0.001].mesh.wall_m=0.004`.
+    # A label may contain dots and equals signs: `sweep[voxel_m=0.001].mesh.primitives.wall_m=0.004`.
     while end == "." and (step := _STEP.match(text, place)) is not None:
         steps.append(step)
         place, end = step.end(), step["end"].strip()
@@ -65,7 +65,7 @@ def parse(text: str) -> Setting:
         raise UsageError(
             f"`{text}` is not a setting",
             code="DXB-U106",
-            hint="`--set 'body[mug].mesh.wall_m=0.004'` sets one option of one node",
+            hint="`--set 'body[mug].mesh.primitives.wall_m=0.004'` sets one option of one node",
         )
     parts = [(step["name"], step["label"]) for step in steps]
     where = Place(f"{COMMAND_LINE}: --set {shlex.quote(text)}")

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 
 import pytest
 
 from dextera_build.project.project import Project
+from tests.e2e.space import Space
+from tests.e2e.test_bad_captures import write_capture
 
 
 @pytest.fixture
@@ -186,3 +189,14 @@ def test_a_wrong_setting_is_named(space):
     assert "did you mean `cache`?" in answer.err
     space.write("dxb.toml", 'profile = "fast"\n')
     assert "`profile` cannot be `fast`" in space.dxb("show", "--config").err
+
+
+def test_what_init_suggests_is_understood(tmp_path):
+    """The command in the comment of the recipe that `dxb init` writes."""
+    space = Space(tmp_path)
+    write_capture(tmp_path / "shot")
+    assert space.dxb("init", ".").code == 0
+    text = (tmp_path / "recipes" / "twin" / "my_table.yaml").read_text()
+    (command,) = (line.removeprefix("#   dxb ") for line in text.splitlines() if line.startswith("#   dxb "))
+    answer = space.dxb(*shlex.split(command.replace("PATH", "shot").replace("build ", "plan ", 1)))
+    assert answer.code == 0, answer.err

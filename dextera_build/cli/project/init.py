@@ -15,7 +15,7 @@ _IGNORE = "cache/\n.envs/\ndxb.local.toml\n__pycache__/\n"
 _RECIPE = """summary: The twin of my table.
 extends: twin/tabletop
 # Options of one object's nodes, by the object's name in the build log:
-#   dxb build twin/my_table --input capture=PATH --set 'body[blue_mug].mesh.wall_m=0.004'
+#   dxb build twin/my_table --input capture=PATH --set 'body[blue_mug].mesh.primitives.wall_m=0.004'
 """
 _README = """# A dxb project
 
