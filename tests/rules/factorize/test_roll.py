@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.geometry import upright
+from dextera_build.geometry import pictures, upright
 from dextera_build.testing import RuleRunner
 from tests import factories, object_views, tabletops
 
@@ -64,6 +64,22 @@ def test_a_turned_camera_finds_the_same_things_in_the_same_world(runner, photogr
         assert tabletops.iou(labels == number, first.map.labels == number) > 0.99
     moved = support.camera_pose.matrix @ np.linalg.inv(upright.turned_from_camera(count))
     assert np.abs(moved - level.camera_pose.matrix).max() < 1e-6, "the world does not turn with the camera"
+
+
+def test_clicks_count_in_the_picture_as_it_was_taken(runner, photographed):
+    first, _, _ = segmented(runner, photographed)
+    capture = turned(photographed, 1)
+    labels = upright.turned(first.map.labels, -1)
+    points = {name: pictures.innermost(labels == number) for number, name in enumerate(first.names, start=1)}
+    lines = "\n".join(f"- {{name: my_{name}, at_px: [{x}, {y}]}}" for name, (x, y) in points.items())
+    shot = factories.shot(capture)
+    support = runner.run("align.support", **shot)
+    scene = File(data=f"elements:\n{lines}".encode())
+    elements = runner.run("factorize.parse", **shot, support=support, scene=scene)
+    found = runner.run("factorize.segment", **shot, support=support, elements=elements)
+    assert found.names == tuple(f"my_{name}" for name in first.names)
+    for number in range(1, len(first.names) + 1):
+        assert tabletops.iou(found.map.labels == number, labels == number) > 0.99
 
 
 def test_which_side_is_up_can_be_said(runner, photographed):
