@@ -47,7 +47,8 @@ def _entry(
         yield "    interactive: false    # true: make an object of it"
     else:
         yield f"    body_type: {element.body_type}"
-        yield f"    # material: {element.material}    {_material(element)}"
+        stated = element.material_confidence == 1.0
+        yield f"    material: {element.material}" if stated else _material(element)
     if name is not None:
         mask = objects.map.labels == objects.names.index(name) + 1
         yield "    at_px: [{}, {}]".format(*pictures.innermost(mask))
@@ -59,15 +60,18 @@ def _entry(
 
 
 def _material(element: Element) -> str:
-    """A comment: how sure the material is, and what it stands for."""
+    """The assumed material as a comment: how sure it is, and what it stands for."""
     sure = "" if element.material_confidence is None else f", probability {element.material_confidence:.2f}"
     known = TABLE.get(element.material)
-    if known is None:
-        return f"# assumed{sure}"
-    return (
-        f"# assumed{sure}: walls {known.wall_density:g} kg/m3, a whole {known.bulk_density:g}, "
-        f"friction {known.friction:g} ± {Z90 * known.friction_sigma:.2f}"
+    meaning = (
+        ""
+        if known is None
+        else (
+            f": walls {known.wall_density:g} kg/m3, a whole {known.bulk_density:g}, "
+            f"friction {known.friction:g} ± {Z90 * known.friction_sigma:.2f}"
+        )
     )
+    return f"    # material: {element.material}    # assumed{sure}{meaning}"
 
 
 def _name(proposed: str) -> str:

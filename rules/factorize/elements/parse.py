@@ -40,7 +40,7 @@ class ParseBackend(Protocol):
         ...
 
 
-@rule(version=3)
+@rule(version=4)
 def parse(
     ctx: Context[ParseBackend],
     photograph: Photograph,

@@ -10,11 +10,13 @@ from PIL import Image as Pillow
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.image import png
+from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.image import Image, png
 from dextera_build.artifacts.view import Instance, Segmentation
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import factories, tabletops
+from tests.rules.factorize.elements.test_name import LABELS, PHOTOGRAPH, PROPOSED
 
 RED = tabletops.box(0.10, 0.08, 0.10, (0.8, 0.2, 0.2))
 BLUE = tabletops.box(0.08, 0.08, 0.07, (0.2, 0.2, 0.8))
@@ -134,3 +136,16 @@ def test_other_files_are_named_and_not_read(tmp_path, found):
     assert runner.outcome.warnings == [
         "not read: old/blue_box.png, red_box.xcf; a mask is `OBJECT.png`, directly in the folder"
     ]
+
+
+def test_without_depth_a_painted_mask_may_hide_another_object(tmp_path):
+    """Nothing is measured: what reaches lower in the picture is nearer, see `masks.occlusion`."""
+    painted = (LABELS == 1) | (LABELS == 0) & (np.indices(LABELS.shape)[0] > 140) & (np.indices(LABELS.shape)[1] < 140)
+    runner = RuleRunner(tmp_path)
+    photograph = Photograph(rgb=Image(pixels=PHOTOGRAPH), camera=factories.camera())
+    masks = Folder(files={"blue_mug.png": png(painted)})
+    objects = runner.run("factorize.correct", photograph=photograph, objects=PROPOSED, masks=masks)
+    assert np.array_equal(of(objects, "blue_mug"), painted)
+    assert objects.items["blue_mug"].view.asset_source == "rgb"
+    assert objects.items["red_mug"].view.occluder.any()
+    assert np.array_equal(of(objects, "red_mug"), LABELS == 2)
