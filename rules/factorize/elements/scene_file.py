@@ -49,6 +49,8 @@ def read(data: bytes) -> list[Wanted]:
 
     try:
         root = yaml.compose(data.decode("utf-8"), Loader=yaml.SafeLoader)
+    except RecursionError:
+        raise _wrong(f"`{FILE}` is nested too deeply", None) from None
     except UnicodeDecodeError as error:
         raise _wrong(f"`{FILE}` is not UTF-8 text", None, reader=error) from None
     except yaml.MarkedYAMLError as error:
@@ -228,6 +230,8 @@ def _mapping(node: Any, known: Sequence[str]) -> dict[str, Any]:
         raise _wrong(f"a mapping with {listing(known)} belongs here", node)
     found: dict[str, Any] = {}
     for key, value in node.value:
+        if key.id != "scalar":
+            raise _wrong("a field's name is a word", key, known=listing(known))
         if key.value in found:
             raise _wrong(f"`{key.value}` is given twice", key)
         if key.value not in known:

@@ -54,6 +54,8 @@ elements:
         ("elements:\n- {name: a, interactive: yes}", "`interactive` must be `true` or `false`", "scene.yaml:2:26"),
         ("elements:\n- {name: a, phrase: [x]}", "`phrase` must be a word or a phrase", "scene.yaml:2:21"),
         ("elements:\n- mug", "a mapping with", "scene.yaml:2:3"),
+        ("elements:\n- {name: a, [1]: b}", "a field's name is a word", "scene.yaml:2:13"),
+        ("[" * 100_000, "`scene.yaml` is nested too deeply", "scene.yaml"),
         ("elements:\n- {name: a}\n- {name: a}", "the name `a` is given twice", "scene.yaml:3:3"),
     ],
 )
