@@ -23,6 +23,22 @@ ScaleSource: TypeAlias = Literal["depth", "marker", "robot", "size", "unknown"]
 """What tells the length of a metre: measured depth, a marker, the robot's calibration, a stated size, or nothing."""
 
 
+class JointHint(Value):
+    """What somebody says of a joint; pixels are those of the whole photograph."""
+
+    type: Literal["revolute", "prismatic"]
+    """Kind of motion."""
+    part_px: tuple[int, int, int, int]
+    """left, top, right, bottom of the flat front of the part that moves [px], right and bottom excluded."""
+    axis_px: tuple[tuple[float, float], tuple[float, float]] | None = None
+    """Two pixels on the axis; positive motion follows the right-hand rule from the first to the second, or leads from
+    the first to the second. None for a slide: out of the front."""
+    range: tuple[float, float] | None = None
+    """Lower and upper limit [rad or m]."""
+    position: float = 0.0
+    """Position in the photograph [rad or m]; 0 is closed."""
+
+
 class Element(Value):
     """One thing that parsing found in the photograph."""
 
@@ -42,13 +58,15 @@ class Element(Value):
     """Key of the material table."""
     material_confidence: float | None = None
     """Probability that it is this material: 1 if somebody stated it; None if the proposer does not tell."""
+    joints: tuple[JointHint, ...] = ()
+    """Joints that somebody stated."""
 
 
 class Elements(Artifact):
     """The result of parsing."""
 
-    type_version: ClassVar[int] = 3
-    readers: ClassVar[former.Readers] = {1: former.from_depth, 2: former.unchanged}
+    type_version: ClassVar[int] = 4
+    readers: ClassVar[former.Readers] = {1: former.from_depth, 2: former.unchanged, 3: former.unchanged}
 
     elements: tuple[Element, ...]
     """Every element, interactive and static."""
@@ -178,6 +196,14 @@ class Joint(Value):
     """Upper limit [rad or m]."""
     position: float
     """Position in the photograph [rad or m]."""
+    lower_range: tuple[float, float] | None = None
+    """Interval that holds the lower stop [rad or m]: from free of contact to seen; None if not told."""
+    upper_range: tuple[float, float] | None = None
+    """Interval that holds the upper stop [rad or m]: from seen to free of contact; None if not told."""
+    axis_sigma_rad: float | None = None
+    """Standard deviation of the axis' direction [rad]; None if not told."""
+    origin_sigma_m: float | None = None
+    """Standard deviation of the axis' place [m]; None if not told."""
 
 
 class Link(Artifact):
@@ -192,10 +218,11 @@ class Link(Artifact):
 class Body(Artifact):
     """An object's links and joints. A rigid object has one link, `base`, and no joint."""
 
-    type_version: ClassVar[int] = 3
+    type_version: ClassVar[int] = 4
     readers: ClassVar[former.Readers] = {
         1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.source),
         2: former.unchanged,
+        3: former.unchanged,
     }
 
     links: dict[str, Link]

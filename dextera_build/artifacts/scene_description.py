@@ -249,7 +249,9 @@ class SceneDescription(Artifact):
     backdrop: Vector = (0.5, 0.5, 0.5)
     """SRGB 0..1 of what is behind everything."""
     exclude: tuple[tuple[str, str], ...] = ()
-    """Pairs of bodies that never touch one another."""
+    """Pairs of bodies that never touch one another, but for the geoms in `touch`."""
+    touch: tuple[tuple[Name, Name], ...] = ()
+    """Pairs of geoms for collision of one object that touch all the same."""
     attachments: tuple[Attachment, ...] = ()
     """Robots in the scene."""
 
@@ -267,6 +269,11 @@ class SceneDescription(Artifact):
                     f"the scene excludes contacts of `{unknown[0]}`, which is no body of it",
                     code="DXB-A424",
                     facts={"bodies": listing(bodies)},
+                )
+        for pair in self.touch:
+            if missing := [name for name in pair if name not in self._names()["geoms"]]:
+                raise ArtifactError(
+                    f"the scene lets `{missing[0]}` touch something, which is no geom of it", code="DXB-A424"
                 )
         return self
 

@@ -13,7 +13,7 @@ from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.image import DepthImage, Image, LabelImage, faded, png, smaller
-from dextera_build.artifacts.object import AssetSource
+from dextera_build.artifacts.object import AssetSource, JointHint
 from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import upright
 
@@ -50,11 +50,22 @@ class MeasuredView(Artifact):
     """T_world_camera; the support is z = 0."""
 
 
+class State(Artifact):
+    """Things on a support once more, with their joints elsewhere."""
+
+    measured: MeasuredView
+    """Depth of the whole picture, and T_world_camera in the world of this picture's own support."""
+    camera: Camera
+    """Intrinsics."""
+    above: Annotated[np.ndarray, Array("H W", "bool")]
+    """Measured pixels of what stands on the support."""
+
+
 class Traits(Artifact):
     """What parsing says about an object; apart from its view, so that another material meshes nothing again."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.unchanged}
+    type_version: ClassVar[int] = 3
+    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged}
 
     category: str
     """See `Element.category`."""
@@ -64,6 +75,8 @@ class Traits(Artifact):
     """See `Element.material`."""
     material_confidence: float | None = None
     """See `Element.material_confidence`."""
+    joints: tuple[JointHint, ...] = ()
+    """See `Element.joints`."""
 
 
 class Instance(Artifact):

@@ -27,7 +27,7 @@ UNTOLD_SIGMA = 0.1
 """Standard deviation of the log scale, for the interval of the mass, if the placement does not tell it."""
 
 
-@rule(version=2)
+@rule(version=3)
 def asset(
     ctx: Context,
     body: Body,
@@ -149,7 +149,12 @@ def scale_joint(joint: Joint, s: float) -> Joint:
     """Scale the joint's origin, and its limits if they are lengths, by `s`."""
     length = s if joint.type == "prismatic" else 1.0
     x, y, z = joint.origin
-    changes = {name: getattr(joint, name) * length for name in ("lower", "upper", "position")}
+    changes: dict[str, object] = {name: getattr(joint, name) * length for name in ("lower", "upper", "position")}
+    for name in ("lower_range", "upper_range"):
+        if (interval := getattr(joint, name)) is not None:
+            changes[name] = tuple(end * length for end in interval)
+    if joint.origin_sigma_m is not None:
+        changes["origin_sigma_m"] = joint.origin_sigma_m * s
     return joint.model_copy(update={"origin": (x * s, y * s, z * s), **changes})
 
 

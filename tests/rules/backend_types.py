@@ -87,6 +87,7 @@ import rules.factorize.elements.parse_written
 import rules.factorize.joints.articulate
 import rules.factorize.joints.articulate_crease
 import rules.factorize.joints.articulate_particulate
+import rules.factorize.joints.articulate_screw
 import rules.factorize.joints.articulate_stub
 import rules.factorize.masks.complete
 import rules.factorize.masks.complete_flux2
@@ -184,6 +185,7 @@ evaluate_views_mujoco: rules.evaluate.views.ViewsBackend = rules.evaluate.views_
 evaluate_views_stub: rules.evaluate.views.ViewsBackend = rules.evaluate.views_stub
 crease: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_crease
 particulate: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_particulate
+screw: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_screw
 factorize_articulate_stub: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_stub
 factorize_collision_coacd: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_coacd
 factorize_collision_stub: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_stub

@@ -25,7 +25,7 @@ from dextera_build.artifacts.scene_description import (
     SceneDescription,
 )
 from dextera_build.geometry import transforms
-from dextera_build.sim.model import mjcf_contact, names
+from dextera_build.sim.model import mjcf_contact, names, touching
 
 SUN = Light(label="sun", direction=(0.2, 0.3, -1.0), place=(0.0, 0.0, 3.0), diffuse=(0.4, 0.4, 0.4))
 """The light of every twin; textured surfaces already have that of the photograph and ignore it."""
@@ -45,12 +45,14 @@ def describe(
     link_names = names.link_names(assets)
     objects: list[ObjectNode] = []
     exclude: list[tuple[str, str]] = []
+    touch: list[tuple[str, str]] = []
     for label in sorted(assets):
         own = {link: link_names[label, link] for link in sorted(assets[label].body.links)}
         objects.append(_object(assets[label], own))
         # Pieces of neighbouring links may overlap around the joint.
         parts = list(own.values())
         exclude += [(first, second) for number, first in enumerate(parts) for second in parts[number + 1 :]]
+        touch += [(_piece(own[a], i), _piece(own[b], j)) for (a, i), (b, j) in touching.pieces(assets[label])]
     red, green, blue = (background.image.pixels.mean(axis=(0, 1)) / 255).tolist()
     pose = Pose(parent="world", child="camera", matrix=np.array(world_from_camera, np.float64))
     return SceneDescription(
@@ -61,7 +63,12 @@ def describe(
         # The image's mean colour, to keep the border of the static surface from glowing.
         backdrop=(red, green, blue),
         exclude=tuple(exclude),
+        touch=tuple(touch),
     )
+
+
+def _piece(body: str, number: int) -> str:
+    return f"{body}_collision_{number}"
 
 
 def _object(asset: Asset, own: Mapping[str, str]) -> ObjectNode:
@@ -78,7 +85,7 @@ def _body(asset: Asset, link: str, name: str, origin: np.ndarray) -> BodyNode:
     pose = _placed(transforms.rigid(np.eye(3), -origin))
     contact = Contact(friction=physics.friction, restitution=physics.restitution)
     pieces = (
-        Geom(label=f"{name}_collision_{number}", role="collision", shape=hull, pose=pose, contact=contact)
+        Geom(label=_piece(name, number), role="collision", shape=hull, pose=pose, contact=contact)
         for number, hull in enumerate(asset.collision.links[link].hulls)
     )
     return BodyNode(
@@ -89,7 +96,8 @@ def _body(asset: Asset, link: str, name: str, origin: np.ndarray) -> BodyNode:
 
 
 def _joint(joint: Joint, asset: Asset) -> JointNode:
-    friction, damping = mjcf_contact.joint_friction(joint, asset.body, asset.physics)
+    down = -asset.pose.matrix[2, :3]
+    friction, damping = mjcf_contact.joint_friction(joint, asset.body, asset.physics, down)
     return JointNode(
         name=joint.name,
         type=joint.type,

@@ -105,6 +105,7 @@ class _Writer:
             self._link(self.world, thing, thing.root, None, np.zeros(3))
         for first, second in self.scene.exclude:
             _add(self.contact, "exclude", body1=first, body2=second)
+        self._touch()
         self.root.extend([self.asset, self.world])
         if len(self.contact):
             self.root.append(self.contact)
@@ -114,6 +115,18 @@ class _Writer:
         ElementTree.indent(self.root, "  ")
         text = ElementTree.tostring(self.root, encoding="unicode") + "\n"
         return Folder(files={"scene.xml": text.encode(), **dict(sorted(self.files.items()))})
+
+    def _touch(self) -> None:
+        """Contacts of an object with itself, which no filter of bodies leaves out."""
+        bodies = [body for thing in self.scene.objects for body in thing.links.values()]
+        geoms = {geom.label: geom for body in bodies for geom in body.geoms}
+        for first, second in self.scene.touch:
+            contact = geoms[first].contact
+            more = {} if contact is None else {"solref": numbers(mjcf_contact.solref(contact.restitution))}
+            if contact is not None:
+                slide, turn, roll = mjcf_contact.friction(contact.friction)
+                more["friction"] = numbers((slide, slide, turn, roll, roll))
+            _add(self.contact, "pair", more, geom1=first, geom2=second, condim="4")
 
     def _head(self) -> None:
         root = self.root

@@ -11,8 +11,9 @@ that starts in slight penetration is pushed out slowly, not thrown.
 parameters take precedence over the table's; between two objects MuJoCo uses the larger friction. Torsional and rolling
 friction are lengths [m], from the radius of a small contact patch.
 
-**Hinges.** A joint that holds its position in the photograph has at least the dry friction to resist gravity. `HOLD`
-times the maximum gravity torque over the motion matches laptop hinges: they hold, and a hand moves them.
+**Joints.** A joint that holds its position in the photograph has at least the dry friction to resist gravity. `HOLD`
+times the largest gravity load between the limits matches laptop hinges: they hold, and a hand moves them. Gravity does
+not turn a door about a vertical axis: such a joint has the friction of its bearing alone, `BEARING_M` times the weight.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import math
 import numpy as np
 
 from dextera_build.artifacts.object import Body, Joint, Physics
+from dextera_build.geometry import kinematics
 
 GRAVITY = 9.81
 """[m/s^2]."""
@@ -39,6 +41,10 @@ DAMPING_S = 0.05
 """Viscous damping divided by dry friction [s/rad or s/m]: at 1 rad/s it adds 5 %."""
 SLIDER_FRICTION = 0.2
 """Friction coefficient of drawer rails."""
+BEARING_M = 0.001
+"""Dry friction of a hinge over the weight that it carries: friction coefficient times radius of the pin [m]."""
+POSITIONS = 33
+"""Number of positions between the limits at which the load is looked at."""
 
 
 def solref(restitution: float) -> tuple[float, float]:
@@ -66,19 +72,36 @@ def friction(sliding: float) -> tuple[float, float, float]:
     return sliding, TORSION_M, ROLLING_M
 
 
-def joint_friction(joint: Joint, body: Body, physics: Physics) -> tuple[float, float]:
-    """`frictionloss` [N m or N] and `damping` [N m s/rad or N s/m] that hold the joint against gravity."""
+def joint_friction(joint: Joint, body: Body, physics: Physics, down: np.ndarray | None = None) -> tuple[float, float]:
+    """`frictionloss` [N m or N] and `damping` [N m s/rad or N s/m] that hold the joint against gravity.
+
+    Args:
+        joint: The joint.
+        body: Its object.
+        physics: Masses of the links.
+        down: Unit direction of gravity in the object frame (3,); None: -z, as the object stands.
+    """
+    down = np.array([0.0, 0.0, -1.0]) if down is None else down
     carried = carried_links(joint.child, body)
+    weight = GRAVITY * sum(physics.links[name].mass_kg for name in carried)
     axis = np.asarray(joint.axis) / np.linalg.norm(joint.axis)
-    load = 0.0
+    if joint.type == "prismatic":
+        load = HOLD * weight * abs(float(axis @ down))
+        across = weight * float(np.linalg.norm(down - axis * (axis @ down)))
+        friction = load + SLIDER_FRICTION * across
+        return friction, friction * DAMPING_S
+    friction = HOLD * _largest_torque(joint, carried, physics, axis, down) + BEARING_M * weight
+    return friction, friction * DAMPING_S
+
+
+def _largest_torque(joint: Joint, carried: list[str], physics: Physics, axis: np.ndarray, down: np.ndarray) -> float:
+    """Largest torque of gravity about a hinge between its limits and where it stands [N m]."""
+    moment = np.zeros(3)
     for name in carried:
-        weight = physics.links[name].mass_kg * GRAVITY
-        if joint.type == "prismatic":
-            load += weight * (abs(float(axis[2])) + SLIDER_FRICTION / HOLD)
-            continue
-        arm = np.subtract(physics.links[name].centre, joint.origin)
-        load += weight * float(np.linalg.norm(arm - axis * (arm @ axis)))
-    return HOLD * load, HOLD * load * DAMPING_S
+        moment += physics.links[name].mass_kg * GRAVITY * np.subtract(physics.links[name].centre, joint.origin)
+    low, high = min(joint.lower, joint.position), max(joint.upper, joint.position)
+    turned = (kinematics.joint_motion(joint, angle)[:3, :3] @ moment for angle in np.linspace(low, high, POSITIONS))
+    return max(abs(float(np.cross(arm, down) @ axis)) for arm in turned)
 
 
 def carried_links(link: str, body: Body) -> list[str]:

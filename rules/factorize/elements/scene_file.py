@@ -11,10 +11,14 @@ from dextera_build.errors import Place, RuleError, did_you_mean, listing
 from dextera_build.geometry.materials import TABLE
 
 from ..masks.overlap import Box, box_area, box_iou
+from . import joints_file
+from .joints_file import FILE
+from .joints_file import box as _box
+from .joints_file import mapping as _mapping
+from .joints_file import wrong as _wrong
 from .naming import unique
 
-FILE = "scene.yaml"
-FIELDS = ("name", "phrase", "category", "body_type", "material", "at_px", "box", "interactive")
+FIELDS = ("name", "phrase", "category", "body_type", "material", "at_px", "box", "interactive", "joints")
 CATEGORIES = ("box", "cylinder", "bowl", "mug", "laptop", "object", "support", "robot", "room")
 STATIC = ("support", "robot", "room")
 BODY_TYPES = get_args(Element.model_fields["body_type"].annotation)
@@ -211,6 +215,8 @@ def _merged(item: Wanted, proposal: Element | None) -> Element:
             base["material_confidence"] = proposal.material_confidence
     if "category" in given and "body_type" not in given:
         given["body_type"] = "articulated" if given["category"] == "laptop" else "rigid"
+    if given.get("joints"):
+        given["body_type"] = "articulated"
     if "material" in given:
         given["material_confidence"] = 1.0
     return Element(**{**base, **given, "interactive": item.interactive})
@@ -223,32 +229,13 @@ def _element(node: Any) -> Wanted:
     return Wanted(fields, Place(FILE, node.start_mark.line + 1, node.start_mark.column + 1))
 
 
-def _mapping(node: Any, known: Sequence[str]) -> dict[str, Any]:
-    import yaml
-
-    if not isinstance(node, yaml.MappingNode):
-        raise _wrong(f"a mapping with {listing(known)} belongs here", node)
-    found: dict[str, Any] = {}
-    for key, value in node.value:
-        if key.id != "scalar":
-            raise _wrong("a field's name is a word", key, known=listing(known))
-        if key.value in found:
-            raise _wrong(f"`{key.value}` is given twice", key)
-        if key.value not in known:
-            hint = did_you_mean(str(key.value), known)
-            raise _wrong(f"`{key.value}` is not known here", key, hint=hint, known=listing(known))
-        found[key.value] = value
-    return found
-
-
 def _value(key: str, node: Any) -> object:
     if key == "box":
         return _box(node)
     if key == "at_px":
-        point = _numbers(node)
-        if len(point) != 2:
-            raise _wrong("`at_px` must be two whole numbers: [column, row] in pixels", node)
-        return point
+        return _point(node)
+    if key == "joints":
+        return joints_file.read(node)
     text = node.value if node.id == "scalar" else None
     if not isinstance(text, str) or not text:
         raise _wrong(f"`{key}` must be a word or a phrase", node)
@@ -264,26 +251,8 @@ def _value(key: str, node: Any) -> object:
     return text
 
 
-def _box(node: Any) -> Box:
-    numbers = _numbers(node)
-    if len(numbers) != 4:
-        raise _wrong("`box` must be four whole numbers: [left, top, right, bottom] in pixels", node)
-    left, top, right, bottom = numbers
-    if left >= right or top >= bottom:
-        raise _wrong(
-            "`box` is empty", node, box=f"[{left}, {top}, {right}, {bottom}]", hint="left < right, top < bottom"
-        )
-    return left, top, right, bottom
-
-
-def _numbers(node: Any) -> tuple[int, ...]:
-    """Whole numbers of a list; none if it holds anything else."""
+def _point(node: Any) -> tuple[int, int]:
     parts = [part.value for part in node.value] if node.id == "sequence" else []
-    whole = all(isinstance(part, str) and re.fullmatch(r"[0-9]{1,6}", part) for part in parts)
-    return tuple(int(part) for part in parts) if whole else ()
-
-
-def _wrong(message: str, node: Any, *, hint: str | None = None, **facts: object) -> RuleError:
-    mark = getattr(node, "start_mark", None)
-    place = Place(FILE, mark.line + 1, mark.column + 1) if mark is not None else Place(FILE)
-    return RuleError(message, code="DXB-B203", where=place, hint=hint, facts=facts)
+    if len(parts) != 2 or not all(isinstance(part, str) and re.fullmatch(r"[0-9]{1,6}", part) for part in parts):
+        raise _wrong("`at_px` must be two whole numbers: [column, row] in pixels", node)
+    return int(parts[0]), int(parts[1])

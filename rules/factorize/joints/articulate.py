@@ -8,11 +8,13 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
+from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.object import Body, Joint, Link, Shape
-from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen, Traits
+from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen, State, Traits
 from dextera_build.rule import Context, Options, rule
 
 from ..measured import Measurements, of_view
+from . import hinted
 from .parts import Parts
 
 
@@ -44,7 +46,13 @@ class ArticulateBackend(Protocol):
     """What a backend of factorize.articulate defines."""
 
     def parts(
-        self, ctx: Context, shape: Shape, measured: Measurements[Seen], common: ArticulateOptions, options: Any
+        self,
+        ctx: Context,
+        shape: Shape,
+        measured: Measurements[Seen],
+        again: State | None,
+        common: ArticulateOptions,
+        options: Any,
     ) -> Parts | None:
         """Split the shape at its joints and close the parts; None if no joint is found."""
         ...
@@ -54,30 +62,32 @@ class ArticulateBackend(Protocol):
         ...
 
 
-@rule(version=2)
+@rule(version=3)
 def articulate(
     ctx: Context[ArticulateBackend],
     shape: Shape,
     traits: Traits,
     view: ObjectView,
     measured: MeasuredView | None = None,
+    camera: Camera | None = None,
+    again: State | None = None,
     *,
     options: ArticulateOptions | None = None,
 ) -> Body:
-    """Return links and joints in the object frame of `shape`, with all geometry at joint position 0 [m, rad]."""
+    """Return links and joints in the object frame of `shape`, with all geometry at joint position 0 [m, rad].
+
+    Joints that `scene.yaml` states are taken from there, and `camera`, that of the whole photograph, says where its
+    pixels are. `again` is a second capture of the object with its joints elsewhere.
+    """
     options = options or ArticulateOptions()
-    if traits.body_type == "rigid":
+    rigid = traits.body_type == "rigid"
+    if rigid and not traits.joints and again is None:
         ctx.say("rigid, 1 link")
         return _rigid(shape)
     depth = of_view(ctx, view, measured)
-    found = ctx.backend.parts(ctx, shape, depth, options, ctx.backend_options)
+    found = _found(ctx, shape, depth, traits, camera, again, options)
     if found is None:
-        if options.without_crease == "fail":
-            hint = (
-                "set `body_type: rigid` of the element in `scene.yaml`, declare `hinge`, or set `without_crease: rigid`"
-            )
-            ctx.fail("no joint was found", hint=hint, hypothesis=shape.hypothesis)
-        ctx.say("kept rigid: no joint found")
+        ctx.say("rigid, 1 link" if rigid else "kept rigid: no joint found")
         return _rigid(shape)
     for name, link in found.links.items():
         hint = "the mesh has to be cut into closed solids, try another backend of `factorize.mesh`"
@@ -109,6 +119,32 @@ def articulate(
         ctx.metric(name, value, unit)
     ctx.say(_line(found.joints))
     return body
+
+
+def _found(
+    ctx: Context[ArticulateBackend],
+    shape: Shape,
+    depth: Measurements[Seen],
+    traits: Traits,
+    camera: Camera | None,
+    again: State | None,
+    options: ArticulateOptions,
+) -> Parts | None:
+    """Links and joints from what somebody stated, else from what moved, else from the shape; None: keep it rigid."""
+    if traits.joints:
+        return hinted.parts(ctx, shape, depth, traits.joints, camera)
+    rigid = traits.body_type == "rigid"
+    found: Parts | None = ctx.backend.parts(ctx, shape, depth, again, options, ctx.backend_options)
+    if found is None and again is not None and not rigid:
+        # It has joints, but none of them moved between both captures.
+        found = ctx.backend.parts(ctx, shape, depth, None, options, ctx.backend_options)
+    if found is None and not rigid and options.without_crease == "fail":
+        hint = (
+            "set `body_type: rigid` of the element in `scene.yaml`, state its `joints` there, capture it twice with "
+            "the joint elsewhere (`twin/two_states`), or set `without_crease: rigid`"
+        )
+        ctx.fail("no joint was found", hint=hint, hypothesis=shape.hypothesis)
+    return found
 
 
 def _line(joints: tuple[Joint, ...]) -> str:

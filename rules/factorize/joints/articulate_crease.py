@@ -10,7 +10,7 @@ from pydantic import NonNegativeFloat
 
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.object import Body, Joint, Link, Shape
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.view import Seen, State
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Backend, Context, Options
 
@@ -28,6 +28,7 @@ BACKEND = Backend(
     profiles=("cpu",),
     packages=("manifold3d", "scipy"),
     extra="twin",
+    uses=("screw",),
 )
 
 _STEPS = 12
@@ -44,13 +45,23 @@ class CreaseOptions(Options):
 
 
 def parts(
-    ctx: Context, shape: Shape, measured: Measurements[Seen], common: ArticulateOptions, options: CreaseOptions
+    ctx: Context,
+    shape: Shape,
+    measured: Measurements[Seen],
+    again: State | None,
+    common: ArticulateOptions,
+    options: CreaseOptions,
 ) -> Parts | None:
     """Split the shape at its hinge and close the parts.
+
+    With a second capture, backend `screw` does it instead.
 
     Returns:
         The links at joint position 0; None without a crease or if one solid spans both sides of it.
     """
+    if again is not None:
+        moved: Parts | None = ctx.other("screw").parts(shape, measured, again, common)
+        return moved
     hinge = _declared(shape.mesh, common) if common.hinge else find(shape.mesh)
     if hinge is None or hinge.angle >= np.pi * 1.1:
         return None

@@ -11,7 +11,7 @@ from pydantic import Field
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.object import Body, Joint, Link, Shape
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.view import Seen, State
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements
@@ -48,7 +48,12 @@ class ParticulateOptions(Options):
 
 
 def parts(
-    ctx: Context, shape: Shape, measured: Measurements[Seen], common: ArticulateOptions, options: ParticulateOptions
+    ctx: Context,
+    shape: Shape,
+    measured: Measurements[Seen],
+    again: State | None,
+    common: ArticulateOptions,
+    options: ParticulateOptions,
 ) -> Parts | None:
     """The parts that Particulate (Li et al., 2025) finds, with all joints at 0 as in the photograph.
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.object import Body, Joint, Link, Shape
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.view import Seen, State
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements
@@ -27,7 +27,12 @@ _FACES = np.array(
 
 
 def parts(
-    ctx: Context, shape: Shape, measured: Measurements[Seen], common: ArticulateOptions, options: Options
+    ctx: Context,
+    shape: Shape,
+    measured: Measurements[Seen],
+    again: State | None,
+    common: ArticulateOptions,
+    options: Options,
 ) -> Parts:
     """The lowest tenth of the bounding box as base and an equal box as lid, open by a right angle."""
     low, high = shape.mesh.vertices.min(axis=0).astype(np.float64), shape.mesh.vertices.max(axis=0).astype(np.float64)

@@ -56,6 +56,33 @@ elements:
         ("elements:\n- mug", "a mapping with", "scene.yaml:2:3"),
         ("elements:\n- {name: a, [1]: b}", "a field's name is a word", "scene.yaml:2:13"),
         ("[" * 100_000, "`scene.yaml` is nested too deeply", "scene.yaml"),
+        ("elements:\n- {name: a, joints: hinge}", "`joints` must list at least one joint", "scene.yaml:2:21"),
+        ("elements:\n- {name: a, joints: [{type: hinge}]}", "a joint has no `part_px`", "scene.yaml:2:22"),
+        (
+            "elements:\n- {name: a, joints: [{type: lid, part_px: [1, 2, 3, 4]}]}",
+            "`lid` is no joint",
+            "scene.yaml:2:29",
+        ),
+        (
+            "elements:\n- {name: a, joints: [{type: hinge, part_px: [1, 2, 3, 4]}]}",
+            "a hinge has no `axis_px`",
+            "scene.yaml:2:22",
+        ),
+        (
+            "elements:\n- {name: a, joints: [{type: slide, part_px: [1, 2, 3, 4], range_deg: [0, 9]}]}",
+            "a slide has no `range_deg`",
+            "scene.yaml:2:70",
+        ),
+        (
+            "elements:\n- {name: a, joints: [{type: slide, part_px: [1, 2, 3, 4], range_mm: [9, 0]}]}",
+            "the range is empty",
+            "scene.yaml:2:69",
+        ),
+        (
+            "elements:\n- {name: a, joints: [{type: slide, part_px: [1, 2, 3, 4], range_mm: [0, 9], at_mm: 20}]}",
+            "the joint stands at 20 mm, outside its range",
+            "scene.yaml:2:22",
+        ),
         ("elements:\n- {name: a}\n- {name: a}", "the name `a` is given twice", "scene.yaml:3:3"),
     ],
 )
@@ -156,3 +183,22 @@ def test_a_place_outside_the_photograph_is_refused_with_its_size(place):
 def test_without_a_backend_that_proposes_a_point_is_not_enough():
     with pytest.raises(RuleError, match="`a0` has no box: nothing is proposed at its point"):
         scene_file.boxed(wanted_at((12, 3)))
+
+
+def test_joints_are_read_in_radians_and_metres_and_make_an_element_articulated():
+    text = b"""
+elements:
+  - name: cupboard
+    box: [10, 10, 300, 300]
+    joints:
+      - {type: hinge, part_px: [20, 20, 120, 220], axis_px: [[20, 20], [20, 220]], range_deg: [0, 90], at_deg: 30}
+      - {type: slide, part_px: [20, 230, 120, 290], range_mm: [0, 200]}
+"""
+    (element,) = scene_file.boxed(scene_file.read(text))
+    assert element.body_type == "articulated"
+    door, drawer = element.joints
+    assert (door.type, drawer.type) == ("revolute", "prismatic")
+    assert door.axis_px == ((20.0, 20.0), (20.0, 220.0))
+    assert door.position == pytest.approx(0.5236, abs=1e-4)
+    assert door.range == pytest.approx((0.0, 1.5708), abs=1e-4)
+    assert drawer.range == pytest.approx((0.0, 0.2))

@@ -1,0 +1,124 @@
+"""Joints that `scene.yaml` states, and what its other parts are read with."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from dextera_build.artifacts.object import JointHint
+from dextera_build.errors import Place, RuleError, did_you_mean, listing
+
+FILE = "scene.yaml"
+KINDS = {"hinge": "revolute", "slide": "prismatic"}
+FIELDS = ("type", "part_px", "axis_px", "range_deg", "range_mm", "at_deg", "at_mm")
+
+
+def read(node: Any) -> tuple[JointHint, ...]:
+    """The joints of one element.
+
+    Raises:
+        RuleError: They are malformed; the message gives line and column.
+    """
+    if node.id != "sequence" or not node.value:
+        raise wrong("`joints` must list at least one joint", node, hint="begin each with `- type: hinge`")
+    return tuple(_joint(each) for each in node.value)
+
+
+def _joint(node: Any) -> JointHint:
+    fields = mapping(node, FIELDS)
+    for name in ("type", "part_px"):
+        if name not in fields:
+            raise wrong(f"a joint has no `{name}`", node, hint="type: hinge, part_px: [left, top, right, bottom]")
+    kind = fields["type"].value
+    if kind not in KINDS:
+        raise wrong(
+            f"`{kind}` is no joint", fields["type"], hint=did_you_mean(str(kind), tuple(KINDS)), known=listing(KINDS)
+        )
+    unit, other = ("deg", "mm") if kind == "hinge" else ("mm", "deg")
+    if strange := [name for name in fields if name.endswith(f"_{other}")]:
+        hint = f"write `{strange[0].replace(other, unit)}`"
+        raise wrong(f"a {kind} has no `{strange[0]}`", fields[strange[0]], hint=hint)
+    if kind == "hinge" and "axis_px" not in fields:
+        raise wrong("a hinge has no `axis_px`", node, hint="give two pixels on its axis: axis_px: [[x, y], [x, y]]")
+    scale = math.pi / 180.0 if kind == "hinge" else 0.001
+    limits = _limits(fields.get(f"range_{unit}"))
+    at = _numbers(fields[f"at_{unit}"], 1)[0] if f"at_{unit}" in fields else 0.0
+    if limits is not None and not limits[0] <= at <= limits[1]:
+        hint = f"`at_{unit}` is its position in the photograph, 0 unless given"
+        raise wrong(f"the joint stands at {at:g} {unit}, outside its range", node, hint=hint, range=list(limits))
+    return JointHint(
+        type="revolute" if kind == "hinge" else "prismatic",
+        part_px=box(fields["part_px"], "part_px"),
+        axis_px=_axis(fields.get("axis_px")),
+        range=None if limits is None else (limits[0] * scale, limits[1] * scale),
+        position=at * scale,
+    )
+
+
+def _limits(node: Any) -> tuple[float, float] | None:
+    if node is None:
+        return None
+    low, high = _numbers(node, 2)
+    if low >= high:
+        raise wrong("the range is empty", node, hint="lower limit first: [0, 90]")
+    return low, high
+
+
+def _axis(node: Any) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    if node is None:
+        return None
+    if node.id != "sequence" or len(node.value) != 2:
+        raise wrong("`axis_px` must be two pixels: [[x, y], [x, y]]", node)
+    first, second = (_numbers(each, 2) for each in node.value)
+    if math.dist(first, second) < 2.0:
+        raise wrong("the two pixels of `axis_px` are one", node, hint="take them far apart")
+    return (first[0], first[1]), (second[0], second[1])
+
+
+def _numbers(node: Any, count: int) -> list[float]:
+    parts = [node] if count == 1 else node.value if node.id == "sequence" else []
+    texts = [part.value if part.id == "scalar" else "" for part in parts]
+    if len(texts) != count or not all(re.fullmatch(r"-?\d+(\.\d+)?", text) for text in texts):
+        raise wrong(f"{'a number' if count == 1 else f'{count} numbers'} belong{'s' * (count == 1)} here", node)
+    return [float(text) for text in texts]
+
+
+def mapping(node: Any, known: Sequence[str]) -> dict[str, Any]:
+    """Key -> node of a YAML mapping with known keys."""
+    import yaml
+
+    if not isinstance(node, yaml.MappingNode):
+        raise wrong(f"a mapping with {listing(known)} belongs here", node)
+    found: dict[str, Any] = {}
+    for key, value in node.value:
+        if key.id != "scalar":
+            raise wrong("a field's name is a word", key, known=listing(known))
+        if key.value in found:
+            raise wrong(f"`{key.value}` is given twice", key)
+        if key.value not in known:
+            hint = did_you_mean(str(key.value), known)
+            raise wrong(f"`{key.value}` is not known here", key, hint=hint, known=listing(known))
+        found[key.value] = value
+    return found
+
+
+def box(node: Any, name: str = "box") -> tuple[int, int, int, int]:
+    """left, top, right, bottom [px]."""
+    parts = [part.value for part in node.value] if node.id == "sequence" else []
+    if len(parts) != 4 or not all(isinstance(p, str) and re.fullmatch(r"\d+", p) for p in parts):
+        raise wrong(f"`{name}` must be four whole numbers: [left, top, right, bottom] in pixels", node)
+    left, top, right, bottom = (int(part) for part in parts)
+    if left >= right or top >= bottom:
+        raise wrong(
+            f"`{name}` is empty", node, box=f"[{left}, {top}, {right}, {bottom}]", hint="left < right, top < bottom"
+        )
+    return left, top, right, bottom
+
+
+def wrong(message: str, node: Any, *, hint: str | None = None, **facts: object) -> RuleError:
+    """The error about a node, with line and column."""
+    mark = getattr(node, "start_mark", None)
+    place = Place(FILE, mark.line + 1, mark.column + 1) if mark is not None else Place(FILE)
+    return RuleError(message, code="DXB-B203", where=place, hint=hint, facts=facts)

@@ -1,0 +1,155 @@
+"""Links and joints from two captures in different states: the motion of each part is a turn or a slide."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import PositiveFloat
+
+from dextera_build.artifacts.object import Body, Joint, Link, Shape
+from dextera_build.artifacts.view import Seen, State
+from dextera_build.geometry import transforms
+from dextera_build.rule import Backend, Context, Options
+from dextera_build.statistics import Z90
+
+from ..measured import Measurements
+from . import clouds, cut, manifolds, states, sweep
+from .parts import Parts
+from .picture import draw
+from .screw import Screw
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+    from .articulate import ArticulateOptions
+
+BACKEND = Backend(
+    summary="joints from two captures in different states, by the motion of each part",
+    packages=("manifold3d", "pillow", "scipy"),
+    extra="twin",
+)
+
+WIDEST_TURN = np.radians(135.0)
+"""Beyond this, nothing is searched for a stop [rad]."""
+
+
+class ScrewOptions(Options):
+    """Options of backend `screw` of factorize.articulate."""
+
+    margin_rad: PositiveFloat = 0.05
+    """How far a hinge surely goes beyond the states that were seen, where nothing is in its way [rad]."""
+    margin_m: PositiveFloat = 0.005
+    """The same of a slide [m]."""
+    largest_sigma_rad: PositiveFloat = 0.1
+    """An axis whose direction is less certain than this is refused (standard deviation) [rad]."""
+
+
+def parts(
+    ctx: Context,
+    shape: Shape,
+    measured: Measurements[Seen],
+    again: State | None,
+    common: ArticulateOptions,
+    options: ScrewOptions,
+) -> Parts | None:
+    """Find the parts that moved between both captures, and cut the shape at them.
+
+    Joints are at 0 as in the photograph, and positive towards the second state.
+    """
+    if again is None:
+        ctx.log("no second capture: give the input `again`, as `twin/two_states` does")
+        return None
+    seen = measured.needed()
+    if shape.pose is None:
+        ctx.fail(
+            "`screw` needs the pose of the shape in the world", hint="use a backend of `factorize.mesh` with depth"
+        )
+    first, second = clouds.of_view(seen), _second(again)
+    found = states.find(first, second)
+    if found is None:
+        ctx.log("no part of the object moved between both captures")
+        return None
+    to_object = transforms.invert(shape.pose.matrix)
+    points = transforms.apply(to_object, first.inner.points)
+    solids = cut.nearest(shape.mesh, points, found.labels)
+    if solids is None:
+        ctx.warn("a part that moved is outside the mesh, which cannot be cut there")
+        return None
+    names = ["base", *(f"part_{number}" for number in range(1, len(solids)))]
+    joints = []
+    for number, screw in enumerate(found.screws, start=1):
+        if screw.axis_sigma > options.largest_sigma_rad:
+            ctx.fail(
+                f"the axis of `{names[number]}` is uncertain by {np.degrees(Z90 * screw.axis_sigma):.0f} deg (90 %)",
+                hint="move the joint further between both captures, or look from where its part is seen in both",
+                amount=_amount(screw),
+            )
+        others = [solid for k, solid in enumerate(solids) if k != number]
+        joints.append(_joint(names[number], screw, to_object, solids[number], others, options))
+    links = {name: Link(mesh=manifolds.mesh(solid, shape.mesh)) for name, solid in zip(names, solids, strict=True)}
+    metrics = tuple(
+        metric
+        for name, screw in zip(names[1:], found.screws, strict=True)
+        for metric in (
+            (f"{name} moved", *_moved(screw)),
+            (f"{name} residual", 1000.0 * screw.residual, "mm"),
+        )
+    )
+    return Parts(links, tuple(joints), None, metrics)
+
+
+def picture(ctx: Context, body: Body, seen: Seen, options: ScrewOptions) -> np.ndarray:
+    """Draw the joints on the crop, (H, W, 3) uint8."""
+    return draw(body, seen)
+
+
+def _second(again: State) -> clouds.Sight:
+    measured = again.measured
+    k, pose = again.camera.matrix(), measured.camera_pose.matrix
+    return clouds.of_depth(measured.depth.depth, again.above, k, pose, 3 * clouds.MOST)
+
+
+def _joint(
+    name: str, screw: Screw, to_object: np.ndarray, moving: Manifold, others: list[Manifold], options: ScrewOptions
+) -> Joint:
+    """The joint in the object frame, with what was seen and what is free of contact as intervals of its limits."""
+    turns = screw.type == "revolute"
+    origin = transforms.apply(to_object, screw.origin)
+    axis = to_object[:3, :3] @ screw.axis
+    local = Screw(screw.type, origin, axis, screw.amount, 0.0, 0.0, 0.0, 0.0)
+    margin = options.margin_rad if turns else options.margin_m
+    reach = (
+        WIDEST_TURN if turns else max(screw.amount + margin, float(np.ptp(np.reshape(moving.bounding_box(), (2, 3)))))
+    )
+    free_up, stopped_up = sweep.free(moving, others, local.motion, 0.0, max(reach, screw.amount))
+    free_down, stopped_down = sweep.free(moving, others, local.motion, 0.0, -reach)
+    top, bottom = max(free_up, screw.amount), min(free_down, 0.0)
+    upper = top if stopped_up else min(top, screw.amount + margin) if top > screw.amount else screw.amount
+    lower = bottom if stopped_down else max(bottom, -margin)
+    x, y, z = origin.tolist()
+    a, b, c = axis.tolist()
+    return Joint(
+        name=f"{'hinge' if turns else 'slide'}_{name.rpartition('_')[2]}",
+        type=screw.type,
+        parent="base",
+        child=name,
+        origin=(x, y, z),
+        axis=(a, b, c),
+        lower=lower,
+        upper=upper,
+        position=0.0,
+        lower_range=(bottom, 0.0),
+        upper_range=(screw.amount, top),
+        axis_sigma_rad=screw.axis_sigma,
+        origin_sigma_m=screw.origin_sigma if turns else None,
+    )
+
+
+def _amount(screw: Screw) -> str:
+    value, unit = _moved(screw)
+    return f"it moved by {value:.1f} {unit}"
+
+
+def _moved(screw: Screw) -> tuple[float, str]:
+    return (float(np.degrees(screw.amount)), "deg") if screw.type == "revolute" else (1000.0 * screw.amount, "mm")

@@ -1,0 +1,78 @@
+"""Cut a closed mesh into links: every place goes to the part of the nearest seen point."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.geometry import Mesh
+
+from . import manifolds
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+CELLS = 44
+"""Cells of the grid along the longest side of the mesh."""
+SPECK = 0.003
+"""Pieces of a link below this share of the mesh's volume go to the other links."""
+
+
+def nearest(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[Manifold] | None:
+    """One solid per label 0, 1, ...; together they are the mesh.
+
+    Args:
+        mesh: Closed, in the frame of `points`.
+        points: (N, 3) seen points [m].
+        labels: (N,) their parts.
+
+    Returns:
+        The solids; None if one of them is empty.
+    """
+    left = manifolds.solid(mesh)
+    least = SPECK * abs(float(left.volume()))
+    taken = []
+    for number in range(1, int(labels.max()) + 1):
+        region = _region(mesh, points[labels == number], points[labels != number])
+        mine = (left ^ region).decompose()
+        kept = [piece for piece in mine if piece.volume() > least]
+        if not kept:
+            return None
+        for piece in kept:
+            left = left - piece
+        taken.append(_together(kept))
+    rest = [piece for piece in left.decompose() if piece.volume() > least]
+    return [_together(rest), *taken] if rest else None
+
+
+def _together(pieces: list[Manifold]) -> Manifold:
+    import manifold3d
+
+    return pieces[0] if len(pieces) == 1 else manifold3d.Manifold.compose(pieces)
+
+
+def _region(mesh: Mesh, mine: np.ndarray, others: np.ndarray) -> Manifold:
+    """The places around the mesh that are nearer to `mine` than to `others`."""
+    import manifold3d
+    from scipy.ndimage import gaussian_filter
+    from scipy.spatial import KDTree
+
+    low = mesh.vertices.min(axis=0).astype(np.float64)
+    high = mesh.vertices.max(axis=0).astype(np.float64)
+    edge = float((high - low).max()) / CELLS
+    low, high = low - 2.5 * edge, high + 2.5 * edge
+    counts = np.ceil((high - low) / (edge / 2)).astype(int) + 1
+    axes = [low[i] + edge / 2 * np.arange(counts[i]) for i in range(3)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    nearer = np.asarray(KDTree(others).query(grid)[0]) - np.asarray(KDTree(mine).query(grid)[0])
+    # Smooth over a cell, because noise of the points would make the cut ragged.
+    field = gaussian_filter(nearer.reshape(counts), 1.0)
+    values, start, scale = field.tolist(), low.tolist(), 2.0 / edge
+    last = [int(count) - 1 for count in counts]
+
+    def inside(x: float, y: float, z: float) -> float:
+        i, j, k = (min(max(round((v - s) * scale), 0), end) for v, s, end in zip((x, y, z), start, last, strict=True))
+        return float(values[i][j][k])
+
+    return manifold3d.Manifold.level_set(inside, [*low.tolist(), *high.tolist()], edge)

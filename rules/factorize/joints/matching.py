@@ -1,0 +1,220 @@
+"""Lay one sight on another rigidly where they show the same surface, from many starts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dextera_build.geometry import registration, transforms
+
+from .clouds import Cloud, Sight
+
+PLANAR = np.eye(6)[:, [2, 3, 4]]
+"""Motions on the support: turn about z, shift along x and y."""
+FREE = np.eye(6)
+"""All rigid motions: rotation vector, translation."""
+ALIKE = 0.8
+"""Least cosine of two normals of the same surface."""
+CARRIED = 0.3
+"""Motion of the whole object between two sights, in parts of its size, at which it is half as plausible."""
+HELD = 1.0
+"""Score of borders that lie on borders, all of them, beside that of all surface points."""
+BORDERS = 2.0
+"""Weight of all borders beside that of all surface points: borders alone hold a flat face in its plane."""
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Points with a plane each that they should lie on."""
+
+    own: np.ndarray  # (N,) index in the source
+    partner: np.ndarray  # (N, 3) a point of the plane [m]
+    normal: np.ndarray  # (N, 3)
+
+
+class Target:
+    """The sight that another one is laid on."""
+
+    def __init__(self, sight: Sight) -> None:
+        from scipy.spatial import KDTree
+
+        self.sight = sight
+        self._trees: tuple[Any, Any] = (
+            KDTree(sight.inner.points),
+            KDTree(sight.border.points) if len(sight.border) else None,
+        )
+
+    def surfaces(self, moved: Cloud, gate: float) -> Pairs:
+        """Partners of surface points within `gate` [m]."""
+        return _pairs(moved, self.sight.inner, self._trees[0], gate)
+
+    def borders(self, moved: Cloud, gate: float) -> Pairs:
+        """Partners of border points within `gate` [m]."""
+        return _pairs(moved, self.sight.border, self._trees[1], gate)
+
+    def explained(self, moved: Cloud, gate: float) -> np.ndarray:
+        """Which surface points of `moved` lie on this surface within `gate` [m], (N,) bool.
+
+        The distance along the surface may be larger, because both are sampled.
+        """
+        if not len(moved):
+            return np.zeros(0, bool)
+        cloud = self.sight.inner
+        distance, nearest = self._trees[0].query(moved.points, k=4, distance_upper_bound=3.0 * gate + 0.004)
+        inside = np.isfinite(distance)
+        safe = np.where(inside, nearest, 0)
+        offset = ((moved.points[:, None] - cloud.points[safe]) * cloud.normals[safe]).sum(axis=-1)
+        like = (moved.normals[:, None] * cloud.normals[safe]).sum(axis=-1) > ALIKE
+        return np.asarray((inside & like & (np.abs(offset) < gate)).any(axis=1))
+
+    def score(self, moved: Sight) -> float:
+        """How much of `moved` lies on this sight: surface points, and borders on borders."""
+        sigma = max(self.sight.sigma, moved.sigma)
+        on = float(self.explained(moved.inner, 2.5 * sigma).sum())
+        found = self.borders(moved.border, 0.004 + 2.0 * sigma)
+        return on + HELD * len(found.own) * len(moved.inner) / max(1, len(moved.border))
+
+
+def _pairs(moved: Cloud, cloud: Cloud, tree: Any, gate: float) -> Pairs:
+    if tree is None or not len(moved):
+        return Pairs(np.zeros(0, int), np.zeros((0, 3)), np.zeros((0, 3)))
+    distance, nearest = tree.query(moved.points, distance_upper_bound=gate)
+    own = np.flatnonzero(np.isfinite(distance))
+    other = nearest[own]
+    like = (moved.normals[own] * cloud.normals[other]).sum(axis=1) > ALIKE
+    return Pairs(own[like], cloud.points[other[like]], cloud.normals[other[like]])
+
+
+def laid(start: np.ndarray, source: Sight, target: Target, gates: Iterable[float], freedom: np.ndarray) -> np.ndarray:
+    """Steps with a shrinking gate that lay surface on surface and border on border; the (4, 4) motion of `source`.
+
+    Args:
+        start: (4, 4) first guess.
+        source: What moves.
+        target: What it is laid on.
+        gates: Largest distance of a pair in each step [m].
+        freedom: (6, K) basis of the allowed motions.
+    """
+    now = start
+    for gate in gates:
+        moved = source.moved(now)
+        on, at = target.surfaces(moved.inner, gate), target.borders(moved.border, gate)
+        if len(on.own) < 8:
+            return now
+        now = _step(moved, on, at, gate, freedom) @ now
+    return now
+
+
+def _step(moved: Sight, on: Pairs, at: Pairs, gate: float, freedom: np.ndarray) -> np.ndarray:
+    """One Gauss-Newton step as a (4, 4) motion; far pairs weigh less (Tukey)."""
+    points = np.concatenate([moved.inner.points[on.own], moved.border.points[at.own]])
+    partner, normal = np.concatenate([on.partner, at.partner]), np.concatenate([on.normal, at.normal])
+    each = np.concatenate(
+        [np.full(len(on.own), 1.0), np.full(len(at.own), BORDERS * len(on.own) / max(1, len(at.own)))]
+    )
+    pivot = points.mean(axis=0)
+    offset = ((partner - points) * normal).sum(axis=1)
+    weight = each * (1.0 - (offset**2 / gate**2).clip(0, 1)) ** 2
+    rows = np.concatenate([np.cross(points - pivot, normal), normal], axis=1) @ freedom
+    system = (rows * weight[:, None]).T @ rows
+    # What no pair tells stays.
+    system += 1e-6 * weight.sum() * np.diag(np.diag(freedom.T @ np.diag([1e-2] * 3 + [1.0] * 3) @ freedom))
+    step = freedom @ np.linalg.solve(system, rows.T @ (weight * offset))
+    turn = registration.rotation(step[:3])
+    return transforms.rigid(turn, pivot + step[3:] - turn @ pivot)
+
+
+def narrow(sigma: float) -> list[float]:
+    """Gates of the last steps [m]."""
+    return [0.007, 0.006, 0.005, 0.004] + [max(0.002, 3.5 * sigma)] * 6
+
+
+WIDE = (0.05, 0.04, 0.03, 0.03, 0.02, 0.02, 0.015, 0.01, 0.008)
+"""Gates of the first steps [m]."""
+
+
+Worth = Callable[[np.ndarray], float]
+"""How plausible a (4, 4) motion is, a factor on its score."""
+
+
+def _equal(motion: np.ndarray) -> float:
+    return 1.0
+
+
+def best(
+    starts: list[np.ndarray],
+    source: Sight,
+    target: Target,
+    freedom: np.ndarray,
+    keep: int = 6,
+    worth: Worth = _equal,
+) -> np.ndarray:
+    """The (4, 4) motion that lays most of `source` on `target`; of equal ones that of the earlier start."""
+    thin = source.thinned(350, 150)
+    found = [laid(start, thin, target, WIDE, freedom) for start in starts]
+    scores = [-target.score(thin.moved(motion)) * worth(motion) for motion in found]
+    order = _different(np.argsort(scores, kind="stable"), found, source, keep)
+    medium = source.thinned(1500, 500)
+    gates = narrow(source.sigma)
+    fine = [laid(laid(found[k], medium, target, gates, freedom), medium, target, gates, FREE) for k in order]
+    # What is laid on the target should cover it, too: a part that slid along itself does not.
+    back, other = Target(medium), target.sight.thinned(1500, 500)
+    share = len(medium.inner) / max(1, len(other.inner))
+    scores = [
+        (target.score(medium.moved(motion)) + share * back.score(other.moved(transforms.invert(motion))))
+        * worth(motion)
+        for motion in fine
+    ]
+    return fine[int(np.argmax(scores))]
+
+
+def _different(order: np.ndarray, motions: list[np.ndarray], source: Sight, keep: int) -> list[int]:
+    """The first `keep` motions that move the source to different places."""
+    corners = source.inner.thinned(8).points
+    chosen: list[int] = []
+    for k in order:
+        placed = transforms.apply(motions[k], corners)
+        apart = [np.abs(placed - transforms.apply(motions[other], corners)).max() > 0.004 for other in chosen]
+        if all(apart):
+            chosen.append(int(k))
+        if len(chosen) == keep:
+            break
+    return chosen
+
+
+def beside(source: Sight) -> list[np.ndarray]:
+    """Small motions on the support (4, 4): shifts by up to 3 cm and turns by up to 5 degrees."""
+    middle = source.inner.points.mean(axis=0)
+    found = []
+    for angle in np.radians([0.0, 5.0, -5.0]):
+        turn = registration.rotation(np.array([0.0, 0.0, angle]))
+        shifts = (
+            np.array([x, y, 0.0]) for x in (0.0, 0.015, -0.015, 0.03, -0.03) for y in (0.0, 0.015, -0.015, 0.03, -0.03)
+        )
+        found += [transforms.rigid(turn, middle - turn @ middle + shift) for shift in shifts]
+    return found
+
+
+def standing(source: Sight, target: Target) -> np.ndarray:
+    """The (4, 4) motion on the support that lays most of `source` on `target`: that of the part that stayed.
+
+    It starts with no motion and with turns about the middle, and ends with free steps, because the two supports were
+    measured separately.
+    """
+    middle, other = np.median(source.inner.points, axis=0), np.median(target.sight.inner.points, axis=0)
+    shifts = [np.zeros(3), (other - middle) * [1.0, 1.0, 0.0]]
+    starts = []
+    for angle in np.radians([0, 8, -8, 18, -18, 30, -30, 60, -60, 90, -90, 120, -120, 150, -150, 180]):
+        turn = registration.rotation(np.array([0.0, 0.0, angle]))
+        starts += [transforms.rigid(turn, middle - turn @ middle + shift) for shift in shifts]
+    points = source.inner.thinned(200).points
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+
+    def near(motion: np.ndarray) -> float:
+        way = float(np.linalg.norm(transforms.apply(motion, points) - points, axis=1).mean())
+        return 1.0 / (1.0 + (way / (CARRIED * size)) ** 2)
+
+    return best(starts, source, target, PLANAR, worth=near)

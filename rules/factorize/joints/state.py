@@ -1,0 +1,37 @@
+"""factorize.state: a second capture of the same things, with their joints elsewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.view import MeasuredView, State
+from dextera_build.geometry import cameras, transforms
+from dextera_build.rule import Context, rule
+
+LEAST_M = 0.004
+"""Height above the support from which something stands on it [m]."""
+LEAST_POINTS = 200
+"""Least number of measured pixels above the support."""
+
+
+@rule(version=1)
+def state(ctx: Context, capture: Capture, support: Support) -> State:
+    """Return what was measured of the second capture, in the world of its own support [m]."""
+    if capture.measured is None:
+        ctx.fail(
+            "the second capture has no depth", hint="add it: joints are found by comparing the depth of both captures"
+        )
+    depth, camera = capture.measured.depth, capture.photograph.camera
+    points = cameras.backproject(depth.depth.astype(np.float64), camera.matrix())
+    height = transforms.apply(support.camera_pose.matrix, points)[..., 2]
+    above = (depth.depth > 0) & (height > LEAST_M)
+    ctx.check(
+        int(above.sum()) >= LEAST_POINTS,
+        f"the second capture shows {int(above.sum())} measured pixels above its support",
+        hint="check its depth, and the plane of its `align.support`",
+        needed=LEAST_POINTS,
+    )
+    ctx.say(f"{int(above.sum()):,} px above the support")
+    return State(measured=MeasuredView(depth=depth, camera_pose=support.camera_pose), camera=camera, above=above)

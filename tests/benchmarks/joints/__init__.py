@@ -1,0 +1,1 @@
+"""Joints that are found, compared with those of generated objects: `python -m tests.benchmarks.joints`."""

@@ -1,0 +1,75 @@
+"""Joints from two captures in different states."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dextera_build.geometry import kinematics, transforms
+from dextera_build.testing import RuleRunner
+from tests.benchmarks.joints import kinds, sight
+from tests.benchmarks.joints.__main__ import compared, inputs_of
+
+
+@pytest.fixture
+def runner(tmp_path):
+    return RuleRunner(tmp_path)
+
+
+def captured(kind: str, before: dict[str, float], after: dict[str, float], heading: float = 0.3, pitch: float = 40.0):
+    draw = np.random.default_rng(7)
+    thing = kinds.KINDS[kind](draw)
+    first, second = thing.at(before), thing.at(after)
+    place = sight.stand(first, draw, heading, np.radians(pitch))
+    shift = transforms.rigid(np.eye(3), np.array([0.01, -0.005, 0.0]))
+    return first, inputs_of(first, second, place, sight.Stand(shift @ place.pose, place.eye), 3)
+
+
+def test_a_lid_that_was_moved_has_its_hinge(runner):
+    thing, inputs = captured("box_with_lid", {"hinge": 1.2}, {"hinge": 1.9})
+    body = runner.run("factorize.articulate", **inputs)
+    (joint,) = body.joints
+    found = compared(thing.joints[0], body)
+    assert found is not None
+    assert found.type_right
+    assert found.inside
+    assert found.axis_deg < 2.0
+    assert found.pivot_mm < 5.0
+    assert joint.upper_range[0] == pytest.approx(0.7, abs=0.02)
+    # What was seen is inside the limits, and the lid closes as far as its base lets it.
+    assert joint.lower <= 0.0 <= joint.position <= joint.upper_range[0] <= joint.upper + 1e-6
+    assert joint.lower == pytest.approx(-1.2, abs=0.25)
+    assert set(body.links) == {"base", "part_1"}
+    assert all(link.mesh.is_closed for link in body.links.values())
+
+
+def test_a_drawer_that_was_moved_slides(runner):
+    thing, inputs = captured(
+        "drawers", {"slide_0": 0.0, "slide_1": 0.03}, {"slide_0": 0.0, "slide_1": 0.11}, heading=0.5
+    )
+    body = runner.run("factorize.articulate", **inputs)
+    (joint,) = body.joints
+    assert joint.type == "prismatic"
+    found = compared(thing.joints[1], body)
+    assert found is not None
+    assert found.axis_deg < 2.0
+    assert joint.upper_range[0] == pytest.approx(0.08, abs=0.003)
+    assert runner.outcome.line == "1 slide"
+
+
+def test_what_did_not_move_is_rigid(runner):
+    _, inputs = captured("box_with_lid", {"hinge": 1.3}, {"hinge": 1.3})
+    rigid = inputs["traits"].model_copy(update={"body_type": "rigid"})
+    body = runner.run("factorize.articulate", **{**inputs, "traits": rigid})
+    assert body.joints == ()
+    assert runner.outcome.line == "rigid, 1 link"
+
+
+def test_a_part_of_a_cut_mesh_is_where_it_was_seen(runner):
+    _, inputs = captured("scissors", {"pin": 0.6}, {"pin": 1.0}, pitch=60.0)
+    body = runner.run("factorize.articulate", **inputs)
+    vertices, _ = kinematics.posed_surface(body)
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    mesh = inputs["shape"].mesh.vertices
+    assert low == pytest.approx(mesh.min(axis=0), abs=1e-5)
+    assert high == pytest.approx(mesh.max(axis=0), abs=1e-5)
