@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
+from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
@@ -237,6 +238,9 @@ class Attachment(Artifact):
 
 class SceneDescription(Artifact):
     """A scene: world frame z up; poses and joint positions of the nodes are the home keyframe."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.unchanged}
 
     objects: tuple[ObjectNode, ...]
     """Things that are free to move."""

@@ -16,6 +16,8 @@ NEAR_M = 0.015
 """Distance between an axis and the parts that it joins that needs no excuse [m]: hinges are partly hidden."""
 FAR_M = 0.03
 """Further distance at which an axis is half as plausible [m]."""
+ASKEW = np.radians(12.0)
+"""Angle from plumb and level at which a direction is half as plausible [rad]."""
 LARGE = 0.4
 """Way of the part, in sizes of the object, at which a motion is half as plausible."""
 
@@ -42,10 +44,12 @@ class Plausible:
         way = np.linalg.norm(transforms.apply(motion, points) - points, axis=1).mean()
         factor = 1.0 / (1.0 + (way / (LARGE * self._size)) ** 2)
         if transforms.angle(motion[:3, :3]) < SMALL_TURN:
-            return float(factor)
+            shift = transforms.apply(motion, self._middle) - self._middle
+            return float(factor * _square(shift / max(float(np.linalg.norm(shift)), 1e-9)))
         factor *= 1.0 - 0.5 * (transforms.angle(motion[:3, :3]) / np.pi) ** 2
         axis, origin, pitch = axis_of(motion, self._middle)
         gap = max(0.0, self._gap(axis, origin) - NEAR_M)
+        factor *= _square(axis)
         return float(factor / (1.0 + (pitch / PITCH_M) ** 2) / (1.0 + (gap / FAR_M) ** 2))
 
     def possible(self, motion: np.ndarray) -> bool:
@@ -61,6 +65,12 @@ class Plausible:
         places = origin + along[:, None] * axis
         distances = np.stack([np.asarray(tree.query(places)[0]) for tree in self._trees])
         return float(distances.max(axis=0).min())
+
+
+def _square(direction: np.ndarray) -> float:
+    """A factor for a unit direction in the world: most joints are plumb or level as things stand."""
+    rise = np.arcsin(min(1.0, abs(float(direction[2]))))
+    return float(1.0 / (1.0 + (min(rise, np.pi / 2.0 - rise) / ASKEW) ** 2))
 
 
 def axis_of(motion: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

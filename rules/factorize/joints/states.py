@@ -19,7 +19,7 @@ from .screw import Screw, fit
 
 LEAST_SHARE = 0.02
 """Least part of the seen points that a moved part has."""
-LEAST_EXPLAINED = 0.35
+LEAST_EXPLAINED = 0.2
 """Least part of a moved part's points, of those that the second sight would show, that it does show."""
 LEAST_POINTS = 60
 """Least number of points of a moved part."""
@@ -116,7 +116,7 @@ def _moved(here: Sight, labels: np.ndarray, motions: list[np.ndarray], sights: _
         explained.sum() >= least
         and explained[shown].mean() >= LEAST_EXPLAINED
         # An edge that is laid somewhere on a face says nothing of the face's motion; other parts may have moved, too.
-        and covered.mean() >= 0.5 * LEAST_EXPLAINED
+        and covered.mean() >= 0.7 * LEAST_EXPLAINED
     )
     return motion if enough and plausible.possible(motion) else None
 

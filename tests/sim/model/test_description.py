@@ -87,7 +87,7 @@ def test_what_a_format_cannot_hold_is_refused(described):
 
 
 def test_a_scene_without_a_camera_is_written(described):
-    bare = described.model_copy(update={"cameras": (), "lights": (), "objects": (), "exclude": ()})
+    bare = described.model_copy(update={"cameras": (), "lights": (), "objects": (), "exclude": (), "touch": ()})
     assert model.compile_folder(mjcf.write(bare)).ncam == 0
     assert b"Capture" not in writer.write(bare).files["scene.usda"]
 
