@@ -288,12 +288,19 @@ class Physics(Artifact):
 class Pieces(Artifact):
     """Convex pieces of one link."""
 
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.unchanged}
+
     hulls: tuple[Hull, ...]
     """At least one."""
     method: str
-    """`walls`, `hull`, `wedges` (a container cut across its walls), `coacd`."""
+    """`walls`, `hull`, `wedges` (cut across the vertical: a container, or what CoACD takes too long for), `coacd`."""
     cavity_fill: float | None = None
     """Fraction of the cavity's volume that the pieces fill wrongly; None without a cavity."""
+    excess: float | None = None
+    """Volume of the pieces together outside the link, over the link's volume; None if it was not measured."""
+    lacking: float | None = None
+    """Volume of the link outside the pieces, over the link's volume; None if it was not measured."""
 
 
 class Collision(Artifact):

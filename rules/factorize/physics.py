@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.object import Body, Certainty, Inertial, Link, Physics, Rival
@@ -16,6 +17,8 @@ from dextera_build.statistics import Z90
 
 GAP = 0.05
 """Difference of two scores of `factorize.mesh` at which the odds of the hypotheses are e to 1."""
+ENCLOSING = 0.85
+"""Bulk density over that of the substance below which a product is a container or has voids."""
 
 
 class PhysicsOptions(Options):
@@ -34,16 +37,19 @@ class PhysicsOptions(Options):
     to the unseen fraction."""
     wall_sigma: NonNegativeFloat = 0.35
     """Relative standard deviation of the volume of walls; their thickness is mostly assumed."""
+    shell_m: PositiveFloat = 0.0015
+    """Wall thickness of a closed container, whose contents are unknown [m]: if it is empty, its walls are all."""
     untold_sigma: NonNegativeFloat = 0.2
     """Relative standard deviation of the volume of a shape whose backend does not tell how well it fits."""
 
 
-@rule(version=2)
+@rule(version=3)
 def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions) -> Physics:
     """Return mass properties of every link, in the object frame with all joints at 0, in SI units of the unscaled body.
 
     The mass of a body with a cavity is the material's density times the volume of its walls. Any other body has unseen
-    contents and voids, so the bulk density of such products is used.
+    contents and voids, so the bulk density of such products is used; if the material's products are containers, the
+    interval reaches down to an empty one, which weighs what its walls do.
 
     The interval of the mass adds up what is unknown of the density, of the volume that the photograph determines, of
     the unseen surface or the walls, and of the second-best hypothesis. The less certain the material is, the more of
@@ -60,8 +66,11 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
         density = options.mass_kg / sum(solid.volume for solid in solids.values())
         sigma, source = options.mass_sigma, "weighed"
     links = {label: _inertial(solid, density, sigma, source) for label, solid in solids.items()}
-    mass = sum(link.mass_kg for link in links.values())
-    low, high = (mass * math.exp(side * Z90 * sigma) for side in (-1, 1))
+    if options.mass_kg is None and not body.hollow and _encloses(material):
+        links = {label: _perhaps_empty(link, body.links[label], material, options) for label, link in links.items()}
+    mass, low, high = (
+        sum(getattr(link, name) for link in links.values()) for name in ("mass_kg", "mass_low_kg", "mass_high_kg")
+    )
     ctx.metric("mass", mass, "kg")
     ctx.metric("volume", sum(solid.volume for solid in solids.values()) * 1e6, "cm3")
     friction = f"friction {material.friction:.2f} ± {Z90 * material.friction_sigma:.2f}"
@@ -142,6 +151,20 @@ def _inertial(solid: massprops.MassProperties, density: float, sigma: float, sou
         inertia=massprops.six(solid.inertia * density),
         source=source,
     )
+
+
+def _encloses(material: Material) -> bool:
+    """Whether products of the material are mostly not the material: boxes, bottles and cans with what is in them."""
+    return material.bulk_density < ENCLOSING * material.wall_density
+
+
+def _perhaps_empty(full: Inertial, link: Link, material: Material, options: PhysicsOptions) -> Inertial:
+    """The same link with an interval that reaches down to that of its walls alone."""
+    corners = link.mesh.vertices.astype(np.float64)[link.mesh.faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2.0
+    sigma = math.hypot(material.wall_sigma, options.wall_sigma)
+    walls = float(area) * options.shell_m * material.wall_density * math.exp(-Z90 * sigma)
+    return full.model_copy(update={"mass_low_kg": min(full.mass_low_kg, walls)})
 
 
 def _grams(kilograms: float) -> str:

@@ -32,7 +32,7 @@ class CollisionBackend(Protocol):
         ...
 
 
-@rule(version=1)
+@rule(version=2)
 def collision(ctx: Context[CollisionBackend], body: Body, *, options: CollisionOptions) -> Collision:
     """Return convex pieces of every link, in the object frame with all joints at 0 [m].
 
@@ -46,6 +46,9 @@ def collision(ctx: Context[CollisionBackend], body: Body, *, options: CollisionO
         ctx.metric(f"{name}.pieces", len(made.hulls))
         if made.cavity_fill is not None:
             ctx.metric(f"{name}.cavity_fill", made.cavity_fill * 100.0, "%")
+        if made.excess is not None and made.lacking is not None:
+            ctx.metric(f"{name}.excess", made.excess * 100.0, "%")
+            ctx.metric(f"{name}.lacking", made.lacking * 100.0, "%")
         links[name] = made
     result = Collision(links=links)
     pixels = ctx.backend.picture(ctx, result, ctx.backend_options)
@@ -58,7 +61,9 @@ def collision(ctx: Context[CollisionBackend], body: Body, *, options: CollisionO
 def _line(name: str, result: Collision, options: CollisionOptions) -> str:
     made = result.links[name]
     line = f"{name}: {len(made.hulls)} by {made.method}"
-    if made.cavity_fill is None:
-        return line
-    missed = "" if made.cavity_fill <= options.cavity_fill else f", {options.cavity_fill:.0%} was asked"
-    return f"{line}, cavity filled {made.cavity_fill:.1%}{missed}"
+    if made.cavity_fill is not None:
+        missed = "" if made.cavity_fill <= options.cavity_fill else f", {options.cavity_fill:.0%} was asked"
+        line += f", cavity filled {made.cavity_fill:.1%}{missed}"
+    if made.excess is not None and made.lacking is not None:
+        line += f", volume +{made.excess:.1%} -{made.lacking:.1%}"
+    return line

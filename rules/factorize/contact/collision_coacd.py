@@ -12,7 +12,7 @@ from dextera_build.artifacts.object import Collision, Link, Pieces
 from dextera_build.rule import Backend, Context, Fraction, Options
 
 from ..joints import manifolds
-from . import cavity, wedges
+from . import cavity, decomposition, volume, wedges
 from .picture import draw
 
 if TYPE_CHECKING:
@@ -30,6 +30,10 @@ BACKEND = Backend(
 )
 
 
+SECTORS = 8
+"""Wedges into which a body is cut that CoACD takes too long for."""
+
+
 class CoacdOptions(Options):
     """Options of backend `coacd` of factorize.collision."""
 
@@ -45,6 +49,8 @@ class CoacdOptions(Options):
     """Maximum number of finer cuts to meet `cavity_fill`; a count, not a time limit, for reproducible results."""
     seed: NonNegativeInt = 0
     """Seed of CoACD."""
+    seconds: PositiveInt = 20
+    """Processor time that CoACD may take per link [s]; what takes longer is cut into wedges."""
 
 
 def pieces(ctx: Context, link: Link, hollow: bool, common: CollisionOptions, options: CoacdOptions) -> Pieces:
@@ -57,8 +63,16 @@ def pieces(ctx: Context, link: Link, hollow: bool, common: CollisionOptions, opt
         common: The rule's options.
         options: The backend's.
     """
-    inside = cavity.find(link.mesh) if hollow else cavity.Cavity(np.zeros((0, 3)), 0.0)
     solid = manifolds.solid(link.mesh)
+    made = _pieces(ctx, link, solid, hollow, common, options)
+    excess, lacking = volume.errors(solid, made.hulls)
+    return made.model_copy(update={"excess": excess, "lacking": lacking})
+
+
+def _pieces(
+    ctx: Context, link: Link, solid: Manifold, hollow: bool, common: CollisionOptions, options: CoacdOptions
+) -> Pieces:
+    inside = cavity.find(link.mesh) if hollow else cavity.Cavity(np.zeros((0, 3)), 0.0)
     if link.walls:
         fill = cavity.fill(inside, link.walls)
         exact = Pieces(hulls=link.walls, method="walls", cavity_fill=fill)
@@ -69,7 +83,11 @@ def pieces(ctx: Context, link: Link, hollow: bool, common: CollisionOptions, opt
         return Pieces(hulls=(_hull(solid, common.corners),), method="hull")
     if len(inside.points):
         return _container(solid, inside, common, options)
-    return Pieces(hulls=_coacd(solid, common.corners, options), method="coacd")
+    hulls = _coacd(ctx, solid, common.corners, options)
+    if hulls is None:
+        ctx.warn(f"CoACD took more than {options.seconds} s; the link was cut into wedges")
+        return Pieces(hulls=_wedges(solid, common.corners, options), method="wedges")
+    return Pieces(hulls=hulls, method="coacd")
 
 
 def picture(ctx: Context, collision: Collision, options: CoacdOptions) -> np.ndarray:
@@ -97,33 +115,41 @@ def _container(solid: Manifold, inside: cavity.Cavity, common: CollisionOptions,
     return best
 
 
-def _coacd(solid: Manifold, corners: int, options: CoacdOptions) -> tuple[Hull, ...]:
-    import coacd
-
-    coacd.set_log_level("error")
+def _coacd(ctx: Context, solid: Manifold, corners: int, options: CoacdOptions) -> tuple[Hull, ...] | None:
     mesh = _simplified(solid, options.faces).to_mesh64()
-    parts = coacd.run_coacd(
-        coacd.Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int32)),
+    parts = decomposition.parts(
+        np.asarray(mesh.vert_properties)[:, :3],
+        np.asarray(mesh.tri_verts),
+        ctx.scratch / "coacd",
         threshold=options.threshold,
-        max_convex_hull=options.pieces,
-        preprocess_mode="off",  # the solid is already manifold, and voxels would round it
-        mcts_nodes=10,
-        mcts_iterations=60,
+        most=options.pieces,
         seed=options.seed,
+        seconds=options.seconds,
     )
-    hulls = [_hull_of_points(np.asarray(vertices), corners) for vertices, _ in parts]
+    if parts is None:
+        return None
+    hulls = [_hull_of_points(vertices, corners) for vertices in parts]
     return tuple(sorted(hulls, key=lambda hull: tuple(hull.vertices.mean(axis=0).tolist())))
 
 
+def _wedges(solid: Manifold, corners: int, options: CoacdOptions) -> tuple[Hull, ...]:
+    """A cut by a count of planes, whose time is bounded."""
+    small = _simplified(solid, 2 * options.faces)
+    allowed = options.threshold * small.volume()
+    cut = wedges.cut(small, SECTORS, 0.5 * allowed / (4 * SECTORS))
+    return tuple(_hull(piece, corners) for piece in wedges.join(cut, 0.5 * allowed, options.pieces))
+
+
 def _simplified(solid: Manifold, faces: int) -> Manifold:
+    """The solid with about so many faces: small steps, because what is simplified too far shrinks."""
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
-    tolerance = float(np.linalg.norm(high - low)) * 5e-4
+    tolerance = float(np.linalg.norm(high - low)) * 5e-5
     small = solid
-    for _ in range(6):
+    for _ in range(16):
         if small.num_tri() <= faces:
             break
         small = solid.simplify(tolerance)
-        tolerance *= 1.6
+        tolerance *= 1.4
     return small
 
 

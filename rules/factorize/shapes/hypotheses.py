@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,10 +12,13 @@ from dextera_build.geometry.solids import Solid
 
 from . import wall_pieces
 from .evidence import Evidence
-from .families import box, extruded, lofted, mirrored, panels, revolution, tilted
-from .families.names import HYPOTHESES
+from .families import box, extruded, lofted, lying, mirrored, open_box, panels, revolution, superquadric, tilted, turned
+from .families.names import HYPOTHESES, TURNED, TURNED_PREFIX
 from .families.profile import FACETS, Layout, Profile
 from .refine import Model
+
+TURNED_COST = 0.02
+"""Complexity of a vessel that does not stand, besides its own."""
 
 
 @dataclass(frozen=True)
@@ -60,9 +63,13 @@ def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float) -> list
         "oval": lambda: _lofted(*lofted.oval(evidence), wall_m),
         "extruded": lambda: _extruded(evidence),
         "panels": lambda: _panels(evidence),
+        "open_box": lambda: _open_box(evidence, wall_m),
+        "superquadric": lambda: _superquadric(evidence),
+        "lying": lambda: _lying_profile(evidence),
         "mirrored": lambda: _mirrored(evidence),
     }
-    made = [makers[name]() for name in HYPOTHESES if name in allowed]
+    made = [makers[name]() for name in HYPOTHESES if name in allowed and name in makers]
+    made += [one for name in TURNED if TURNED_PREFIX + name in allowed for one in _turned(name, evidence, wall_m)]
     return [candidate for candidate in made if candidate is not None]
 
 
@@ -159,3 +166,57 @@ def _mirrored(evidence: Evidence) -> Candidate | None:
         return None
     front, model = made
     return Candidate(model, lambda p: Finished(*mirrored.finished(front, p)))
+
+
+def _open_box(evidence: Evidence, wall_m: float) -> Candidate | None:
+    model = open_box.open_box(evidence, wall_m)
+    if model is None:
+        return None
+
+    def finish(p: np.ndarray) -> Finished:
+        outside = solids.loft(open_box.rings(p)[0])
+        pose = box.upright(p[0], p[1], p[2])
+        return Finished(open_box.open_box_body(p), pose, open_box.walls(p), hollow=True, outside=outside)
+
+    return Candidate(model, finish)
+
+
+def _superquadric(evidence: Evidence) -> Candidate:
+    frames, model = superquadric.superquadric(evidence)
+
+    def finish(p: np.ndarray) -> Finished:
+        return _on_its_base(superquadric.body(p, 48, 24), lambda solid: superquadric.pose(solid, frames, p))
+
+    return Candidate(model, finish)
+
+
+def _lying_profile(evidence: Evidence) -> Candidate:
+    def finish(p: np.ndarray) -> Finished:
+        return _on_its_base(lying.body(p, 25, FACETS), lambda solid: lying.pose(solid, p))
+
+    return Candidate(lying.lying(evidence), finish)
+
+
+def _on_its_base(centred: Solid, pose: Callable[[Solid], np.ndarray]) -> Finished:
+    """A centred body with its origin moved to the lowest point of its own z axis."""
+    down = float(centred.vertices[:, 2].min())
+    moved = pose(centred)
+    moved[:3, 3] += moved[:3, 2] * down
+    return Finished(Solid(centred.vertices - [0.0, 0.0, down], centred.faces), moved)
+
+
+def _turned(name: str, evidence: Evidence, wall_m: float) -> list[Candidate]:
+    """The vessel `name` about axes that are not upright."""
+    made = []
+    for world in turned.turned(evidence):
+        for standing in propose(world.evidence, (name,), wall_m):
+            made.append(_about(world, standing))
+    return made
+
+
+def _about(world: turned.Turned, standing: Candidate) -> Candidate:
+    def finish(p: np.ndarray) -> Finished:
+        body = standing.finish(p[turned.OWN :])
+        return replace(body, pose=world.pose(p) @ body.pose)
+
+    return Candidate(world.model(standing.model, TURNED_PREFIX + standing.model.name, TURNED_COST), finish)

@@ -30,16 +30,17 @@ if TYPE_CHECKING:
     from .mesh import MeshOptions
 
 BACKEND = Backend(
-    summary="boxes, cylinders, revolved, oval, extruded, hinged and mirrored bodies, fitted to depth and silhouette",
+    summary="boxes, vessels, revolved, lying, extruded, hinged and mirrored bodies, superquadrics, fitted to the view",
     profiles=("cpu",),
     packages=("manifold3d", "open3d", "opencv-python-headless", "scipy"),
     extra="twin",
 )
 
-HANDLED = ("revolved", "revolved_hollow", "cylinder")
+HANDLED = ("revolved", "revolved_hollow", "cylinder", "tilted_revolved_hollow")
 """Families that may have a handle."""
-HOLLOW = ("revolved_hollow",)
-HALF_TURN_SYMMETRIC = ("box", "tilted_box", "lying_cylinder", "oval")
+HOLLOW = ("revolved_hollow", "open_box", "tilted_revolved_hollow", "tilted_open_box")
+HALF_TURN_SYMMETRIC = ("box", "tilted_box", "lying_cylinder", "oval", "open_box", "superquadric")
+MIRROR_SYMMETRIC = ("mirrored", "lying")
 
 
 class PrimitivesOptions(Options):
@@ -86,7 +87,7 @@ def complete(
         return _stand_in(ctx, evidence, seen, common, "no family of bodies fits the view")
     best = max(fitted, key=lambda found: found.score)
     body, judged, left = _finished(best, evidence, options.refine_steps)
-    scores = {found.candidate.model.name: found.score for found in fitted}
+    scores = {found.candidate.model.name: found.score for found in sorted(fitted, key=lambda found: found.score)}
     shape = _shape(best.candidate.model.name, body, judged, scores, seen, common)
     covariance = left.doubt.pose.copy()
     covariance[5, 5] += body.turn_sigma**2
@@ -197,5 +198,5 @@ def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tupl
 def _shape(
     name: str, body: Finished, judged: Judgement, scores: dict[str, float], seen: Seen, options: MeshOptions
 ) -> Shape:
-    symmetry = HALF_TURN if name in HALF_TURN_SYMMETRIC else MIRROR if name == "mirrored" else None
+    symmetry = HALF_TURN if name in HALF_TURN_SYMMETRIC else MIRROR if name in MIRROR_SYMMETRIC else None
     return shaped(name, body, judged, scores, seen, options.texture_px, symmetry, revolved=name in HANDLED)

@@ -168,3 +168,29 @@ def test_a_material_is_as_certain_as_whether_the_body_is_a_vessel(runner):
 
     assert friction(hollow=True, sure=0.9) > friction(hollow=False, sure=0.9)
     assert friction(hollow=True, sure=1.0) == 0.12, "somebody stated it"
+
+
+def test_a_closed_container_may_be_empty_and_a_block_may_not(runner):
+    """A cardboard box of 411 g when it is full weighs 65 g empty; a wooden block is wood all through."""
+    carton = object_views.mesh(solids.box((0.060, 0.158, 0.210), (0.0, 0.0, 0.105)))
+    box = weigh(runner, object_views.body(carton), "cardboard").links["base"]
+    assert box.mass_low_kg < 0.065 < 0.411 < box.mass_high_kg
+    assert box.mass_low_kg > 0.02, "not lighter than its walls"
+    block = weigh(runner, object_views.body(carton), "wood").links["base"]
+    assert block.mass_low_kg > 0.4
+    weighed = weigh(runner, object_views.body(carton), "cardboard", mass_kg=0.4).links["base"]
+    assert weighed.mass_low_kg > 0.38
+
+
+def test_the_interval_of_a_vessel_is_that_of_its_walls(runner):
+    """Twice as thick walls weigh about twice as much; what would fill the cavity does not count."""
+    thin, thick = (
+        weigh(runner, object_views.body(object_views.mesh(object_views.cup(wall=wall)), hollow=True), "ceramic")
+        for wall in (0.002, 0.004)
+    )
+    ratios = [
+        getattr(thick.links["base"], end) / getattr(thin.links["base"], end) for end in ("mass_low_kg", "mass_high_kg")
+    ]
+    assert ratios == pytest.approx([1.93, 1.93], abs=0.1)
+    outer = math.pi * 0.04**2 * 0.09
+    assert thick.links["base"].mass_kg < 0.7 * 800.0 * outer, "less than a product of that outline"

@@ -2,7 +2,7 @@
 
 The seen surface and the outline of the mask are known: the body is the largest mirror-symmetric solid behind the
 surface and within the outline. Three assumptions fill in the rest. The plane, and so the whole back, is upright, within
-some 50 degrees of facing the camera, and placed to explain the view best at a depth not far from the width. Hidden
+some 60 degrees of facing the camera, and placed to explain the view best at a depth not far from the width. Hidden
 space that could be full is full, down to the surface under the object. Missing depth continues the nearest seen
 surface. A body without such a plane, or with one along the line of sight, comes out too short or too bulky; a cavity
 is only as deep as it was seen, and has the wrong back.
@@ -10,6 +10,7 @@ is only as deep as it was seen, and has the wrong back.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -30,8 +31,14 @@ COST = 0.2
 """Complexity. The copied front always fits; with this cost the body wins only if every parametric family fits badly."""
 YAWS_DEG = (0.0, -20.0, 20.0, -40.0, 40.0)
 """Yaws of the plane to try, from facing the camera."""
-RATIOS = (0.6, 0.9, 1.4, 2.1)
+RATIOS = (0.4, 0.6, 0.9, 1.4, 2.1)
 """Ratios of depth to width to try."""
+CLIMBED = 3
+"""Number of the best of these from which a better plane is searched."""
+CLIMBS = ((12.0, 1.25), (6.0, 1.12), (3.0, 1.06))
+"""Steps of that search: yaw [deg] and factor of the ratio."""
+STEEPEST_DEG = 62.0
+"""Maximum yaw of a plane."""
 UNLIKELY = 0.04
 """Cost of a depth e times larger or smaller than the width, relative to an overlap of 1."""
 SEARCHED_PX = 90
@@ -123,22 +130,37 @@ def _thinned(evidence: Evidence) -> Evidence:
 
 
 def _best_plane(front: Front, evidence: Evidence) -> np.ndarray | None:
-    """The likeliest plane of a coarse grid and its neighbours; None if no plane leaves a body."""
-    found = _likeliest(front, evidence, [(yaw, ratio) for yaw in YAWS_DEG for ratio in RATIOS])
-    if found is None:
-        return None
-    nearby = [found, (found[0], 0.82 * found[1]), (found[0], 1.2 * found[1])]
-    return _plane(evidence, *(_likeliest(front, evidence, nearby) or found))
+    """The likeliest plane: the best of a coarse grid, and what is better nearby; None if no plane leaves a body."""
+    marks: dict[tuple[float, float], float] = {}
+
+    def mark(yaw_deg: float, ratio: float) -> float:
+        place = round(yaw_deg, 3), round(ratio, 5)
+        if place not in marks:
+            body = front.body(_plane(evidence, *place)) if abs(place[0]) <= STEEPEST_DEG else None
+            unlikely = UNLIKELY * float(np.log(ratio) ** 2)
+            marks[place] = -np.inf if body is None else judge(body, evidence).score - unlikely
+        return marks[place]
+
+    grid = sorted(((yaw, ratio) for yaw in YAWS_DEG for ratio in RATIOS), key=lambda at: -mark(*at))
+    found = [_climbed(mark, *at) for at in grid[:CLIMBED]]
+    best = max(found, key=lambda at: mark(*at))
+    return _plane(evidence, *best) if np.isfinite(mark(*best)) else None
 
 
-def _likeliest(front: Front, evidence: Evidence, choices: list[tuple[float, float]]) -> tuple[float, float] | None:
-    """The choice of yaw [deg] and depth-to-width ratio that best explains the view at a likely depth."""
-    marks = {}
-    for yaw_deg, ratio in choices:
-        body = front.body(_plane(evidence, yaw_deg, ratio))
-        if body is not None:
-            marks[yaw_deg, ratio] = judge(body, evidence).score - UNLIKELY * float(np.log(ratio) ** 2)
-    return max(marks, key=lambda choice: marks[choice]) if marks else None
+def _climbed(mark: Callable[[float, float], float], yaw_deg: float, ratio: float) -> tuple[float, float]:
+    """Yaw [deg] and ratio at which no step to a neighbour improves the mark."""
+    here = yaw_deg, ratio
+    for turn, factor in CLIMBS:
+        while True:
+            yaw, part = here
+            near = [(yaw + turn, part), (yaw - turn, part), (yaw, part * factor), (yaw, part / factor)]
+            near += [(yaw + turn, part * factor), (yaw - turn, part * factor)]
+            near += [(yaw + turn, part / factor), (yaw - turn, part / factor)]
+            best = max(near, key=lambda at: mark(*at))
+            if not mark(*best) > mark(*here):
+                break
+            here = best
+    return here
 
 
 def _plane(evidence: Evidence, yaw_deg: float, ratio: float) -> np.ndarray:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+TURNED = ("revolved_hollow", "open_box")
+"""Vessels that are also fitted lying and leaning."""
+TURNED_PREFIX = "tilted_"
+"""Before the name of a vessel that does not stand."""
 HYPOTHESES = (
     "box",
     "tilted_box",
@@ -12,6 +16,10 @@ HYPOTHESES = (
     "oval",
     "extruded",
     "panels",
+    "open_box",
+    "superquadric",
+    "lying",
+    *(TURNED_PREFIX + name for name in TURNED),
     "mirrored",
 )
 """All families, in the order in which they are tried."""

@@ -12,6 +12,8 @@ from ..refine import Model
 from .box import LARGEST_M, SMALLEST_M
 from .planes import largest_plane
 
+DEEP = 0.4
+"""Depth along the line of sight, at least, over the median size, of a start: cartons are flat."""
 LEAST_PART = 0.15
 """Smallest fraction of the points on a face that defines a direction."""
 
@@ -28,7 +30,7 @@ def tilted(evidence: Evidence) -> tuple[list[np.ndarray], Model] | None:
     for number, frame in enumerate(frames):
         turned = evidence.points @ frame
         low, high = np.quantile(turned, 0.01, axis=0), np.quantile(turned, 0.99, axis=0)
-        low, high = _deepened(low, high, frame.T @ (np.median(evidence.points, axis=0) - evidence.eye))
+        low, high = deepened(low, high, frame.T @ (np.median(evidence.points, axis=0) - evidence.eye), DEEP)
         starts.append(np.array([number, 0.0, 0.0, 0.0, *(frame @ (low + high) / 2), *(high - low)]))
     inf = np.inf
     model = Model(
@@ -92,11 +94,18 @@ def _upright_frame(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.stack([x, np.cross(z, x), z], axis=-1)
 
 
-def _deepened(low: np.ndarray, high: np.ndarray, sight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of a box with only one face in view, grown away from the camera to a likely depth."""
+def deepened(low: np.ndarray, high: np.ndarray, sight: np.ndarray, part: float) -> tuple[np.ndarray, np.ndarray]:
+    """Ends (3,) of a box around seen points, grown away from the camera along the axis that shows least.
+
+    Args:
+        low: Low ends of the points [m].
+        high: High ends.
+        sight: Line of sight (3,) in the axes of the box.
+        part: Its depth there, at least, over its median size.
+    """
     size = high - low
     thin = int(np.argmin(size))
-    extra = max(0.0, 0.4 * float(np.median(size)) - float(size[thin]))
+    extra = max(0.0, part * float(np.median(size)) - float(size[thin]))
     low, high = low.copy(), high.copy()
     if sight[thin] > 0:
         high[thin] += extra

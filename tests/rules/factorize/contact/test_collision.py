@@ -119,7 +119,7 @@ def test_the_line_says_what_was_reached_and_what_was_not(runner):
     body = object_views.body(object_views.mesh(object_views.bowl()), hollow=True)
     pieces(runner, body, coacd={"pieces": 12, "attempts": 1})
     assert runner.outcome.line.startswith("base: 12 by wedges, cavity filled ")
-    assert runner.outcome.line.endswith("%, 5% was asked")
+    assert "%, 5% was asked, volume +" in runner.outcome.line
     assert len(runner.outcome.previews) == 1
 
 
@@ -144,3 +144,30 @@ def test_neither_a_box_nor_an_arch_has_a_cavity():
     assert len(cavity.find(box).points) == 0
     assert len(cavity.find(object_views.mesh(arch)).points) == 0
     assert cavity.fill(cavity.find(box), (Hull(vertices=box.vertices),)) is None
+
+
+def test_what_takes_coacd_too_long_is_cut_into_wedges(runner):
+    import manifold3d
+
+    balls = [manifold3d.Manifold.sphere(0.02, 24).translate((0.05 * i, 0.03 * (i % 2), 0.02)) for i in range(12)]
+    mesh = manifold3d.Manifold.batch_boolean(balls, manifold3d.OpType.Add).to_mesh64()
+    knobs = solids.Solid(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64))
+    made = pieces(runner, object_views.body(object_views.mesh(knobs)), coacd={"seconds": 1, "threshold": 0.01})
+    assert made.method == "wedges"
+    assert runner.outcome.warnings == ["CoACD took more than 1 s; the link was cut into wedges"]
+    assert made.lacking < 0.12
+
+
+def test_the_volume_error_counts_overlaps_once_and_gaps(runner):
+    box = object_views.mesh(solids.box((0.1, 0.1, 0.1), (0.0, 0.0, 0.05)))
+    halves = [solids.box((0.07, 0.1, 0.1), (x, 0.0, 0.05)) for x in (-0.015, 0.015)]
+    link = Link(mesh=box, walls=tuple(object_views.hull(half) for half in halves))
+    body = Body(links={"base": link}, pose=factories.placed(np.eye(4)))
+    made = pieces(runner, body)
+    assert (made.excess, made.lacking) == (pytest.approx(0.0, abs=1e-4), pytest.approx(0.0, abs=1e-4))
+    assert runner.outcome.line == "base: 2 by walls, volume +0.0% -0.0%"
+    one = body.model_copy(update={"links": {"base": link.model_copy(update={"walls": link.walls[:1]})}})
+    assert pieces(runner, one).lacking == pytest.approx(0.3, abs=1e-3)
+    bracket = pieces(runner, object_views.body(object_views.mesh(object_views.bracket())), coacd={"convexity": 0.1})
+    assert bracket.method == "hull"
+    assert bracket.excess > 0.2

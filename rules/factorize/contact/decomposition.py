@@ -1,0 +1,62 @@
+"""CoACD in a process of its own, with a limit of processor time: no option of it bounds how long it takes."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+PROGRAM = """
+import resource, sys
+folder, threshold = sys.argv[1], float(sys.argv[2])
+seconds, most, seed = (int(text) for text in sys.argv[3:])
+resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
+import numpy as np
+import coacd
+coacd.set_log_level("error")
+given = np.load(folder + "/solid.npz")
+parts = coacd.run_coacd(
+    coacd.Mesh(given["vertices"], given["faces"]),
+    threshold=threshold,
+    max_convex_hull=most,
+    preprocess_mode="off",  # the solid is already manifold, and voxels would round it
+    mcts_nodes=10,
+    mcts_iterations=60,
+    seed=seed,
+)
+np.savez(folder + "/parts.npz", *[np.asarray(vertices) for vertices, _ in parts])
+"""
+
+
+def parts(
+    vertices: np.ndarray, faces: np.ndarray, folder: Path, *, threshold: float, most: int, seed: int, seconds: int
+) -> list[np.ndarray] | None:
+    """Corner points (N, 3) of convex parts, or None if they take longer.
+
+    The limit is of processor time, so that a busy machine gives what an idle one gives.
+
+    Args:
+        vertices: (V, 3) of a closed manifold.
+        faces: (F, 3).
+        folder: Where the two processes exchange files.
+        threshold: Concavity at which CoACD stops, over the size.
+        most: Maximum number of parts.
+        seed: Of its random search.
+        seconds: Of processor time.
+
+    Raises:
+        ChildProcessError: CoACD failed for another reason.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    np.savez(folder / "solid.npz", vertices=vertices.astype(np.float64), faces=faces.astype(np.int32))
+    arguments = [str(folder), *(str(value) for value in (threshold, seconds, most, seed))]
+    ended = subprocess.run([sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, check=False)
+    if ended.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+        return None
+    if ended.returncode:
+        raise ChildProcessError(ended.stderr[-2000:] or f"exit code {ended.returncode}")
+    with np.load(folder / "parts.npz") as found:
+        return [found[name] for name in found.files]
