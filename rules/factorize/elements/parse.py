@@ -36,7 +36,7 @@ class ParseBackend(Protocol):
         ...
 
 
-@rule(version=2)
+@rule(version=3)
 def parse(
     ctx: Context[ParseBackend],
     photograph: Photograph,

@@ -48,7 +48,7 @@ class SegmentBackend(Protocol):
         ...
 
 
-@rule(version=3)
+@rule(version=4)
 def segment(
     ctx: Context[SegmentBackend],
     photograph: Photograph,
