@@ -87,7 +87,7 @@ def bays(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarra
     box = _box(mask, 2 * BAND)
     own, valid = mask[box], relief.valid[box]
     corner = [box[0].start, box[1].start]
-    places = np.stack(np.indices(own.shape), axis=-1) + corner
+    places = np.moveaxis(np.indices(own.shape, dtype=np.float64), 0, -1) + corner
     floor = valid & ~relief.raised[box] & ~regions.inside_convex(places, outline, BESIDE)
     if len(outline) < 3 or not floor.any():
         return mask
