@@ -6,11 +6,15 @@ import numpy as np
 
 from dextera_build.artifacts.scene import SupportBox
 
+from .grids import rectangles
+from .levels import levels
 from .scenery import Scenery
 from .shell import Room
 
 WALL_M = 0.1
 """Thickness of walls and floor [m]."""
+BOARD_M = 0.02
+"""Thickness of a level surface of which the underside was not seen [m]."""
 CELL_M = 0.06
 """Smallest cell in which things are boxed [m]."""
 MOST = 48
@@ -52,9 +56,16 @@ def thing_boxes(scenery: Scenery, room: Room, objects: np.ndarray, height: float
     while len(found) > MOST:
         cell *= 1.3
         found = _merged(local, taken, cell)
+    flat = levels(scenery, room)
     boxes = []
-    for number, (low, high) in enumerate(found):
-        boxes.append(_box(f"thing_{number}", (low + high) * cell / 2, (high - low) * cell / 2, room))
+    for number, cells in enumerate(found):
+        low, high = (corner * cell for corner in cells)
+        high[2] = min([high[2], *(level.height_m for level in flat if level.under(low, high))])
+        boxes.append(_box(f"thing_{number}", (low + high) / 2, (high - low) / 2, room))
+    for number, level in enumerate(flat):
+        middle, half = (level.low + level.high) / 2, (level.high - level.low) / 2
+        centre = np.array([*middle, level.height_m - BOARD_M / 2])
+        boxes.append(_box(f"level_{number}", centre, [*half, BOARD_M / 2], room))
     return boxes
 
 
@@ -74,23 +85,7 @@ def _merged(local: np.ndarray, taken: np.ndarray, cell: float) -> list[tuple[np.
     start = cells.min(axis=0)
     grid = np.zeros(cells.max(axis=0) - start + 1, bool)
     grid[tuple((cells - start).T)] = True
-    boxes = []
-    while grid.any():
-        low = np.array(np.unravel_index(int(np.argmax(grid)), grid.shape))
-        high = low + 1
-        for axis in (2, 1, 0):
-            while high[axis] < grid.shape[axis] and _layer(grid, low, high, axis).all():
-                high[axis] += 1
-        grid[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = False
-        boxes.append((low + start, high + start))
-    return boxes
-
-
-def _layer(grid: np.ndarray, low: np.ndarray, high: np.ndarray, axis: int) -> np.ndarray:
-    """The cells that a box would gain by one more layer along an axis."""
-    area = [slice(a, b) for a, b in zip(low, high, strict=True)]
-    area[axis] = slice(high[axis], high[axis] + 1)
-    return np.asarray(grid[tuple(area)])
+    return [(low + start, high + start) for low, high in rectangles(grid)]
 
 
 def _box(name: str, centre: np.ndarray, half: np.ndarray | list[float], room: Room) -> SupportBox:

@@ -12,6 +12,8 @@ from dextera_build.geometry import cameras, transforms
 
 from .patches import SUPPORT, Patch
 
+SOME = np.s_[::4, ::4]
+
 
 @dataclass(frozen=True)
 class Scenery:
@@ -34,11 +36,18 @@ class Scenery:
         return depth
 
     @cached_property
+    def _some(self) -> np.ndarray:
+        """Points (h, w, 3) in the world frame [m], of every fourth row and column."""
+        return transforms.apply(self.world_from_camera, cameras.backproject(self.depth, self.k)[SOME])
+
+    @cached_property
     def points(self) -> np.ndarray:
         """Points (N, 3) in the world frame [m], of every fourth row and column, off the support."""
-        some = np.s_[::4, ::4]
-        seen = transforms.apply(self.world_from_camera, cameras.backproject(self.depth, self.k)[some])
-        return np.asarray(seen[(self.depth[some] > 0) & (self.labels[some] != SUPPORT)])
+        return np.asarray(self._some[(self.depth[SOME] > 0) & (self.labels[SOME] != SUPPORT)])
+
+    def points_of(self, number: int) -> np.ndarray:
+        """Points (N, 3) in the world frame [m], of every fourth row and column of a patch."""
+        return np.asarray(self._some[(self.depth[SOME] > 0) & (self.labels[SOME] == number)])
 
     def lift(self, pixel: np.ndarray, depth: np.ndarray) -> np.ndarray:
         """Points (..., 3) in the world frame [m] at pixels (..., 2) and depths (...)."""

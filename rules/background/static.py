@@ -45,7 +45,7 @@ class BackgroundBackend(Protocol):
         ...
 
 
-@rule(version=3)
+@rule(version=4)
 def static(
     ctx: Context[BackgroundBackend],
     photograph: Photograph,

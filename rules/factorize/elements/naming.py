@@ -89,11 +89,11 @@ def elements(proposals: tuple[Proposal, ...], relief: Relief, lab: np.ndarray) -
     for proposal in proposals:
         shape = shape_class(proposal, relief)
         colour = colour_word(lab[proposal.mask])
-        base = proposal.static or f"{colour}_{shape}"
+        base = "fixture" if proposal.static else f"{colour}_{shape}"
         found.append(
             Element(
                 name=unique(base, taken),
-                category=proposal.static or shape,
+                category="room" if proposal.static else shape,
                 phrase=base.replace("_", " "),
                 body_type="articulated" if shape == "laptop" and not proposal.static else "rigid",
                 interactive=not proposal.static,

@@ -36,7 +36,7 @@ class ParseBackend(Protocol):
         ...
 
 
-@rule(version=3)
+@rule(version=4)
 def parse(
     ctx: Context[ParseBackend],
     photograph: Photograph,

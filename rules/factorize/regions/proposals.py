@@ -39,8 +39,8 @@ class Proposal:
     """Fraction of the seen surface that faces the object's centre; only hollow objects have such a surface."""
     hinged: bool
     """Whether two plates meet at a crease, as in a laptop."""
-    static: str
-    """`robot` if cut by the image border, too large or not standing on the support; otherwise empty."""
+    static: bool
+    """Cut by the image border, too large, or standing on nothing."""
 
 
 @dataclass(frozen=True)
@@ -118,5 +118,5 @@ def _proposal(parts: grouping.Grouping, number: int, mask: np.ndarray, handled: 
         facets=relations.facets(parts.surfaces, part),
         inward=relations.inward(parts.surfaces, part),
         hinged=number in parts.hinged,
-        static="" if handled else "robot",
+        static=not handled,
     )

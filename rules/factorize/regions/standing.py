@@ -1,6 +1,12 @@
-"""Find the objects that stand on the support or on one another; others hang or reach in from outside."""
+"""Find the objects that stand on the support, on a level of the furniture, or on one another.
+
+Others hang or reach in from outside.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,6 +31,20 @@ SAME_M = 0.04
 """Largest difference in depth of one thing's pixels above and below the support's level [m]."""
 FAR_M = 0.15
 """What is seen below an object this far behind it is not what it stands on [m]."""
+LEVEL_M2 = 0.01
+"""Minimum visible area of a level of the furniture, such as the board of a shelf [m^2]."""
+LEVEL = 0.97
+"""Cosine of the angle to the vertical up to which a surface is level."""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A surface that carries things: the support, or a level of the furniture on it."""
+
+    pixels: np.ndarray
+    """(h, w) bool."""
+    height_m: float
+    """Above the support [m]."""
 
 
 def standing(parts: Grouping, cut: set[int]) -> set[int]:
@@ -34,7 +54,9 @@ def standing(parts: Grouping, cut: set[int]) -> set[int]:
         parts: All groups.
         cut: Numbers of groups that extend beyond the image; these and groups attached to them are excluded.
     """
-    found = {number for number in parts.groups if number not in cut and _on_floor(parts.surfaces, parts, number)}
+    grounds = [Ground(parts.labels == 0, 0.0), *_levels(parts, cut)]
+    free = sorted(set(parts.groups) - cut)
+    found = {number for number in free if any(_stands(parts, number, ground) for ground in grounds)}
     attached = _attached(parts, cut, found)
     changed = True
     while changed:
@@ -70,17 +92,31 @@ def _below(parts: Grouping, number: int) -> tuple[np.ndarray, np.ndarray, np.nda
     return lowest[present], present, np.minimum(lowest[present] + LOOK, height - 1)
 
 
-def _on_floor(s: Surfaces, parts: Grouping, number: int) -> bool:
-    if _seen_from_above(s, parts, number):
+def _levels(parts: Grouping, cut: set[int]) -> Iterator[Ground]:
+    """Level patches of things that are no objects."""
+    for number in sorted(cut):
+        for patch in (parts.patches[member] for member in parts.members[number]):
+            if patch.area_m2 >= LEVEL_M2 and abs(float(patch.plane[0][2])) > LEVEL:
+                pixels = np.zeros(parts.labels.shape, bool)
+                pixels.ravel()[patch.pixels] = True
+                yield Ground(pixels, float(patch.middle[2]))
+
+
+def _stands(parts: Grouping, number: int, ground: Ground) -> bool:
+    s = parts.surfaces
+    above = parts.groups[number].top_m - ground.height_m
+    if above < 0:
+        return False
+    if ground.height_m == 0 and _seen_from_above(s, parts, number):
         return True
     rows, columns, below = _below(parts, number)
-    beside = _beside(s, rows, columns)
+    beside = _beside(s, rows, columns) if ground.height_m == 0 else np.zeros(len(rows), bool)
     if beside.mean() > 0.5:
         return False
     # The lower border of a round bowl is tangent to the lines of sight, well above its foot.
-    limit = np.clip(0.8 * parts.groups[number].top_m, FOOT_M, 2.4 * FOOT_M)
-    low = s.height[np.maximum(rows - 1, 0), columns] < limit
-    return bool((low & ~beside & (parts.labels[below, columns] == 0)).mean() > FEW)
+    limit = np.clip(0.8 * above, FOOT_M, 2.4 * FOOT_M)
+    low = s.height[np.maximum(rows - 1, 0), columns] - ground.height_m < limit
+    return bool((low & ~beside & ground.pixels[below, columns]).mean() > FEW)
 
 
 def _beside(s: Surfaces, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:

@@ -15,6 +15,8 @@ CONTACT_M = 0.018
 """Maximum depth difference between an object and the surface just below that carries it [m]."""
 LIFTED_M = 0.02
 """Maximum height of the lowest seen border of an object that stands on the support [m]."""
+STEEPEST = 0.3
+"""Change of height over the size of a pixel below which a surface is level; of an upright one it is over 0.4."""
 STEP_PX = 0.75
 """Spacing of the rays across the silhouette [px]."""
 
@@ -120,13 +122,14 @@ def standing_height(mask: np.ndarray, depth: np.ndarray, k: np.ndarray, pose: np
     """Height above the support of the surface under the object [m], 0 unless the view shows otherwise.
 
     Along the lower border of the mask, an object on top of another touches the surface seen below it; an occluded
-    object is behind that surface.
+    object is behind that surface. A level surface tells its height itself, an edge only that of the object above it.
     """
     columns = np.flatnonzero((mask & (depth > 0)).any(axis=0))
     if len(columns) < 8:
         return 0.0
     lowest = len(mask) - 1 - np.argmax(mask[::-1, columns], axis=0)
-    height, touching, told = np.full(len(columns), np.nan), 0, 0
+    height, rise, touching, told = np.full(len(columns), np.nan), np.full(len(columns), np.nan), 0, 0
+    ground = np.full(len(columns), np.nan)
     heights = transforms.apply(pose, cameras.backproject(depth, k))[..., 2]
     for i, (column, row) in enumerate(zip(columns, lowest, strict=True)):
         above, below = np.s_[max(row - 6, 0) : row - 1, column], np.s_[row + 3 : row + 7, column]
@@ -137,9 +140,14 @@ def standing_height(mask: np.ndarray, depth: np.ndarray, k: np.ndarray, pose: np
         if abs(top - under) < CONTACT_M and seen_under > 0.6 * LIFTED_M:
             touching += 1
             height[i] = seen_top
+            before = np.s_[row + 9 : row + 13, column]
+            if (depth[before] > 0).any():
+                ground[i] = seen_under
+                rise[i] = (seen_under - _middle(depth[before], heights[before])[1]) / (6 * under / k[1, 1])
     if told < 8 or touching < 0.6 * told:
         return 0.0
-    base = float(np.nanquantile(height, 0.1))
+    level = np.isfinite(ground).sum() >= 8 and abs(float(np.nanmedian(rise))) < STEEPEST
+    base = float(np.nanmedian(ground)) if level else float(np.nanquantile(height, 0.1))
     return base if base > LIFTED_M else 0.0
 
 

@@ -33,7 +33,7 @@ class MeshBackend(Protocol):
         ...
 
 
-@rule(version=3, packages=("numpy",))
+@rule(version=4, packages=("numpy",))
 def mesh(
     ctx: Context[MeshBackend],
     view: ObjectView,

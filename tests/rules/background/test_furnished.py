@@ -12,7 +12,7 @@ from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.object import Asset, Support
-from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.scene import Background, SupportBox
 from dextera_build.artifacts.view import InstanceMap
 from dextera_build.geometry import metrics, raycast, transforms
 from dextera_build.rule import Context
@@ -151,6 +151,25 @@ def test_what_stands_in_the_room_collides_but_not_with_objects(built: tuple[Capt
         assert away.max() > 0.03, box.name
     carton = np.array([(a + b) / 2 for a, b in zip(*THINGS["carton"][:2], strict=True)])
     assert any((np.abs(np.array(box.centre) - carton) < np.array(box.half_size) + 0.1).all() for box in things)
+
+
+def test_a_level_top_collides_where_it_is(built: tuple[Capture, Support, Background]) -> None:
+    boxes = [box for box in built[2].boxes if box.name.startswith(("thing_", "level_"))]
+    (left, front, _), (right, back, top), _ = THINGS["cupboard"]
+    seen_from, margin = -0.9, 0.08  # the camera's picture cuts the cupboard
+    for x in np.linspace(max(left, seen_from) + margin, right - margin, 6):
+        for y in np.linspace(front + margin, back - margin, 5):
+            assert _highest(boxes, np.array([x, y])) == pytest.approx(top, abs=0.006), (x, y)
+
+
+def _highest(boxes: list[SupportBox], place: np.ndarray) -> float:
+    """Height of the highest box over a place (2,) [m]."""
+    found = [-1.0]
+    for box in boxes:
+        turn = np.array([[np.cos(box.yaw), np.sin(box.yaw)], [-np.sin(box.yaw), np.cos(box.yaw)]])
+        if (np.abs(turn @ (place - np.array(box.centre[:2]))) <= np.array(box.half_size[:2])).all():
+            found.append(box.centre[2] + box.half_size[2])
+    return max(found)
 
 
 def test_the_floor_catches_what_falls(built: tuple[Capture, Support, Background], tmp_path: Path) -> None:

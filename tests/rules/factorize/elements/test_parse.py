@@ -90,7 +90,21 @@ def test_what_reaches_out_of_the_image_is_static(runner, three):
     )
     found = parsed(runner, scene).elements
     assert [element.name for element in found if element.interactive] == ["red_box"]
-    assert {element.category for element in found if not element.interactive} == {"robot", "support"}
+    assert {element.category for element in found if not element.interactive} == {"room", "support"}
+
+
+def test_what_stands_on_furniture_is_found(runner):
+    """A step along the back of the table is too wide for an object, and carries two."""
+    scene = tabletops.tabletop(
+        (tabletops.bowl(WHITE), factories.pose(0.1, -0.15)),
+        (tabletops.box(0.9, 0.27, 0.12, (0.5, 0.4, 0.25)), factories.pose(0.0, 0.29)),
+        (tabletops.cylinder(0.03, 0.1, BLUE), factories.pose(-0.08, 0.27, 0.12)),
+        (tabletops.box(0.06, 0.05, 0.08, RED), factories.pose(0.07, 0.25, 0.12)),
+        eye=factories.look_at((0.0, -0.75, 0.75)),
+    )
+    found = parsed(runner, scene).elements
+    assert {element.phrase.split()[0] for element in found if element.interactive} == {"white", "blue", "red"}
+    assert [element.name for element in found if not element.interactive] == ["fixture", "support"]
 
 
 def test_what_hangs_in_the_air_is_static(runner):

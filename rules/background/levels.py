@@ -1,0 +1,71 @@
+"""Collision boxes of the level surfaces of the room: boards of shelves, tops of cupboards, steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .grids import rectangles
+from .patches import SUPPORT
+from .scenery import Scenery
+from .shell import Room
+
+LEVEL = 0.97
+"""Cosine of the angle to the vertical up to which a surface is level."""
+OFF_M = 0.015
+"""Distance from the support and the floor, which have boxes of their own, from which a surface counts [m]."""
+CELL_M = 0.03
+"""Cell in which a level is divided [m]."""
+LEAST_M2 = 0.005
+"""Smallest rectangle of a level [m^2]."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """An upright rectangle of a level surface, in the room's axes."""
+
+    low: np.ndarray
+    """(2,) corner [m]."""
+    high: np.ndarray
+    """(2,) opposite corner [m]."""
+    height_m: float
+    """Of the surface, world frame [m]."""
+
+    def under(self, low: np.ndarray, high: np.ndarray) -> bool:
+        """Whether the middle of a box, corners (3,), lies within the rectangle, and its top above it."""
+        middle = (low[:2] + high[:2]) / 2
+        within = (middle > self.low - CELL_M).all() and (middle < self.high + CELL_M).all()
+        return bool(within and low[2] < self.height_m < high[2])
+
+
+def levels(scenery: Scenery, room: Room) -> list[Level]:
+    """Rectangles of the level planes that carry things, apart from the support and the floor."""
+    found = []
+    for patch in scenery.patches:
+        if patch.plane is None or patch.number == SUPPORT:
+            continue
+        if float(scenery.world_from_camera[2, :3] @ patch.plane[0]) < LEVEL:
+            continue
+        points = scenery.points_of(patch.number) @ room.axes.T
+        height = float(np.median(points[:, 2])) if len(points) else 0.0
+        if abs(height) > OFF_M and height > room.low[2] + OFF_M:
+            found += _of(points, height)
+    return found
+
+
+def _of(points: np.ndarray, height: float) -> list[Level]:
+    from scipy import ndimage
+
+    cells = np.floor(points[:, :2] / CELL_M).astype(np.int64)
+    start = cells.min(axis=0) - 1
+    grid = np.zeros(cells.max(axis=0) - start + 2, bool)
+    grid[tuple((cells - start).T)] = True
+    grid = ndimage.binary_fill_holes(ndimage.binary_closing(grid, np.ones((3, 3), bool)))
+    found = []
+    for low, high in rectangles(grid):
+        # Cells reach beyond the edge of the surface; its points do not.
+        own = points[((cells - start >= low) & (cells - start < high)).all(axis=1), :2]
+        if len(own) and np.prod(own.max(axis=0) - own.min(axis=0)) >= LEAST_M2:
+            found.append(Level(own.min(axis=0), own.max(axis=0), height))
+    return found
