@@ -91,6 +91,7 @@ import rules.factorize.joints.articulate_screw
 import rules.factorize.joints.articulate_stub
 import rules.factorize.masks.complete
 import rules.factorize.masks.complete_flux2
+import rules.factorize.masks.complete_mirrored
 import rules.factorize.masks.complete_visible
 import rules.factorize.masks.segment
 import rules.factorize.masks.segment_depth
@@ -190,6 +191,7 @@ factorize_articulate_stub: rules.factorize.joints.articulate.ArticulateBackend =
 factorize_collision_coacd: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_coacd
 factorize_collision_stub: rules.factorize.contact.collision.CollisionBackend = rules.factorize.contact.collision_stub
 factorize_complete_flux2: rules.factorize.masks.complete.CompleteBackend = rules.factorize.masks.complete_flux2
+factorize_complete_mirrored: rules.factorize.masks.complete.CompleteBackend = rules.factorize.masks.complete_mirrored
 factorize_complete_visible: rules.factorize.masks.complete.CompleteBackend = rules.factorize.masks.complete_visible
 factorize_mesh_hunyuan3d_2_1: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_hunyuan3d_2_1
 factorize_mesh_hunyuan3d_cloud: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_hunyuan3d_cloud

@@ -23,6 +23,12 @@ COLOUR_SIGMA = 6.0
 """Standard deviation of colour on one surface under one light [CIE Lab]."""
 FARTHEST = 900.0
 """Cap on the squared colour difference."""
+LEAST_BAY = 0.005
+"""Smallest part of a mask that is worth adding to it where there is no depth."""
+ALIKE = 0.6
+"""A colour is the object's if it is this many times as far from it as from the support."""
+BESIDE = 4
+"""Distance from a mask at which the support's colours are taken [px]."""
 MOST_CHANGE = 0.4
 """A refined border that changes more than this fraction of the mask is rejected."""
 
@@ -39,7 +45,7 @@ def complete(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.nd
     from scipy import ndimage
 
     smooth = ndimage.binary_closing(np.pad(mask, 4), np.ones((3, 3), bool))[4:-4, 4:-4] & ~others
-    filled = fill(mask | (smooth & ~relief.valid), others, relief)
+    filled = fill(bays(mask | (smooth & ~relief.valid), others, relief, pixels), others, relief)
     settled = border(filled, others, relief, pixels)
     closed = ndimage.binary_closing(np.pad(settled, 4), np.ones((3, 3), bool), iterations=2)[4:-4, 4:-4]
     return fill(settled | (closed & ~relief.valid & ~others), others, relief)
@@ -53,8 +59,7 @@ def fill(mask: np.ndarray, others: np.ndarray, relief: Relief) -> np.ndarray:
     labels, count = ndimage.label(holes)
     if not count:
         return mask
-    outline = regions.convex_hull(relief.points[mask & relief.raised][:, :2])
-    within = relief.valid & regions.inside_convex(relief.points[..., :2], outline)
+    within = relief.valid & _over(mask, relief)
     numbers = np.arange(1, count + 1)
     size = np.asarray(ndimage.sum(holes, labels, numbers))
     measured = np.asarray(ndimage.sum(relief.valid, labels, numbers))
@@ -62,6 +67,46 @@ def fill(mask: np.ndarray, others: np.ndarray, relief: Relief) -> np.ndarray:
     small = (measured == 0) & (size < max(30.0, 0.02 * mask.sum()))
     keep = np.concatenate([[False], small | ((measured > 0.3 * size) & (inside > 0.7 * measured))])
     return np.asarray(mask | keep[labels])
+
+
+def _over(mask: np.ndarray, relief: Relief) -> np.ndarray:
+    """Pixels (H, W) bool within the outline of a mask seen from above; meaningless where nothing was measured."""
+    outline = regions.convex_hull(relief.points[mask & relief.raised][:, :2])
+    return np.asarray(regions.inside_convex(relief.points[..., :2], outline))
+
+
+def bays(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarray) -> np.ndarray:
+    """Add what is within the convex outline of a mask in the picture and has its colours, not those of the support.
+
+    There is no depth on black and shining surfaces, and the floor of a bowl is hardly higher than the support.
+    """
+    from scipy import ndimage
+    from scipy.spatial import cKDTree
+
+    outline = regions.convex_hull(np.argwhere(mask).astype(np.float64))
+    box = _box(mask, 2 * BAND)
+    own, valid = mask[box], relief.valid[box]
+    corner = [box[0].start, box[1].start]
+    places = np.moveaxis(np.indices(own.shape, dtype=np.float64), 0, -1) + corner
+    floor = valid & ~relief.raised[box] & ~regions.inside_convex(places, outline, BESIDE)
+    if len(outline) < 3 or not floor.any():
+        return mask
+    inside = regions.inside_convex(places, outline)
+    empty = inside & ~own & ~others[box] & (~valid | _over(mask, relief)[box])
+    if empty.sum() < LEAST_BAY * own.sum():
+        return mask
+    lab = ndimage.uniform_filter(proposals.colour_lab(pixels[box]), size=(3, 3, 1))
+    colours = [lab[where][:: max(1, int(where.sum()) // 2000)] for where in (own, floor)]
+    to_own, to_floor = (cKDTree(colour).query(lab[empty])[0] for colour in colours)
+    alike = np.zeros_like(own)
+    alike[empty] = to_own < ALIKE * to_floor
+    labels, count = ndimage.label(ndimage.binary_opening(alike, np.ones((3, 3), bool)))
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    keep = sizes >= LEAST_BAY * own.sum()
+    keep[0] = False
+    found = mask.copy()
+    found[box] |= keep[labels]
+    return found
 
 
 def border(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarray) -> np.ndarray:

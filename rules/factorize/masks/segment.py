@@ -43,7 +43,7 @@ class SegmentBackend(Protocol):
         ...
 
 
-@rule(version=4)
+@rule(version=5)
 def segment(
     ctx: Context[SegmentBackend],
     photograph: Photograph,

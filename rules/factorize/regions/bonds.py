@@ -1,8 +1,8 @@
 """How likely two groups of patches are one object, by a small network that learned it from drawn scenes.
 
 `python -m tests.benchmarks.bonds` draws the scenes, learns, and writes `bond_weights.py`. Bonds join what the rules of
-`grouping` left apart, and only along a gentle crease: what a depth step separates may be two objects of one colour, and
-what stands upright on a plate may be a thing on a tray.
+`grouping` left apart. Across a depth step or a sharp crease they must be surer: what a step separates may be two
+objects of one colour, and what stands upright on a plate may be a thing on a tray.
 """
 
 from __future__ import annotations
@@ -18,15 +18,18 @@ from .patches import Surfaces
 from .relations import Contact, Group
 
 LEAST_MEETING = 0.1
-"""Smallest part of a common border without a depth step along which a bond may join."""
+"""Smallest part of a common border without a depth step from which two groups meet."""
 SHARPEST_RAD = -0.5
-"""Sharpest mean concave turn along which a bond may join [rad]."""
+"""Mean concave turn from which a crease is sharp [rad]."""
+USUAL = 4.0
+"""Features farther from their mean than so many deviations are taken as that far."""
 MARGIN_M = 0.003
 """Points this far outside an outline count as inside [m]."""
 NAMES = (
     *("border", "pairs", "meeting", "convexity", "turn", "area", "larger_area", "lightness", "hue", "likeness"),
     *("bend", "larger_bend", "flatness", "larger_flatness", "top", "low", "own_low", "larger_low", "on_top"),
     *("normal", "upward", "larger_upward", "spread", "larger_spread", "inside", "around"),
+    *("gap", "behind", "solidity", "own_solidity", "larger_solidity", "extent", "off_plane"),
 )
 """The features of a pair, of its smaller group first."""
 
@@ -38,6 +41,10 @@ class _Look:
     low_m: float  # 2 % quantile of the height
     points: np.ndarray  # (n, 2) a sample from above
     outline: np.ndarray  # (k, 2) corners of their convex outline; fewer than three if they lie on a line
+    corners: np.ndarray  # (k, 2) corners of the convex outline in the picture: row, column
+    away_m: float  # median distance from the camera
+    low_high: np.ndarray  # (2, 3) 2 % and 98 % quantiles of the points [m]
+    space: np.ndarray  # (n, 3) the sample
     normal: np.ndarray  # (3,) mean direction
     spread: float  # 1 minus the length of the mean normal
     noise_m: float
@@ -50,14 +57,15 @@ class Bonds:
         self._surfaces = surfaces
         self._looks: dict[int, tuple[Group, _Look]] = {}
 
-    def may_join(self, contact: Contact) -> bool:
-        """Whether a bond may join two groups with this contact."""
+    def gentle(self, contact: Contact) -> bool:
+        """Whether two groups meet, neither along a depth step nor in a sharp concave crease."""
         turn = contact.turn / max(contact.meeting, 1)
         return contact.meeting > LEAST_MEETING * contact.pairs and turn > SHARPEST_RAD
 
     def score(self, one: Group, other: Group, contact: Contact) -> float:
         """Log odds that two groups are one object."""
         values = (self.features(one, other, contact) - bond_weights.MEAN) / bond_weights.SCALE
+        values = np.clip(values, -USUAL, USUAL)
         hidden = np.tanh(values @ bond_weights.FIRST + bond_weights.FIRST_BIAS)
         return float(hidden @ bond_weights.SECOND + bond_weights.SECOND_BIAS[0])
 
@@ -84,6 +92,11 @@ class Bonds:
                 *(look.spread for look in (a, b)),
                 _inside(b.outline, a.points),
                 _inside(a.outline, b.points),
+                contact.step / max(contact.pairs, 1) / 0.02,
+                _bounded((a.away_m - b.away_m) / 0.05),
+                *_solidity(small, large, a, b),
+                float(np.log10(max(_reach(a, b), 1e-3))) + 1.0,
+                min(_off(large, a.space) / b.noise_m, 5.0) / 2.0,
             ]
         )
 
@@ -107,14 +120,53 @@ def _of_border(small: Group, contact: Contact) -> tuple[float, ...]:
 
 def _look(s: Surfaces, group: Group) -> _Look:
     points = s.points.reshape(-1, 3)[group.pixels]
-    sample = points[:: max(1, len(points) // 200), :2]
+    sample = points[:: max(1, len(points) // 200)]
+    places = np.stack(np.divmod(group.pixels, s.height.shape[1]), axis=1).astype(np.float64)
     normals = s.normal.reshape(-1, 3)[group.pixels]
     normals = normals[np.linalg.norm(normals, axis=1) > 0]
     mean = normals.mean(axis=0) if len(normals) else np.zeros(3)
     length = float(np.linalg.norm(mean))
     low = float(np.quantile(s.height.ravel()[group.pixels], 0.02))
     noise = relations.noise(s, group.pixels)
-    return _Look(low, sample, regions.convex_hull(sample), mean / max(length, 1e-9), 1.0 - length, noise)
+    return _Look(
+        low_m=low,
+        points=sample[:, :2],
+        outline=regions.convex_hull(sample[:, :2]),
+        corners=regions.convex_hull(places),
+        away_m=float(np.median(np.linalg.norm(sample - s.eye, axis=1))),
+        low_high=np.quantile(sample, (0.02, 0.98), axis=0),
+        space=sample,
+        normal=mean / max(length, 1e-9),
+        spread=1.0 - length,
+        noise_m=noise,
+    )
+
+
+def _solidity(small: Group, large: Group, a: _Look, b: _Look) -> tuple[float, float, float]:
+    """Part of the convex outline in the picture that is covered: by both groups, by each alone."""
+    both = regions.convex_hull(np.concatenate([a.corners, b.corners]))
+    shares = (
+        (len(small.pixels) + len(large.pixels), both),
+        (len(small.pixels), a.corners),
+        (len(large.pixels), b.corners),
+    )
+    together, own, other = (min(1.0, count / max(float(_area(corners)), 1.0)) for count, corners in shares)
+    return together, own, other
+
+
+def _area(corners: np.ndarray) -> float:
+    return abs(regions.area(corners)) if len(corners) > 2 else 0.0
+
+
+def _reach(a: _Look, b: _Look) -> float:
+    """Diagonal of the box around two groups, along the world's axes [m]."""
+    low, high = np.minimum(a.low_high[0], b.low_high[0]), np.maximum(a.low_high[1], b.low_high[1])
+    return float(np.linalg.norm(high - low))
+
+
+def _off(large: Group, points: np.ndarray) -> float:
+    """Root mean square distance of points (n, 3) from the larger group's plane [m]."""
+    return float(np.sqrt(np.mean(np.square(points @ large.plane[0] + large.plane[1]))))
 
 
 def _inside(outline: np.ndarray, points: np.ndarray) -> float:

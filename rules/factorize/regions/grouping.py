@@ -2,7 +2,8 @@
 
 Objects are mostly convex from outside. Patches that meet convexly or smoothly are joined; concave creases and depth
 steps separate them, with six exceptions: slivers, cavities, attached parts, what a network takes for one object, one
-surface visible on both sides of an occluder, and laptops.
+surface visible on both sides of an occluder, and laptops. Cavities and parts are not joined if the network is sure that
+they are two objects.
 """
 
 from __future__ import annotations
@@ -23,9 +24,19 @@ CAVITY_RAD = -0.06
 FEWEST = 12
 """Contacts with fewer pixel pairs are ignored."""
 ALIKE = 0.3
-"""Smallest histogram overlap of one surface on both sides of an occluder."""
+"""Smallest histogram overlap of one surface on both sides of an occluder, a depth step or a sharp crease."""
 BONDED = 1.0
-"""Log odds from which a pair is one object."""
+"""Log odds from which a pair that meets along a gentle crease is one object."""
+BONDED_APART = 1.5
+"""The same if a sharp crease or a depth step is between them, and one is minor or both have the same colours."""
+BONDED_EQUALS = 3.0
+"""The same for other parts of similar size: if they are two objects, both are lost."""
+SAME_COLOUR = 0.8
+"""Histogram overlap from which two parts have the same colours."""
+MINOR = 0.3
+"""A part with less than this fraction of the other's surface is minor."""
+DOUBTED = -6.0
+"""Log odds below which the network forbids to join a pair."""
 ATTACHED_M = 0.02
 """Widest gap between parts of one object [m]."""
 
@@ -47,10 +58,15 @@ class Grouping:
         self.patches = dict(self.groups)
         self.contacts = relations.contacts(s, labels)
         self.hinged: set[int] = set()
+        self.bonds = Bonds(s)
 
     def contact(self, a: int, b: int) -> Contact:
         """The contact between two groups."""
         return self.contacts.get((min(a, b), max(a, b)), Contact())
+
+    def odds(self, a: int, b: int) -> float:
+        """Log odds by the network that two groups are one object."""
+        return self.bonds.score(self.groups[a], self.groups[b], self.contact(a, b))
 
     def neighbours(self, a: int) -> list[int]:
         """Groups in contact with group `a` in the image."""
@@ -138,7 +154,8 @@ def _body_of(parts: Grouping, number: int) -> int | None:
     for other in parts.neighbours(number):
         contact, body = parts.contact(number, other), parts.groups[other]
         same_rim = abs(cavity.top_m - body.top_m) < 0.015
-        if contact.pairs >= FEWEST and (same_rim or _is_cavity(parts, other)):
+        rim = contact.pairs >= FEWEST and (same_rim or _is_cavity(parts, other))
+        if rim and parts.odds(number, other) > DOUBTED:
             options.append((contact.pairs, -other))
     return -max(options)[1] if options else None
 
@@ -154,7 +171,7 @@ def join_parts(parts: Grouping) -> None:
             like = float(np.linalg.norm((part.colour - body.colour) * [0.5, 1.0, 1.0])) < 18.0
             if other != number and like and body.area_m2 > 2.0 * part.area_m2:
                 distance = relations.gap(parts.surfaces, part, body)
-                if distance < ATTACHED_M:
+                if distance < ATTACHED_M and parts.odds(number, other) > DOUBTED:
                     options.append((-distance, -other))
         if options:
             parts.join(number, -max(options)[1])
@@ -162,18 +179,27 @@ def join_parts(parts: Grouping) -> None:
 
 def join_bonded(parts: Grouping) -> None:
     """Join groups that a network takes for one object, the likeliest pair first, and judge again."""
-    bonds = Bonds(parts.surfaces)
     scores: dict[tuple[int, int], float] = {}
     while True:
         for (a, b), contact in parts.contacts.items():
             if (a, b) not in scores:
-                allowed = contact.pairs >= FEWEST and bonds.may_join(contact)
-                scores[a, b] = bonds.score(parts.groups[a], parts.groups[b], contact) if allowed else -np.inf
+                scores[a, b] = _bond(parts, a, b) if contact.pairs >= FEWEST else -np.inf
         best = max(scores, key=lambda pair: (scores[pair], pair), default=None)
-        if best is None or scores[best] <= BONDED:
+        if best is None or scores[best] <= 0:
             return
         parts.join(*best)
         scores = {pair: score for pair, score in scores.items() if not {*pair} & {*best}}
+
+
+def _bond(parts: Grouping, a: int, b: int) -> float:
+    """Log odds beyond those that joining two groups asks for; across steps and sharp creases, colours must be alike."""
+    if parts.bonds.gentle(parts.contact(a, b)):
+        return parts.odds(a, b) - BONDED
+    one, other = parts.groups[a], parts.groups[b]
+    alike = relations.likeness(parts.surfaces, one, other)
+    minor = min(one.area_m2, other.area_m2) < MINOR * max(one.area_m2, other.area_m2)
+    least = BONDED_APART if minor or alike > SAME_COLOUR else BONDED_EQUALS
+    return parts.odds(a, b) - least if alike > ALIKE else -np.inf
 
 
 def join_occluded(parts: Grouping) -> None:

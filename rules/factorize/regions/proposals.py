@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..measured import Workspace
-from . import grouping, heights, patches, relations
+from . import grouping, heights, patches, relations, smears
 from .relations import Group
 from .standing import standing
 
@@ -64,6 +64,10 @@ def scenery(seen: Workspace) -> Scenery:
         return Scenery(relief, (), relief.raised)
     lab = colour_lab(seen.pixels)
     crop = patches.surfaces(relief, raised, seen, lab)
+    smeared = crop.full(smears.smeared(crop, crop.floor).astype(np.int32), raised) > 0
+    if smeared.any() and (raised & ~smeared).any():
+        raised = raised & ~smeared
+        crop = patches.surfaces(relief, raised, seen, lab)
     parts = grouping.group(crop, patches.patches(crop))
     labels = crop.full(parts.labels, raised)
     things = {

@@ -15,6 +15,9 @@ CONCAVE_RAD = 0.17
 BEND_REACH = 12
 """Distance over which the bend of a surface is measured [px]."""
 
+STEP_M = 0.1
+"""Larger depth steps across a border tell nothing more [m]."""
+
 
 @dataclass(frozen=True)
 class Group:
@@ -38,6 +41,7 @@ class Contact:
     meeting: int = 0  # pairs without a depth step
     convex: int = 0  # meeting pairs that are not concave
     turn: float = 0.0  # sum of the signed angles of the meeting pairs [rad]
+    step: float = 0.0  # sum of the pairs' depth steps, each at most STEP_M [m]
 
     def add(self, other: Contact) -> None:
         """Add the pixel pairs of another contact."""
@@ -45,6 +49,7 @@ class Contact:
         self.meeting += other.meeting
         self.convex += other.convex
         self.turn += other.turn
+        self.step += other.step
 
     @property
     def convexity(self) -> float:
@@ -68,7 +73,8 @@ def contacts(s: Surfaces, labels: np.ndarray) -> dict[tuple[int, int], Contact]:
             gentle = meets[part] & (angle[part] > -CONCAVE_RAD)
             turn = float(angle[part][meets[part]].sum())
             contact = found.setdefault((key // 100000, key % 100000), Contact())
-            contact.add(Contact(len(part), int(meets[part].sum()), int(gentle.sum()), turn))
+            apart = float(np.minimum(step[part], STEP_M).sum())
+            contact.add(Contact(len(part), int(meets[part].sum()), int(gentle.sum()), turn, apart))
     return found
 
 

@@ -25,6 +25,12 @@ MOSTLY = 0.6
 """Fraction of the surroundings of an object seen from above that belongs to the support."""
 FEW = 0.15
 """Fraction of an object's lower border that must rest on something."""
+DEEPER = 12
+"""Distance below an object's lowest pixels within which it would go on below the support [px]."""
+SAME_M = 0.04
+"""Largest difference in depth of one thing's pixels above and below the support's level [m]."""
+FAR_M = 0.15
+"""What is seen below an object this far behind it is not what it stands on [m]."""
 LEVEL_M2 = 0.01
 """Minimum visible area of a level of the furniture, such as the board of a shelf [m^2]."""
 LEVEL = 0.97
@@ -104,10 +110,26 @@ def _stands(parts: Grouping, number: int, ground: Ground) -> bool:
     if ground.height_m == 0 and _seen_from_above(s, parts, number):
         return True
     rows, columns, below = _below(parts, number)
+    beside = _beside(s, rows, columns) if ground.height_m == 0 else np.zeros(len(rows), bool)
+    if beside.mean() > 0.5:
+        return False
     # The lower border of a round bowl is tangent to the lines of sight, well above its foot.
     limit = np.clip(0.8 * above, FOOT_M, 2.4 * FOOT_M)
     low = s.height[np.maximum(rows - 1, 0), columns] - ground.height_m < limit
-    return bool((low & ground.pixels[below, columns]).mean() > FEW)
+    return bool((low & ~beside & ground.pixels[below, columns]).mean() > FEW)
+
+
+def _beside(s: Surfaces, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Which columns of a lower border (n,) do not end on the support: the thing goes on, or one sees past below it.
+
+    So it is with the back of a chair that stands behind a table.
+    """
+    depth = 1.0 / np.maximum(s.inverse[rows, columns], 1e-6)
+    found = np.zeros(len(rows), bool)
+    for down in range(1, DEEPER + 1):
+        other = s.beyond[np.minimum(rows + down, s.beyond.shape[0] - 1), columns]
+        found |= (other > 0) & ((np.abs(other - depth) < SAME_M) | (other > depth + FAR_M))
+    return found
 
 
 def _seen_from_above(s: Surfaces, parts: Grouping, number: int) -> bool:

@@ -15,6 +15,7 @@ from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
+from rules.factorize.masks import mirror
 from rules.factorize.masks.complete import hidden_part
 from rules.factorize.masks.complete_flux2 import whole
 from tests import factories
@@ -46,6 +47,36 @@ def same(first: ObjectView, second: ObjectView) -> bool:
 
 def iou(first: np.ndarray, second: np.ndarray) -> float:
     return float((first & second).sum() / (first | second).sum())
+
+
+@pytest.mark.parametrize("hidden", [BAR, CORNER], ids=["a bar through the middle", "one end"])
+@pytest.mark.parametrize("quarters", [0, 1])
+def test_symmetry_completes_mask_and_colours(tmp_path: Path, hidden: np.ndarray, quarters: int) -> None:
+    level = view(hidden)
+    turned = [np.ascontiguousarray(np.rot90(x, quarters)) for x in (level.rgb.pixels, level.mask, level.occluder)]
+    seen = level.model_copy(
+        update={"rgb": Image(pixels=turned[0]), "mask": turned[1], "occluder": turned[2]}
+        | ({"camera": level.camera.turned(quarters)} if quarters else {})
+    )
+    found = RuleRunner(tmp_path).run("factorize.complete", backend="mirrored", view=seen)
+    truth = np.rot90(ELLIPSE, quarters)
+    assert iou(seen.mask, truth) < 0.8
+    assert iou(found.mask, truth) > 0.9
+    added = found.rgb.pixels[found.mask & ~seen.mask].astype(float).mean(axis=0)
+    assert np.abs(added - (190, 50, 40)).max() < 15
+
+
+def test_a_line_that_mirrors_the_mask_onto_what_is_seen_is_none() -> None:
+    """An L has no line of symmetry that the picture does not speak against."""
+    bent = np.zeros((96, 128), bool)
+    bent[10:80, 20:40] = True
+    bent[60:80, 20:110] = True
+    assert mirror.best_line(bent, np.zeros_like(bent), 24, 0.03, 0.5, 96) is None
+
+
+def test_convexity_fills_between_visible_parts_only_where_something_hides() -> None:
+    both = ELLIPSE & ~BAR
+    assert iou(mirror.convex(both), ELLIPSE) > 0.98
 
 
 @pytest.mark.parametrize("hidden", [BAR, CORNER], ids=["a bar through the middle", "one end"])

@@ -86,7 +86,7 @@ def test_features_are_bounded_and_the_same_in_any_order() -> None:
 
 
 @pytest.mark.parametrize(
-    ("contact", "may"),
+    ("contact", "gentle"),
     [
         (relations.Contact(pairs=100, meeting=80, convex=40, turn=-8.0), True),
         # Only a depth step lies between them.
@@ -95,6 +95,6 @@ def test_features_are_bounded_and_the_same_in_any_order() -> None:
         (relations.Contact(pairs=100, meeting=80, convex=0, turn=-100.0), False),
     ],
 )
-def test_bonds_join_along_gentle_creases_only(contact: relations.Contact, may: bool) -> None:
+def test_bonds_must_be_surer_across_steps_and_sharp_creases(contact: relations.Contact, gentle: bool) -> None:
     parts = grouping.Grouping(*parts_of(tabletop(*snowman())))
-    assert bonds.Bonds(parts.surfaces).may_join(contact) == may
+    assert parts.bonds.gentle(contact) == gentle
