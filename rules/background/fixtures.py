@@ -19,6 +19,8 @@ CELL_M = 0.06
 """Smallest cell in which things are boxed [m]."""
 MOST = 48
 """Most boxes of things; with more, cells grow."""
+THIN_M = 0.03
+"""Least thickness of things [m]."""
 LEAST = 3
 """Points that fill a cell."""
 CLEAR_M = 0.04
@@ -56,10 +58,11 @@ def thing_boxes(scenery: Scenery, room: Room, objects: np.ndarray, height: float
     while len(found) > MOST:
         cell *= 1.3
         found = _merged(local, taken, cell)
+    eye = scenery.world_from_camera[:3, 3] @ room.axes.T
     flat = levels(scenery, room)
     boxes = []
-    for number, cells in enumerate(found):
-        low, high = (corner * cell for corner in cells)
+    for number, (first, last) in enumerate(found):
+        low, high = _tight(local, first * cell, last * cell, eye)
         high[2] = min([high[2], *(level.height_m for level in flat if level.under(low, high))])
         boxes.append(_box(f"thing_{number}", (low + high) / 2, (high - low) / 2, room))
     for number, level in enumerate(flat):
@@ -67,6 +70,15 @@ def thing_boxes(scenery: Scenery, room: Room, objects: np.ndarray, height: float
         centre = np.array([*middle, level.height_m - BOARD_M / 2])
         boxes.append(_box(f"level_{number}", centre, [*half, BOARD_M / 2], room))
     return boxes
+
+
+def _tight(local: np.ndarray, low: np.ndarray, high: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A box around the points in a box: its seen sides are where they were seen, thickness is added behind them."""
+    inside = local[((local >= low) & (local < high)).all(axis=1)]
+    least, most = np.quantile(inside, [0.02, 0.98], axis=0)
+    thin = most - least < THIN_M
+    above = eye > (least + most) / 2
+    return np.where(thin & above, most - THIN_M, least), np.where(thin & ~above, least + THIN_M, most)
 
 
 def _merged(local: np.ndarray, taken: np.ndarray, cell: float) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -60,6 +60,7 @@ def front(scenery: Scenery, stride: float, inside: np.ndarray, behind: np.ndarra
 
 def _piece(patch: Patch, mask: np.ndarray, scenery: Scenery, stride: float) -> Piece:
     pixel, faces = cut(mask, stride, max(3.0, 0.6 * stride), OVER_PX)
+    pixel, faces = patch.fine(pixel, faces, scenery.k)
     depth = patch.depth(pixel, scenery.k)
     good = np.isfinite(depth)
     faces = faces[good[faces].all(axis=1)]

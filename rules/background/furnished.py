@@ -18,11 +18,12 @@ from .fixtures import room_boxes, thing_boxes
 from .front import front
 from .hidden import continued
 from .layers import Layers
+from .outline import broad, outline
 from .patches import SUPPORT, Patch, divide
 from .pieces import atlas, one_picture
 from .scenery import Scenery
 from .shell import enclose, shell
-from .slab import broad, outline, slab
+from .slab import slab
 
 if TYPE_CHECKING:
     from .static import StaticOptions
@@ -78,7 +79,7 @@ def furnished(
         common: Thickness of the support and margin of its box.
     """
     edge = outline(scenery, support.polygon, layers.hole)
-    box = support_box(support.polygon, common.margin_m, common.thickness_m)
+    box = support_box(edge, common.margin_m, common.thickness_m)
     room = enclose(scenery, edge, box.yaw)
     inside = np.isfinite(layers.plane) & regions.inside_convex(layers.floor, edge)
     wider, behind = continued(scenery, room, stride)

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from .cutting import cut
+from .ends import BEHIND_M, border, limits
 from .patches import SUPPORT, Patch
 from .pieces import Piece
 from .scenery import Scenery
@@ -24,12 +25,10 @@ ALONG = 0.985
 """Cosine of the largest angle between such a plane and the wall."""
 FAR = 1.5
 """Broad planes go on this far, in multiples of the square root of their area, and beyond the photograph's border."""
-NEAR = 0.06
+NEAR = 0.03
 """All surfaces go on this far, as a fraction of the photograph's width."""
 FADE = 0.25
 """Distance at which colours have faded to the surface's mean, as a fraction of the wider picture's width."""
-BEHIND_M = 0.02
-"""A surface goes on only where it is at least this far behind what was seen [m]."""
 PUSH = 1.0015
 """Relative distance behind the photographed surface where both overlap."""
 OVERLAP_PX = 3
@@ -54,7 +53,19 @@ def continued(scenery: Scenery, room: Room, stride: float) -> tuple[list[Piece],
         The pieces, and (H, W) int32: which surface goes on behind each pixel of the photograph; 0 none.
     """
     wide = _wide(scenery)
-    owner, patches = _owners(wide, scenery, room)
+    broad = [p for p in scenery.patches if p.number != SUPPORT and _broad(p, wide, scenery, room)]
+    small = [p for p in scenery.patches if p.number != SUPPORT and p not in broad]
+    # Walls go on behind everything, so they are a layer of their own.
+    far, behind_far = _layer(broad, wide, scenery, room, stride)
+    near, behind_near = _layer(small, wide, scenery, room, stride)
+    return [*far, *near], np.where(behind_near > 0, behind_near, behind_far)
+
+
+def _layer(
+    patches: list[Patch], wide: _Wide, scenery: Scenery, room: Room, stride: float
+) -> tuple[list[Piece], np.ndarray]:
+    """The continuations of some surfaces, at most one per pixel."""
+    owner = _owners(patches, wide, scenery, room)
     masks = {patch.number: owner == patch.number for patch in patches}
     masks = {number: mask for number, mask in masks.items() if mask.sum() >= 30}
     kernel = np.ones((2 * OVERLAP_PX + 1, 2 * OVERLAP_PX + 1), np.uint8)
@@ -98,54 +109,47 @@ def _wide(scenery: Scenery) -> _Wide:
     return _Wide(pixel, inside, labels, np.where(inside, scenery.depth[row, column], 0.0), small[row, column])
 
 
-def _owners(wide: _Wide, scenery: Scenery, room: Room) -> tuple[np.ndarray, list[Patch]]:
+def _owners(patches: list[Patch], wide: _Wide, scenery: Scenery, room: Room) -> np.ndarray:
     """Which surface goes on at each pixel of the wider picture, (h, w) int32; 0 none."""
     best = np.full(wide.labels.shape, np.inf, np.float32)
     owner = np.zeros(wide.labels.shape, np.int32)
-    patches = [p for p in scenery.patches if p.number != SUPPORT and (wide.labels == p.number).any()]
     for patch in patches:
         own = wide.labels == patch.number
+        if not own.any():
+            continue
+        depth = patch.depth(wide.pixel, scenery.k)
+        around = border(own, wide.depth, depth)
+        broad = _broad(patch, wide, scenery, room)
         reach = NEAR * scenery.labels.shape[1] / HALF
-        broad = own.sum() >= LARGE * wide.inside.sum() and _aligned(patch, scenery, room)
         reach = max(reach, FAR * float(np.sqrt(own.sum()))) if broad else reach
-        away, free = _ahead(own, wide, patch, scenery, reach)
-        free &= away < best
+        free = ~own & (around.away < reach) & around.goes_on[around.nearest] & (around.away < best)
+        free &= np.isfinite(depth) & (depth > wide.depth + BEHIND_M)
         if not broad:
             free &= wide.labels > 0
-        where = np.nonzero(free)
-        depth = patch.depth(wide.pixel[where], scenery.k)
-        good = np.isfinite(depth) & (depth > wide.depth[where] + BEHIND_M)
-        good[good] = room.holds(scenery.lift(wide.pixel[where][good], depth[good]))
-        free[where] = good
+        places = scenery.lift(wide.pixel, np.where(np.isfinite(depth), depth, np.nan))
+        free[free] = room.holds(places[free])
+        if broad:
+            along = _along(patch, scenery, room)
+            low, high = limits(around, own, places @ along.T)
+            free[free] = ((places[free] @ along.T > low) & (places[free] @ along.T < high)).all(axis=-1)
         free = _touching(free, own)
-        best[free], owner[free] = away[free], patch.number
-    return owner, patches
+        best[free], owner[free] = around.away[free], patch.number
+    return owner
 
 
-def _aligned(patch: Patch, scenery: Scenery, room: Room) -> bool:
-    """Whether a surface is a plane along the room's walls or floor."""
-    if patch.plane is None:
+def _broad(patch: Patch, wide: _Wide, scenery: Scenery, room: Room) -> bool:
+    """Whether a surface is a large plane along the room's walls or floor."""
+    if patch.plane is None or (wide.labels == patch.number).sum() < LARGE * wide.inside.sum():
         return False
     normal = scenery.world_from_camera[:3, :3] @ patch.plane[0]
     return bool(np.abs(room.axes @ normal).max() > ALONG)
 
 
-def _ahead(own: np.ndarray, wide: _Wide, patch: Patch, scenery: Scenery, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Distance [px] from a surface, and the pixels within `reach` of it that its hidden border is nearest to.
-
-    A surface that ends before a farther one, or meets another, has been seen to end: it goes on only where something
-    nearer or the picture's border cuts it.
-    """
-    away, nearest = cv2.distanceTransformWithLabels(
-        (~own).astype(np.uint8), cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
-    )
-    beside = (away > 0) & (away < 2.5)
-    row, column = np.nonzero(beside)
-    depth = patch.depth(wide.pixel[row, column], scenery.k)
-    hidden = np.isfinite(depth) & (depth > wide.depth[row, column] + BEHIND_M)
-    votes = np.bincount(nearest[row, column], np.where(hidden, 1.0, -1.0), int(nearest.max()) + 1)
-    goes_on = votes > 0
-    return away, np.asarray(~own & (away < reach) & goes_on[nearest])
+def _along(patch: Patch, scenery: Scenery, room: Room) -> np.ndarray:
+    """The two of the room's axes (2, 3) that lie in a plane."""
+    assert patch.plane is not None
+    normal = scenery.world_from_camera[:3, :3] @ patch.plane[0]
+    return room.axes[np.sort(np.argsort(np.abs(room.axes @ normal))[:2])]
 
 
 def _touching(free: np.ndarray, own: np.ndarray) -> np.ndarray:
@@ -179,7 +183,8 @@ def _piece(
     flat = patch.plane is not None
     points, faces = cut(mask, max(2.0, stride / HALF) * (3.0 if flat else 1.0), 6.0 if flat else 3.0)
     origin = wide.pixel[0, 0]
-    pixel = origin + points * HALF
+    pixel, faces = patch.fine(origin + points * HALF, faces, scenery.k)
+    points = (pixel - origin) / HALF
     depth = patch.depth(pixel, scenery.k)
     # The outline may run a little over the end of a plane that is seen edge on.
     good = np.isfinite(depth)

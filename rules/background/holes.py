@@ -8,6 +8,17 @@ import numpy as np
 from dextera_build.artifacts.view import InstanceMap
 from dextera_build.geometry import regions
 
+from .layers import plain_colour
+
+SHADE = (0.4, 1.15)
+"""A shadow or a reflection on the support changes its brightness by a factor in this range."""
+TINT = 0.15
+"""It changes the ratio of a colour to the brightness by less than this."""
+SPECK = 0.005
+"""What is narrower in the picture is no thing of its own, as a fraction of the width."""
+LEAST = 0.001
+"""Nor is what covers less than this fraction of the picture."""
+
 
 def hole(instances: InstanceMap, robot: np.ndarray, part: float) -> np.ndarray:
     """Pixels (H, W) of objects and of the robot (H, W), dilated by a fraction of the width.
@@ -21,3 +32,48 @@ def hole(instances: InstanceMap, robot: np.ndarray, part: float) -> np.ndarray:
     mask = mask[1:-1, 1:-1]
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     return np.asarray(cv2.dilate(mask.astype(np.uint8), disc) > 0)
+
+
+def shaded(pixels: np.ndarray, level: np.ndarray, taken: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) with the colour of the support around them, but for a shadow or a reflection.
+
+    Other colours beside an object are those of something else: a sheet of paper, another magazine.
+
+    Args:
+        pixels: (H, W, 3) uint8 photograph.
+        level: (H, W) pixels measured as support, away from what is taken out.
+        taken: (H, W) pixels of what is taken out.
+    """
+    small = plain_colour(pixels, level)
+    if small is None:
+        return np.ones_like(level)
+    plain = cv2.resize(small, level.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    ratio = (cv2.blur(pixels, (5, 5)).astype(np.float32) + 4.0) / (plain + 4.0)
+    light = ratio.mean(axis=-1)
+    same = (np.abs(ratio - light[..., None]) < TINT * np.maximum(light, 0.5)[..., None]).all(axis=-1)
+    same &= (light > SHADE[0]) & (light < SHADE[1])
+    side = max(3, round(SPECK * level.shape[1])) | 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    other = cv2.morphologyEx((~same & ~taken).astype(np.uint8), cv2.MORPH_OPEN, disc)
+    _, labels, facts, _ = cv2.connectedComponentsWithStats(other, connectivity=4)
+    large = facts[:, cv2.CC_STAT_AREA] >= LEAST * level.size
+    large[0] = False
+    same = ~large[labels]
+    # A pattern has no colour of its own to tell other things from.
+    return np.asarray(same) if same[level].mean() > 0.5 else np.ones_like(level)
+
+
+def remnants(other: np.ndarray, wide: np.ndarray, flat: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) of what the masks have missed of their objects.
+
+    Args:
+        other: (H, W) pixels beside the masks that do not have the support's colours.
+        wide: (H, W) the masks and their surroundings.
+        flat: (H, W) pixels measured in the support's plane.
+    """
+    _, labels = cv2.connectedComponents(other.astype(np.uint8), connectivity=4)
+    size = np.maximum(np.bincount(labels.reshape(-1)), 1)
+    near, low = (np.bincount(labels[mask], minlength=len(size)) / size for mask in (wide, flat))
+    found = (near > 0.5) & (low < 0.5)
+    found[0] = False
+    return np.asarray(found[labels])

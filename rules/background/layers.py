@@ -76,13 +76,36 @@ def _wide(mask: np.ndarray) -> np.ndarray:
 
 def coloured_like(pixels: np.ndarray, level: np.ndarray, most: float = SAME_COLOUR) -> np.ndarray:
     """Pixels with about the colour of the surrounding support; at most `most` of 255 apart."""
-    size = (max(1, level.shape[1] // 4), max(1, level.shape[0] // 4))
-    small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    known = cv2.resize(level.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    small = _small(pixels)
+    known = cv2.resize(level.astype(np.uint8), small.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0
     if known.sum() < 100:
         return np.ones_like(level)
     step = np.abs(cv2.blur(small, (3, 3)) - smooth_part(small, known, 8.0)).max(axis=-1)
     return np.asarray(cv2.resize(step, level.shape[::-1], interpolation=cv2.INTER_LINEAR) < most)
+
+
+def plain_colour(pixels: np.ndarray, level: np.ndarray) -> np.ndarray | None:
+    """The support's own smooth colour, (H / 4, W / 4, 3) float32; None if hardly anything of it was measured.
+
+    Papers that lie flat on the support are measured as a part of it. They do not count, unless most of it would go.
+    """
+    small = _small(pixels)
+    known = cv2.resize(level.astype(np.uint8), small.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0
+    if known.sum() < 100:
+        return None
+    soft = cv2.blur(small, (3, 3))
+    plain = np.broadcast_to(np.median(small[known], axis=0), small.shape)
+    for most in (2 * SAME_COLOUR, SAME_COLOUR, SAME_COLOUR):
+        alike = known & (np.abs(soft - plain).max(axis=-1) < most)
+        if alike.sum() < 0.5 * known.sum():
+            return smooth_part(small, known, 8.0)
+        plain = smooth_part(small, alike, 8.0)
+    return np.asarray(plain)
+
+
+def _small(pixels: np.ndarray) -> np.ndarray:
+    size = (max(1, pixels.shape[1] // 4), max(1, pixels.shape[0] // 4))
+    return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.float32)
 
 
 def _nearer(first: np.ndarray, second: np.ndarray) -> np.ndarray:

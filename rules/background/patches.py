@@ -30,6 +30,10 @@ BROAD = 0.02
 """Least fraction of the picture that a broad plane covers."""
 STRANGE = 90.0
 """Colour distance from the support, of 255, at which an unmeasured neighbour of it is something else."""
+JOINED_M = 0.03
+"""Corners of a face on a curved surface are at most this far apart in depth [m]."""
+DIVISIONS = 3
+"""Times that the edges of a steep face are halved."""
 MARGIN = 8
 """Pixels around a surface for which its depth is known, too."""
 
@@ -58,6 +62,23 @@ class Patch:
         with np.errstate(divide="ignore"):
             depth = offset / down
         return np.where((down > 1e-6) & (depth > 0), depth, np.inf)
+
+    def fine(self, pixel: np.ndarray, faces: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Corners (V, 2) and faces (F, 3) of a triangulation in the picture that joins nothing apart.
+
+        A face in a plane joins nothing. Of a curved surface, steep faces are divided; what is still steep when it is
+        smaller than a pixel is a step.
+        """
+        if self.plane is not None:
+            return pixel, faces
+        for _ in range(DIVISIONS):
+            steep = np.ptp(self.depth(pixel, k)[faces], axis=1) > JOINED_M
+            a, b, c = (faces[steep][:, corner] for corner in range(3))
+            middles = np.concatenate([(pixel[i] + pixel[j]) / 2 for i, j in ((a, b), (b, c), (c, a))])
+            ab, bc, ca = np.split(len(pixel) + np.arange(len(middles)), 3)
+            quarters = [np.stack(each, axis=1) for each in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+            pixel, faces = np.concatenate([pixel, middles]), np.concatenate([faces[~steep], *quarters])
+        return pixel, faces[np.ptp(self.depth(pixel, k)[faces], axis=1) <= JOINED_M]
 
 
 def _sampled(values: np.ndarray, pixel: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from .pieces import Piece, quad
 from .scenery import Scenery
-from .synthesis import membrane
+from .synthesis import membrane, smooth_part
 
 TABLE_M = 0.74
 """Height of a table over a floor that was not seen [m]."""
@@ -24,6 +24,8 @@ GAP_M = 0.02
 """Distance of a wall behind the plane that was seen of it [m]."""
 TEXELS = 192
 """Edge of a wall's picture."""
+SOFT = 0.06
+"""Colours of walls that were not seen change over this part of their edge."""
 
 
 @dataclass(frozen=True)
@@ -125,8 +127,11 @@ def _continued(colour: np.ndarray, shown: np.ndarray, plain: np.ndarray) -> np.n
 
     if shown.mean() < 0.002:
         return np.full((TEXELS, TEXELS, 3), np.clip(plain, 0, 255), np.uint8)
-    smooth = membrane(np.where(shown[..., None], colour, 0.0).astype(np.float32), shown)
+    # Single things at the border of what was seen do not go on as stripes.
+    smooth = smooth_part(np.where(shown[..., None], colour, 0.0).astype(np.float32), shown, SOFT * TEXELS)
     away = cv2.distanceTransform((~shown).astype(np.uint8), cv2.DIST_L2, 3) / TEXELS
+    near = np.clip(1.0 - away / SOFT, 0.0, 1.0)[..., None]
+    own = membrane(np.where(shown[..., None], colour, 0.0).astype(np.float32), shown)
     fade = np.clip(away / 0.5, 0.0, 1.0)[..., None]
-    soft = np.where(shown[..., None], smooth, cv2.blur(smooth, (9, 9)))
+    soft = own * near + smooth * (1 - near)
     return np.asarray(np.clip(soft * (1 - fade) + plain * fade, 0, 255), np.uint8)

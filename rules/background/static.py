@@ -18,8 +18,8 @@ from dextera_build.rule import Context, Options, rule
 class StaticOptions(Options):
     """Options of background.static."""
 
-    margin_m: NonNegativeFloat = 0.1
-    """Extension of the support's collision box beyond its seen part [m]."""
+    margin_m: NonNegativeFloat = 0.01
+    """Extension of the support's collision box beyond its outline [m]."""
     thickness_m: PositiveFloat = 0.05
     """Thickness of the collision box of the support [m]."""
 

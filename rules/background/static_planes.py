@@ -12,10 +12,11 @@ from dextera_build.artifacts.camera import Camera, Photograph
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.view import InstanceMap
+from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Backend, Context, Fraction, Options
 
 from .furnished import bounded, furnished, seen_of, survey
-from .holes import hole
+from .holes import hole, remnants, shaded
 from .layers import SAME_COLOUR, Layers, split
 from .rectified import top_view
 from .synthesis import fill_texture, smooth_part
@@ -31,6 +32,8 @@ BACKEND = Backend(
 )
 
 
+SOFT = 0.006
+"""Pixels this near to a mask, as a fraction of the width, mix the colours of both sides."""
 MOST_GAIN = 1.6
 """Maximum gain when removing shadows and reflections."""
 
@@ -39,7 +42,7 @@ class PlanesOptions(Options):
     """Options of backend `planes` of background.static."""
 
     dilate: Fraction = 0.025
-    """Mask dilation before filling, as a fraction of the image width; covers soft edges and contact shadows."""
+    """Contact shadows on the support, and errors of a robot's mask, reach this far, as a fraction of the width."""
     shadow_reach_m: NonNegativeFloat = 0.1
     """Distance from a mask on the support up to which shadows are lightened [m]; 0 keeps them."""
     texel_m: PositiveFloat = 0.001
@@ -67,11 +70,17 @@ def clean(
     """Remove objects and robot from photograph and depth, and build the room without them."""
     cv2.setNumThreads(1)
     depth = np.where(depth > options.farthest_m, 0.0, depth).astype(np.float32)
-    taken = hole(instances, robot, options.dilate)
+    nothing = instances.model_copy(update={"labels": np.zeros_like(instances.labels)})
+    # A robot's pixels come from a model and a calibration: they are not exact.
+    taken = hole(instances, robot, SOFT) | hole(nothing, robot, options.dilate)
+    wide = hole(instances, robot, options.dilate)
+    layers = split(photograph, depth, support, wide, options.snap_m)
+    own = shaded(photograph.rgb.pixels, layers.level & layers.behind, taken)
+    taken |= wide & ((layers.behind & own) | remnants(~own & ~taken, wide, _flat(photograph, depth, support, options)))
     layers = bounded(split(photograph, depth, support, taken, options.snap_m), photograph, support)
     image = photograph.rgb.pixels.astype(np.float32)
     if (taken & layers.behind).any():
-        image = _fill_support(image, layers, photograph.camera, support, options)
+        image = _fill_support(image, layers, own, photograph.camera, support, options)
     pixels = np.clip(np.round(image), 0, 255).astype(np.uint8)
     # The support's outline is known to a few pixels only: its colour must not bleed into what is behind it.
     rim = np.ones((2 * max(1, round(0.01 * taken.shape[1])) + 1,) * 2, np.uint8)
@@ -83,10 +92,20 @@ def clean(
     return furnished(scenery, layers, support, things, stride, common)
 
 
+def _flat(photograph: Photograph, depth: np.ndarray, support: Support, options: PlanesOptions) -> np.ndarray:
+    """Pixels (H, W) measured in the support's plane."""
+    points = cameras.backproject(depth, photograph.camera.matrix())
+    height = transforms.apply(support.camera_pose.matrix, points)[..., 2]
+    return np.asarray((depth > 0) & (np.abs(height) <= options.snap_m))
+
+
 def _fill_support(
-    image: np.ndarray, layers: Layers, camera: Camera, support: Support, options: PlanesOptions
+    image: np.ndarray, layers: Layers, own: np.ndarray, camera: Camera, support: Support, options: PlanesOptions
 ) -> np.ndarray:
-    """The picture with holes on the support filled in its plane, and shadows beside them lightened."""
+    """The picture with holes on the support filled in its plane, and shadows beside them lightened.
+
+    Only pixels of `own` (H, W) have the support's colours; the others stay as they are.
+    """
     target = layers.hole & layers.behind
     spots = layers.floor[target]
     margin = max(0.15, 0.6 * float(np.ptp(spots, axis=0).max()))
@@ -98,7 +117,7 @@ def _fill_support(
     flat = view.lay(image)
     level, free = (
         view.lay(m.astype(np.uint8), smooth=False) > 0
-        for m in (layers.level & layers.behind, layers.behind & ~layers.hole)
+        for m in (layers.level & layers.behind & own, layers.behind & ~layers.hole & own)
     )
     source = _alike(flat, level & ~gap, free & ~gap, 0.03 / view.texel)
     gain = _gain(flat, gap, source, options.shadow_reach_m / view.texel)

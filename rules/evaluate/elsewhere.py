@@ -30,12 +30,17 @@ def seen(own: Own, depth: np.ndarray, own_from_other: np.ndarray, apart_m: float
 
 def objects(own: Own, depth: np.ndarray, own_from_other: np.ndarray, reach_px: int) -> np.ndarray:
     """Pixels (H, W) of another view that show an object of the capture, or lie within `reach_px` of one."""
-    from scipy.ndimage import binary_dilation
-
     points = transforms.apply(own_from_other, cameras.backproject(depth, own.k))
     row, column, inside = cameras.nearest_pixels(points, own.k, own.depth.shape)
     there = (depth > 0) & inside & own.objects[row, column]
-    return np.asarray(binary_dilation(there, iterations=reach_px)) if reach_px else there
+    return dilated(there, reach_px)
+
+
+def dilated(mask: np.ndarray, reach_px: int) -> np.ndarray:
+    """A mask (H, W) with all pixels within `reach_px` of it."""
+    from scipy.ndimage import binary_dilation
+
+    return np.asarray(binary_dilation(mask, iterations=reach_px)) if reach_px else mask
 
 
 def splat(own: Own, other_from_own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -36,7 +36,8 @@ class PosedViews:
 
     `views.json` holds width, height, fx, fy, cx, cy [px], `depth_scale_m` [m per count], and under `views` a list of
     `frame`, `rgb`, `depth` (paths in the folder) and `T_world_camera` (4 x 4, OpenCV axes). `capture.json` names the
-    `frame` that the twin was made from.
+    `frame` that the twin was made from, and may name under `objects` a picture that is not 0 where the capture shows
+    objects.
     """
 
     def __init__(self, ctx: Context, folder: Folder) -> None:
@@ -48,6 +49,7 @@ class PosedViews:
             self._views = {int(view["frame"]): view for view in facts["views"]}
             self.poses = {frame: _pose(view["T_world_camera"]) for frame, view in self._views.items()}
             self.own = int(capture["frame"])
+            self._objects = str(capture.get("objects", ""))
         except (KeyError, TypeError, ValueError) as error:
             ctx.fail(f"`{NAME}` or `{CAPTURE}` is incomplete", reader=f"{type(error).__name__}: {error}")
         if self.own not in self.poses:
@@ -61,12 +63,19 @@ class PosedViews:
 
     def others(self) -> Iterator[PosedView]:
         """All views but the capture's own, in the order of their frames."""
-        for frame in sorted(self._views):
-            if frame != self.own:
-                view = self._views[frame]
-                rgb, counts = (self._picture(str(view[key]), mode) for key, mode in (("rgb", "RGB"), ("depth", None)))
-                depth = np.where(counts == _LARGEST, 0.0, counts * self._scale)
-                yield PosedView(frame, rgb, depth, self.poses[frame])
+        yield from (self.view(frame) for frame in sorted(self._views) if frame != self.own)
+
+    def objects(self) -> np.ndarray:
+        """Pixels (H, W) bool of the capture that show objects, by its folder; none if that does not say."""
+        if not self._objects:
+            return np.zeros((self.camera.height, self.camera.width), bool)
+        return self._picture(self._objects, None) > 0
+
+    def view(self, frame: int) -> PosedView:
+        """The view of one frame."""
+        facts = self._views[frame]
+        rgb, counts = (self._picture(str(facts[key]), mode) for key, mode in (("rgb", "RGB"), ("depth", None)))
+        return PosedView(frame, rgb, np.where(counts == _LARGEST, 0.0, counts * self._scale), self.poses[frame])
 
     def _picture(self, name: str, mode: str | None) -> np.ndarray:
         from PIL import Image

@@ -7,16 +7,19 @@ from collections.abc import Iterator
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene import Scene
 from dextera_build.rule import Backend, Context, Options
+
+from .elsewhere import Own
 
 BACKEND = Backend(summary="no rendering: grey pictures", profiles=("stub",))
 
 
 def draw(
-    ctx: Context, scene: Scene, camera: Camera, poses: np.ndarray, options: Options
+    ctx: Context, scene: Scene, room: Room | None, own: Own, camera: Camera, moves: np.ndarray, options: Options
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """A grey picture and an empty depth map for each pose."""
+    """A grey picture and an empty depth map for each view."""
     size = (camera.height, camera.width)
-    for _ in poses:
+    for _ in moves:
         yield np.full((*size, 3), 128, np.uint8), np.zeros(size)

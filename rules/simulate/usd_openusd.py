@@ -28,10 +28,11 @@ def write(
     background: Background,
     camera: Camera,
     world_from_camera: np.ndarray,
+    held: tuple[str, ...],
     options: Options,
 ) -> Folder:
     """The stage and its textures; see `dextera_build.sim.usd.writer`."""
-    return writer.scene(assets, background, camera, world_from_camera)
+    return writer.scene(assets, background, camera, world_from_camera, held)
 
 
 def problems(ctx: Context, folder: Folder, options: Options) -> list[str]:

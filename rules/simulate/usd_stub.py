@@ -22,6 +22,7 @@ def write(
     background: Background,
     camera: Camera,
     world_from_camera: np.ndarray,
+    held: tuple[str, ...],
     options: Options,
 ) -> Folder:
     """`scene.usda` with `/World/<object>`."""

@@ -39,6 +39,9 @@ import rules.background.static_stub
 import rules.capture.drawn.draw
 import rules.capture.drawn.draw_mujoco
 import rules.capture.drawn.draw_stub
+import rules.capture.drawn.emptied
+import rules.capture.drawn.emptied_mujoco
+import rules.capture.drawn.emptied_stub
 import rules.capture.reference
 import rules.capture.reference_mujoco
 import rules.capture.reference_stub
@@ -73,7 +76,10 @@ import rules.evaluate.room
 import rules.evaluate.room_mujoco
 import rules.evaluate.room_stub
 import rules.evaluate.views
+import rules.evaluate.views_depth_splat
+import rules.evaluate.views_gaussians
 import rules.evaluate.views_mujoco
+import rules.evaluate.views_one_sheet
 import rules.evaluate.views_stub
 import rules.factorize.contact.collision
 import rules.factorize.contact.collision_coacd
@@ -182,7 +188,10 @@ evaluate_rollouts_mujoco: rules.evaluate.rollouts.RolloutsBackend = rules.evalua
 evaluate_rollouts_stub: rules.evaluate.rollouts.RolloutsBackend = rules.evaluate.rollouts_stub
 evaluate_room_mujoco: rules.evaluate.room.RoomBackend = rules.evaluate.room_mujoco
 evaluate_room_stub: rules.evaluate.room.RoomBackend = rules.evaluate.room_stub
+evaluate_views_depth_splat: rules.evaluate.views.ViewsBackend = rules.evaluate.views_depth_splat
+evaluate_views_gaussians: rules.evaluate.views.ViewsBackend = rules.evaluate.views_gaussians
 evaluate_views_mujoco: rules.evaluate.views.ViewsBackend = rules.evaluate.views_mujoco
+evaluate_views_one_sheet: rules.evaluate.views.ViewsBackend = rules.evaluate.views_one_sheet
 evaluate_views_stub: rules.evaluate.views.ViewsBackend = rules.evaluate.views_stub
 crease: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_crease
 particulate: rules.factorize.joints.articulate.ArticulateBackend = rules.factorize.joints.articulate_particulate
@@ -227,6 +236,8 @@ simulate_task_stub: rules.simulate.task.TaskBackend = rules.simulate.task_stub
 simulate_usd_openusd: rules.simulate.usd.UsdBackend = rules.simulate.usd_openusd
 simulate_usd_stub: rules.simulate.usd.UsdBackend = rules.simulate.usd_stub
 capture_draw_mujoco: rules.capture.drawn.draw.FallBackend = rules.capture.drawn.draw_mujoco
+capture_emptied_mujoco: rules.capture.drawn.emptied.CameraBackend = rules.capture.drawn.emptied_mujoco
+capture_emptied_stub: rules.capture.drawn.emptied.CameraBackend = rules.capture.drawn.emptied_stub
 capture_draw_stub: rules.capture.drawn.draw.FallBackend = rules.capture.drawn.draw_stub
 bounding_box: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_bounding_box
 convex_hull: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_convex_hull

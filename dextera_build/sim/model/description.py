@@ -27,8 +27,8 @@ from dextera_build.artifacts.scene_description import (
 from dextera_build.geometry import transforms
 from dextera_build.sim.model import mjcf_contact, names, touching
 
-SUN = Light(label="sun", direction=(0.2, 0.3, -1.0), place=(0.0, 0.0, 3.0), diffuse=(0.4, 0.4, 0.4))
-"""The light of every twin; textured surfaces already have that of the photograph and ignore it."""
+SUN = Light(label="sun", direction=(0.2, 0.3, -1.0), place=(0.0, 0.0, 1.5), diffuse=(0.4, 0.4, 0.4))
+"""The light of every twin. It is below the ceiling of a closed room, whose shadow would fall on everything."""
 
 
 def describe(

@@ -8,6 +8,8 @@
         Joints/<joint>          between sibling links
         Looks                   surface and physics materials
 
+A held object is no rigid body if it is one piece; otherwise Joints/held fixes its root to the world.
+
 A link's body is placed as in MJCF: at its joint's origin with the object's axes, moved by the positions of the home
 keyframe; joint angle 0 is `JointNode` position 0. USD has no dry joint friction: a drive holds the home position with
 at most the friction torque of the MJCF joint. Lights are left to the viewer, as textures have that of the photograph.
@@ -15,7 +17,7 @@ at most the friction torque of the MJCF joint. Lights are left to the viewer, as
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -47,13 +49,23 @@ SAG_RAD = 0.01
 """Maximum deflection of a held joint by gravity from its observed position [rad]."""
 
 
-def scene(assets: Mapping[str, Asset], background: Background, camera: Camera, world_from_camera: np.ndarray) -> Folder:
-    """Write the USD of a complete twin; the arguments are those of `describe`."""
-    return write(describe(assets, background, camera, world_from_camera))
+def scene(
+    assets: Mapping[str, Asset],
+    background: Background,
+    camera: Camera,
+    world_from_camera: np.ndarray,
+    held: Collection[str] = (),
+) -> Folder:
+    """Write the USD of a complete twin; the arguments are those of `describe` and `write`."""
+    return write(describe(assets, background, camera, world_from_camera), held)
 
 
-def write(description: SceneDescription) -> Folder:
+def write(description: SceneDescription, held: Collection[str] = ()) -> Folder:
     """Write `scene.usda` and `textures/*.png` of a scene; byte-identical for the same scene.
+
+    Args:
+        description: The scene.
+        held: Names of objects whose root cannot move.
 
     Raises:
         RuleError: It has robots.
@@ -82,7 +94,7 @@ def write(description: SceneDescription) -> Folder:
     files: dict[str, bytes] = {}
     _static(stage, description.static, files)
     for thing in description.objects:
-        _object(stage, f"/World/{thing.label}", thing, files)
+        _object(stage, f"/World/{thing.label}", thing, files, thing.label in held)
     text: str = stage.GetRootLayer().ExportToString()
     return Folder(files={"scene.usda": text.encode(), **dict(sorted(files.items()))})
 
@@ -111,7 +123,7 @@ def _visuals(geoms: tuple[Geom, ...], name: str) -> Iterator[tuple[str, Geom, Me
             yield name if number == 1 else f"{name}_{number}", geom, geom.shape
 
 
-def _object(stage: Any, path: str, thing: ObjectNode, files: dict[str, bytes]) -> None:
+def _object(stage: Any, path: str, thing: ObjectNode, files: dict[str, bytes], held: bool) -> None:
     from pxr import Kind, Usd, UsdGeom, UsdPhysics
 
     Usd.ModelAPI(UsdGeom.Xform.Define(stage, path)).SetKind(Kind.Tokens.component)
@@ -122,8 +134,9 @@ def _object(stage: Any, path: str, thing: ObjectNode, files: dict[str, bytes]) -
         node, own = thing.links[part], f"{path}/{names.plain(part)}"
         body = UsdGeom.Xform.Define(stage, own)
         place(body, poses[part])
-        UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
-        _mass(body.GetPrim(), node.inertia)
+        if thing.joints or not held:
+            UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
+            _mass(body.GetPrim(), node.inertia)
         for name, geom, mesh in _visuals(node.geoms, "Visual"):
             look = _look(stage, path, f"{names.plain(part)}{name.removeprefix('Visual')}", geom, mesh, files)
             _mesh(stage, f"{own}/{name}", geom, mesh, look)
@@ -135,8 +148,10 @@ def _object(stage: Any, path: str, thing: ObjectNode, files: dict[str, bytes]) -
             if geom.contact is not None:
                 bind_contact(piece, contacts[geom.contact])
     if thing.joints:
-        UsdPhysics.ArticulationRootAPI.Apply(stage.GetPrimAtPath(f"{path}/{names.plain(thing.root)}"))
         UsdGeom.Scope.Define(stage, f"{path}/Joints")
+        root = f"{path}/{names.plain(thing.root)}"
+        first = _fixed(stage, f"{path}/Joints/held", root, poses[thing.root]) if held else stage.GetPrimAtPath(root)
+        UsdPhysics.ArticulationRootAPI.Apply(first)
     for joint in thing.joints:
         _joint(stage, path, joint, thing.origin(joint.parent))
 
@@ -181,6 +196,19 @@ def _mass(prim: Any, inertia: Inertia) -> None:
     api.CreateCenterOfMassAttr(Gf.Vec3f(*inertia.centre))
     api.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments.tolist()))
     api.CreatePrincipalAxesAttr(Gf.Quatf(*quaternions.from_matrix(axes).tolist()))
+
+
+def _fixed(stage: Any, path: str, root: str, pose: np.ndarray) -> Any:
+    """Write the joint that fixes a body to the world at its `pose` (4, 4), and return its prim."""
+    from pxr import Gf, Sdf, UsdPhysics
+
+    prim = UsdPhysics.FixedJoint.Define(stage, path)
+    prim.CreateBody1Rel().SetTargets([Sdf.Path(root)])
+    prim.CreateLocalPos0Attr(Gf.Vec3f(*pose[:3, 3].tolist()))
+    prim.CreateLocalRot0Attr(Gf.Quatf(*quaternions.from_matrix(pose[:3, :3]).tolist()))
+    prim.CreateLocalPos1Attr(Gf.Vec3f(0.0, 0.0, 0.0))
+    prim.CreateLocalRot1Attr(Gf.Quatf(1.0, 0.0, 0.0, 0.0))
+    return prim.GetPrim()
 
 
 def _joint(stage: Any, path: str, joint: JointNode, outer: np.ndarray) -> None:

@@ -42,7 +42,7 @@ class ExpandBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy", "pillow"))
+@rule(version=2, packages=("numpy", "pillow"))
 def expand(
     ctx: Context[ExpandBackend],
     panorama: Panorama,

@@ -34,6 +34,8 @@ class WarpOptions(Options):
 
     backdrop_m: PositiveFloat = 10.0
     """Radius of the sphere around the photograph's place that carries the panorama, beyond every surface [m]."""
+    invented: bool = False
+    """Whether the surfaces that no pixel shows are cast, too; they hide the panorama."""
 
 
 def expand(
@@ -51,11 +53,13 @@ def expand(
     sphere, and `footprint` is the distance of neighbouring pixels there [m].
     """
     eye = panorama.pose.matrix[:3, 3]
-    surface = _surface(background.mesh, camera)
-    radius = max(options.backdrop_m, 1.05 * float(np.linalg.norm(surface.vertices - eye, axis=1).max()))
+    meshes = [background.mesh, background.invented if options.invented else None]
+    surfaces = [_surface(mesh, camera) for mesh in meshes if mesh is not None]
+    farthest = max(float(np.linalg.norm(each.vertices - eye, axis=1).max()) for each in surfaces)
+    radius = max(options.backdrop_m, 1.05 * farthest)
     looks, images = [], {}
     for name, pose in ordered(paths, eye).items():
-        looks.append(_look(surface, panorama, radius, camera, pose))
+        looks.append(_look(surfaces, panorama, radius, camera, pose))
         images[name] = encoded(looks[-1].pixels)
         ctx.progress(len(looks), sum(len(path.stamps) for path in paths.items.values()), "views")
     ctx.metric("without surface", 100.0 * float(np.mean([~look.measured for look in looks])), "%")
@@ -78,10 +82,10 @@ def _surface(mesh: Mesh, camera: Camera) -> raycast.Surface:
     return raycast.Surface(mesh.vertices.astype(np.float64), mesh.faces, mesh.uv, texture, mesh.colour)
 
 
-def _look(surface: raycast.Surface, panorama: Panorama, radius: float, camera: Camera, pose: np.ndarray) -> Look:
+def _look(surfaces: list[raycast.Surface], panorama: Panorama, radius: float, camera: Camera, pose: np.ndarray) -> Look:
     """What one camera sees."""
     k = camera.matrix()
-    shown = raycast.render([surface], k, pose, camera.height, camera.width)
+    shown = raycast.render(surfaces, k, pose, camera.height, camera.width)
     hit = shown.index >= 0
     rays = pinhole.rays(camera.height, camera.width, k) @ pose[:3, :3].T
     place = panorama.pose.matrix
@@ -93,7 +97,7 @@ def _look(surface: raycast.Surface, panorama: Panorama, radius: float, camera: C
     backdrop = sampled(panorama.image.pixels, outwards @ place[:3, :3])
     return Look(
         pose=pose,
-        pixels=np.where(hit[..., None], raycast.shade([surface], shown), backdrop),
+        pixels=np.where(hit[..., None], raycast.shade(surfaces, shown), backdrop),
         depth=np.where(hit, shown.depth, behind),
         normal=np.where(hit[..., None], shown.normal, -outwards),
         measured=hit,

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.object import Asset, Support
-from dextera_build.artifacts.scene import Background, SupportBox
+from dextera_build.artifacts.scene import Background, Scene, SupportBox
 from dextera_build.artifacts.view import InstanceMap
 from dextera_build.geometry import metrics, raycast, transforms
 from dextera_build.rule import Context
@@ -97,6 +100,27 @@ def test_no_triangle_joins_surfaces_that_are_apart(built: tuple[Capture, Support
     assert naive > 500, "one sheet over everything is what this test is there to see"
 
 
+def steep(made: Background, pose: np.ndarray) -> int:
+    """Triangles of surfaces that are no planes whose corners are more than `JOINED_M` apart in depth."""
+    vertices, faces = made.mesh.vertices.astype(np.float64), made.mesh.faces
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    graph = coo_array((np.ones(len(ends)), ends.T), shape=(len(vertices), len(vertices)))
+    count, surface = connected_components(graph, directed=False)
+    flat = np.zeros(count, bool)
+    for number in range(count):
+        points = vertices[surface == number] - vertices[surface == number].mean(axis=0)
+        if len(points) >= 3:
+            normal = np.linalg.svd(points, full_matrices=False)[2][2]
+            flat[number] = np.abs(points @ normal).max() < 0.002
+    depth = transforms.apply(transforms.invert(pose), vertices)[:, 2]
+    return int((np.ptp(depth[faces], axis=1)[~flat[surface[faces[:, 0]]]] > JOINED_M).sum())
+
+
+def test_steep_places_are_divided_or_open(built: tuple[Capture, Support, Background]) -> None:
+    _, table, made = built
+    assert steep(made, table.camera_pose.matrix) == 0
+
+
 def test_everything_but_the_object_stays(built: tuple[Capture, Support, Background]) -> None:
     capture, table, made = built
     bare, _, _ = photographed(THINGS)
@@ -140,6 +164,45 @@ def test_a_wall_that_was_seen_is_where_it_is_and_others_are_beyond(built: tuple[
     assert near < 0.06
     floor = boxes["floor"]
     assert floor.centre[2] + floor.half_size[2] < -0.7
+
+
+def test_a_surface_that_was_seen_to_end_does_not_go_on(built: tuple[Capture, Support, Background]) -> None:
+    """The cupboard ends at x = 0.1; a plane through its front does not."""
+    made = built[2].invented
+    assert made is not None
+    middle = made.vertices[made.faces].mean(axis=1)
+    front = (np.abs(middle[:, 1] - 0.75) < 0.02) & (middle[:, 2] < 0.1) & (middle[:, 2] > -0.7)
+    assert front.sum() > 10
+    assert middle[front, 0].max() < 0.13
+
+
+def test_a_ball_lands_on_what_is_drawn(built: tuple[Capture, Support, Background], tmp_path: Path) -> None:
+    """On table, cupboard, carton and floor: none falls through, none floats."""
+    _, table, made = built
+    twin = scene(Context(scratch=tmp_path), Collection[Asset](items={}), made, table, LENS)
+    shapes = [surface_of(made.mesh), surface_of(made.invented)]
+    for x, y in ((0.1, -0.1), (-0.3, 0.1), (0.36, 0.11), (-0.6, 0.95), (0.7, 0.5), (-0.8, -0.3)):
+        down = raycast.cast(shapes, np.array([[x, y, 0.6, 0.0, 0.0, -1.0]]))
+        drawn = 0.6 - float(down.depth[0])
+        assert -0.01 < landed(twin, x, y, drawn) - drawn < 0.01, (x, y)
+
+
+def landed(twin: Scene, x: float, y: float, drawn: float) -> float:
+    """Height at which the lower side of a ball of 4 cm comes to rest that is let go 0.1 m above `drawn` [m]."""
+    root = ElementTree.fromstring(twin.model.files["scene.xml"])
+    for keys in root.findall("keyframe"):
+        root.remove(keys)
+    world = root.find("worldbody")
+    assert world is not None
+    ball = ElementTree.SubElement(world, "body", name="ball", pos=f"{x} {y} {drawn + 0.12}")
+    ElementTree.SubElement(ball, "joint", type="slide", axis="0 0 1", damping="0.1")
+    ElementTree.SubElement(ball, "geom", type="sphere", size="0.02", mass="0.05")
+    files = {**twin.model.files, "scene.xml": ElementTree.tostring(root)}
+    model = models.compile_folder(Folder(files=files))
+    data = mujoco.MjData(model)
+    for _ in range(round(1.0 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    return float(data.body("ball").xpos[2]) - 0.02
 
 
 def test_what_stands_in_the_room_collides_but_not_with_objects(built: tuple[Capture, Support, Background]) -> None:
@@ -215,6 +278,7 @@ def test_a_real_kitchen_is_kept_in_views_that_it_was_not_made_from(tmp_path: Pat
         likeness.append(metrics.psnr(raycast.shade(shapes, drawn), view.rgb, seen))
         errors.append(metrics.depth_errors(drawn.depth, view.depth, seen))
         cover.append((drawn.depth > 0).mean())
+    assert steep(made, table.camera_pose.matrix) == 0
     # A background without what stands above the table reaches 13.8 dB and 86 mm over all views.
     assert np.mean(likeness) > 19.0
     assert np.median([error.median for error in errors]) < 0.012

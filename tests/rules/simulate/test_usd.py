@@ -6,13 +6,15 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from pxr import Sdf
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.object import Asset
 from dextera_build.errors import RuleError
 from dextera_build.rule import Context, Options
-from rules.simulate import usd_openusd, usd_stub
+from rules.simulate import steady_mujoco, usd_openusd, usd_stub
+from rules.simulate.scene import scene
+from rules.simulate.steady import SteadyOptions, steady
 from rules.simulate.usd import usd
 from tests import factories
 
@@ -43,3 +45,39 @@ def test_an_invalid_stage_is_not_published(tmp_path: Path) -> None:
 
     with pytest.raises(RuleError, match="the USD is not valid: Rule: something is wrong"):
         build(Broken, tmp_path)
+
+
+def test_what_the_scene_holds_is_not_free_in_the_stage(tmp_path: Path) -> None:
+    items = {
+        "a": factories.box_asset(),
+        "b": factories.box_asset(factories.pose(0.03)),
+        "far": factories.laptop_asset(factories.pose(0.9)),
+    }
+    assets, room = Collection[Asset](items=items), factories.background()
+    twin = scene(Context(scratch=tmp_path), assets, room, factories.support(), factories.camera())
+    steadied = steady(Context(backend=steady_mujoco, scratch=tmp_path), twin, options=SteadyOptions(seconds=1.0))
+    assert set(steadied.held) > {"far"}, "a box inside another one, and a laptop beside the table"
+    given = (assets, room, factories.support(), factories.camera())
+    made = usd(Context(backend=usd_openusd, scratch=tmp_path), *given, steadied)
+    free = usd(Context(backend=usd_openusd, scratch=tmp_path), *given)
+    rigid, fixed = moving(made)
+    assert fixed == {"/World/far"}
+    assert {path.split("/")[2] for path in rigid} - {"far"} == set(steadied.bodies)
+    assert moving(free)[1] == set()
+    assert {path.split("/")[2] for path in moving(free)[0]} == {"a", "b", "far"}
+
+
+def moving(folder: Folder) -> tuple[set[str], set[str]]:
+    """Prims that are rigid bodies, and objects whose root is fixed to the world."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.ImportFromString(folder.files["scene.usda"].decode())
+    stage = Usd.Stage.Open(layer)
+    rigid = {str(prim.GetPath()) for prim in stage.Traverse() if prim.HasAPI(UsdPhysics.RigidBodyAPI)}
+    joints = [UsdPhysics.FixedJoint(prim) for prim in stage.Traverse() if prim.IsA(UsdPhysics.FixedJoint)]
+    for joint in joints:
+        assert not joint.GetBody0Rel().GetTargets()
+        assert joint.GetPrim().HasAPI(UsdPhysics.ArticulationRootAPI)
+        body = UsdGeom.Xformable(stage.GetPrimAtPath(joint.GetBody1Rel().GetTargets()[0]))
+        place = body.ComputeLocalToWorldTransform(Usd.TimeCode.Default()).ExtractTranslation()
+        assert Gf.IsClose(place, Gf.Vec3d(joint.GetLocalPos0Attr().Get()), 1e-6)
+    return rigid, {str(joint.GetPath()).removesuffix("/Joints/held") for joint in joints}

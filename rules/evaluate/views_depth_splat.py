@@ -1,0 +1,30 @@
+"""evaluate.views of the capture itself as points, a baseline: no twin is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.room import Room
+from dextera_build.artifacts.scene import Scene
+from dextera_build.rule import Backend, Context, Options
+
+from . import elsewhere
+
+BACKEND = Backend(summary="baseline: the capture's measured pixels as points of one pixel", packages=("numpy",))
+
+
+def draw(
+    ctx: Context,
+    scene: Scene,
+    room: Room | None,
+    own: elsewhere.Own,
+    camera: Camera,
+    moves: np.ndarray,
+    options: Options,
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Colours and depth of the nearest point in each pixel."""
+    for move in moves:
+        yield elsewhere.splat(own, np.linalg.inv(move))

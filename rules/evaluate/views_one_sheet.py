@@ -1,0 +1,37 @@
+"""evaluate.views of the capture itself as one sheet, a baseline: no twin is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.room import Room
+from dextera_build.artifacts.scene import Scene
+from dextera_build.geometry import raycast
+from dextera_build.rule import Backend, Context, Options
+
+from . import elsewhere
+
+BACKEND = Backend(
+    summary="baseline: the capture's measured pixels as one mesh that joins all neighbours",
+    packages=("numpy", "open3d"),
+    extra="twin",
+)
+
+
+def draw(
+    ctx: Context,
+    scene: Scene,
+    room: Room | None,
+    own: elsewhere.Own,
+    camera: Camera,
+    moves: np.ndarray,
+    options: Options,
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Colours and depth of the sheet, by ray casting."""
+    surface = elsewhere.sheet(own)
+    for move in moves:
+        seen = raycast.render([surface], own.k, move, camera.height, camera.width)
+        yield raycast.shade([surface], seen), seen.depth
