@@ -100,6 +100,15 @@ def _root(parent: np.ndarray, index: int) -> int:
     return index
 
 
+def without_pinholes(mask: np.ndarray) -> np.ndarray:
+    """A mask (H, W) bool without holes smaller than 1/500 of it: they are errors, not handles."""
+    holes, _ = label(~mask)
+    sizes = np.bincount(holes.ravel())
+    small = sizes < max(12.0, 0.002 * np.count_nonzero(mask))
+    small[0] = False
+    return np.asarray(mask | small[holes])
+
+
 def _join_rows(
     parent: np.ndarray, starts: np.ndarray, ends: np.ndarray, above: tuple[int, int], below: tuple[int, int]
 ) -> None:

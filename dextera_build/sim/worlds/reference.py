@@ -112,6 +112,8 @@ class _Builder:
         spec = self.spec
         roots = [self.spec.body(name) for name in self.bundle.objects]
         bodies = [spec.worldbody, *roots, *(below for root in roots for below in root.find_all("body"))]
+        for pair in list(spec.pairs):
+            spec.delete(pair)
         for body in bodies:
             for geom in list(body.geoms):
                 spec.delete(geom)

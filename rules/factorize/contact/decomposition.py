@@ -58,5 +58,5 @@ def parts(
         return None
     if ended.returncode:
         raise ChildProcessError(ended.stderr[-2000:] or f"exit code {ended.returncode}")
-    with np.load(folder / "parts.npz") as found:
+    with np.load(folder / "parts.npz", allow_pickle=False) as found:
         return [found[name] for name in found.files]

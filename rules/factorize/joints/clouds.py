@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.artifacts.view import Seen
-from dextera_build.geometry import cameras, normals, planes, transforms
-
-from ..shapes.evidence import without_pinholes
+from dextera_build.geometry import cameras, normals, planes, regions, transforms
 
 MOST = 5000
 """Points of a cloud that take part; more change no estimate, because neighbours share their errors."""
@@ -108,7 +106,7 @@ def of_depth(depth: np.ndarray, mask: np.ndarray, k: np.ndarray, world_from_came
     good = (z > 0) & (fitted.count >= 6) & (np.abs(fitted.c - inverse) < 2.5 * tolerance)
     slope = 1.5 * BAND_PX * z**2 * np.hypot(fitted.a, fitted.b)
     behind = ndimage.maximum_filter(depth, 2 * BAND_PX + 1) - z > STEP_M + 2.0 * planes.depth_sigma(z) + slope
-    ends = good & behind & ~ndimage.binary_erosion(without_pinholes(good), np.ones((3, 3), bool))
+    ends = good & behind & ~ndimage.binary_erosion(regions.without_pinholes(good), np.ones((3, 3), bool))
     # The window's plane, not the reading, gives the point: its noise is that of many pixels.
     flat = np.divide(1.0, fitted.c, out=np.zeros_like(z), where=good)
     points = transforms.apply(world_from_camera, cameras.backproject(flat, k))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.artifacts.view import Seen
-from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry import cameras, regions, transforms
 
 REACH_PX = 12.0
 """Extent of the samples on each side of the silhouette [px]."""
@@ -76,7 +76,7 @@ def gather(seen: Seen, samples: int = 1500, outline_samples: int = 220) -> Evide
         outline_samples: Number of silhouette samples per fit.
     """
     k, pose = seen.camera.matrix(), seen.world_from_camera
-    mask = without_pinholes(seen.mask)
+    mask = regions.without_pinholes(seen.mask)
     depth = seen.depth.astype(np.float64)
     sigma = noise(depth)
     known = ~_grown(seen.occluder, 2)
@@ -105,17 +105,6 @@ def gather(seen: Seen, samples: int = 1500, outline_samples: int = 220) -> Evide
         ray_sigma=sigma.ravel()[chosen],
         silhouette=_silhouette(mask, known, k, pose, outline_samples),
     )
-
-
-def without_pinholes(mask: np.ndarray) -> np.ndarray:
-    """Fill holes smaller than 1/500 of the mask: they are errors, not handles."""
-    from scipy import ndimage
-
-    holes, number = ndimage.label(~mask)
-    sizes = np.bincount(holes.ravel())
-    small = sizes < max(12.0, 0.002 * np.count_nonzero(mask))
-    small[0] = False
-    return np.asarray(mask | small[holes]) if number else mask
 
 
 def standing_height(mask: np.ndarray, depth: np.ndarray, k: np.ndarray, pose: np.ndarray) -> float:

@@ -17,7 +17,7 @@ from dextera_build.rule import Backend, Context, Options
 from ..measured import Measurements
 from . import doubt
 from . import evidence as evidence_of
-from .families.names import HYPOTHESES
+from .families.names import GENERAL, HYPOTHESES
 from .handle import with_handle
 from .hypotheses import Candidate, Finished, propose
 from .paint import HALF_TURN, MIRROR
@@ -52,6 +52,8 @@ class PrimitivesOptions(Options):
     """Wall thickness of a vessel if the view does not show it [m]."""
     refine_steps: NonNegativeInt = 14
     """Maximum least-squares steps per hypothesis; the best one gets three times as many."""
+    explained: float = 0.85
+    """Score of a body, at most 1, from which slow families that describe nearly everything are not tried."""
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,8 @@ def _fits(ctx: Context, evidence: evidence_of.Evidence, options: PrimitivesOptio
     if not names:
         ctx.fail("no hypothesis is left to try", hint="allow more `hypotheses`", known=listing(HYPOTHESES))
     for done, name in enumerate(names):
+        if name in GENERAL and max((found.score for found in fitted), default=0.0) >= options.explained:
+            break
         ctx.progress(done, len(names), name)
         try:
             fitted += [

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.artifacts.view import Seen
-from dextera_build.geometry import cameras, raycast, texture, transforms
+from dextera_build.geometry import cameras, raycast, regions, texture, transforms
 from dextera_build.geometry.solids import Solid
-
-from .evidence import without_pinholes
 
 SLANTED, PLAIN = 0.15, 0.5
 """Cosines between normal and line of sight: texels below the first are not read, above the second trusted."""
@@ -108,7 +106,7 @@ class _Photograph:
         self.camera_from_object = transforms.invert(seen.world_from_camera) @ pose
         self.eye = transforms.invert(self.camera_from_object)[:3, 3]
         self.k = seen.camera.matrix()
-        self.inset = ndimage.distance_transform_edt(without_pinholes(seen.mask) & ~seen.occluder)
+        self.inset = ndimage.distance_transform_edt(regions.without_pinholes(seen.mask) & ~seen.occluder)
         self.pixels = seen.rgb.astype(np.float64)
 
     def read(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

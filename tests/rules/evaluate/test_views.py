@@ -111,7 +111,8 @@ def test_the_baselines_draw_the_capture_and_nothing_else(twin: tuple[dict[str, o
     for found in (sheet, splat):
         assert found["all"]["Coverage"] < 0.95
         assert found["seen by the capture"]["Depth median"] < 0.004
-        assert found["capture's camera, outside objects"]["PSNR"] > 20
+        # Equal pictures have no PSNR.
+        assert found["capture's camera, outside objects"]["RGB MAE"] < 0.03
     gaps = rows(RuleRunner(tmp_path).run("evaluate.views", backend="depth_splat", **given))
     assert gaps["seen by the capture"]["PSNR"] < splat["seen by the capture"]["PSNR"] - 1
 

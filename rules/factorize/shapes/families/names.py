@@ -6,6 +6,8 @@ TURNED = ("revolved_hollow", "open_box")
 """Vessels that are also fitted lying and leaning."""
 TURNED_PREFIX = "tilted_"
 """Before the name of a vessel that does not stand."""
+GENERAL = ("superquadric", "lying", *(TURNED_PREFIX + name for name in TURNED), "mirrored")
+"""Families that take long to fit and describe nearly everything a little: tried where the others explain too little."""
 HYPOTHESES = (
     "box",
     "tilted_box",
@@ -17,9 +19,6 @@ HYPOTHESES = (
     "extruded",
     "panels",
     "open_box",
-    "superquadric",
-    "lying",
-    *(TURNED_PREFIX + name for name in TURNED),
-    "mirrored",
+    *GENERAL,
 )
 """All families, in the order in which they are tried."""

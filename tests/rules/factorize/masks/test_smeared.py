@@ -22,12 +22,14 @@ def segmented(runner: RuleRunner, capture: Capture):
 
 
 def with_smear(scene: tabletops.Tabletop) -> Capture:
-    """A strip of the table whose depth runs along the lines of sight, as between two surfaces."""
+    """A blue strip whose depth runs along the lines of sight, as between two surfaces."""
     assert scene.capture.measured is not None
     depth = scene.capture.measured.depth.depth.copy()
     strip = depth[285:325, 430:452]
     strip *= 1.0 - np.linspace(0.03, 0.18, strip.shape[1], dtype=np.float32)
-    return factories.rgbd(scene.capture.photograph.rgb.pixels, depth, scene.capture.photograph.camera)
+    pixels = scene.capture.photograph.rgb.pixels.copy()
+    pixels[285:325, 430:452] = (40, 60, 150)
+    return factories.rgbd(pixels, depth, scene.capture.photograph.camera)
 
 
 def test_a_smear_stays_in_the_background_with_a_warning(tmp_path):

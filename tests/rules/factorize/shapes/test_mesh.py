@@ -11,7 +11,7 @@ import pytest
 from dextera_build.artifacts.object import Shape
 from dextera_build.artifacts.view import Instance
 from dextera_build.errors import RuleError
-from dextera_build.geometry import raycast, solids, transforms
+from dextera_build.geometry import raycast, regions, solids, transforms
 from dextera_build.geometry.solids import Solid
 from dextera_build.rule import Context, Options
 from dextera_build.testing import RuleRunner
@@ -314,7 +314,7 @@ def test_pinholes_are_filled_and_handles_are_not():
     mask = np.zeros((200, 200), bool)
     mask[20:180, 20:180] = True
     mask[50, 50], mask[100:130, 100:130] = False, False
-    filled = evidence.without_pinholes(mask)
+    filled = regions.without_pinholes(mask)
     assert filled[50, 50]
     assert not filled[110, 110]
 

@@ -20,8 +20,8 @@ from tests import object_views
 from tests.rules.factorize import synthetic_views as synthetic
 
 
-def mirrored(seen: Instance, folder: Path, *others: str) -> Shape:
-    options = {"primitives": {"hypotheses": (*others, "mirrored")}}
+def mirrored(seen: Instance, folder: Path, *others: str, **more: float) -> Shape:
+    options = {"primitives": {"hypotheses": (*others, "mirrored"), **more}}
     shape: Shape = RuleRunner(folder).run("factorize.mesh", options=options, **object_views.sights(seen))
     return shape
 
@@ -99,7 +99,7 @@ def test_it_wins_where_the_families_fit_badly(tmp_path: Path) -> None:
 )
 def test_a_family_that_fits_wins(tmp_path: Path, body: Solid) -> None:
     seen = synthetic.view(synthetic.placed(body, 0.0, 0.0, 20), synthetic.Eye())
-    found = mirrored(seen, tmp_path, "box", "revolved_hollow")
+    found = mirrored(seen, tmp_path, "box", "revolved_hollow", explained=1.0)
     assert found.hypothesis != "mirrored"
     assert found.scores["mirrored"] < found.scores[found.hypothesis] - 0.05
 
