@@ -107,7 +107,7 @@ def complete(
 
 def _fits(ctx: Context, evidence: evidence_of.Evidence, options: PrimitivesOptions) -> list[_Fitted]:
     """The best body of each family; a family that cannot be fitted to such a view is left out with a warning."""
-    fitted = []
+    fitted: list[_Fitted] = []
     names = [name for name in HYPOTHESES if name in options.hypotheses]
     if not names:
         ctx.fail("no hypothesis is left to try", hint="allow more `hypotheses`", known=listing(HYPOTHESES))
