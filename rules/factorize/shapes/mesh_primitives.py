@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import NonNegativeInt, PositiveFloat
+from pydantic import Field, NonNegativeInt, PositiveFloat
 
 from dextera_build.artifacts.object import Rival, Shape
 from dextera_build.artifacts.pose import Pose
@@ -52,8 +52,8 @@ class PrimitivesOptions(Options):
     """Wall thickness of a vessel if the view does not show it [m]."""
     refine_steps: NonNegativeInt = 14
     """Maximum least-squares steps per hypothesis; the best one gets three times as many."""
-    explained: float = 0.85
-    """Score of a body, at most 1, from which slow families that describe nearly everything are not tried."""
+    explained: float = Field(0.85, le=1.0)
+    """Score of a body from which slow families that describe nearly everything are not tried."""
 
 
 @dataclass(frozen=True)
