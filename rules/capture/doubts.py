@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from importlib.util import find_spec
 
 import numpy as np
 
@@ -66,9 +65,10 @@ def of_depth(ctx: Context, depth: np.ndarray, source: str) -> None:
 
 def of_gaps(ctx: Context, depth: np.ndarray) -> None:
     """Warn of gaps amid the depth; without SciPy, which light installations lack, nothing is checked."""
-    if find_spec("scipy") is None:
+    try:
+        from scipy import ndimage
+    except ModuleNotFoundError:
         return
-    from scipy import ndimage
 
     valid = depth[::2, ::2] > 0
     around = ndimage.binary_fill_holes(ndimage.binary_closing(valid, iterations=2))
@@ -105,9 +105,10 @@ def of_noise(ctx: Context, depth: np.ndarray) -> None:
 
 def of_registration(ctx: Context, pixels: np.ndarray, depth: np.ndarray) -> None:
     """Warn of depth that is not registered to the photograph; without SciPy nothing is checked."""
-    if find_spec("scipy") is None:
+    try:
+        found = shift(pixels, depth)
+    except ModuleNotFoundError:
         return
-    found = shift(pixels, depth)
     if found is not None:
         across = f"{abs(found.right)} px {'right' if found.right > 0 else 'left'}"
         down = f"{abs(found.down)} px {'below' if found.down > 0 else 'above'}"
