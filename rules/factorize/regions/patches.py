@@ -35,7 +35,7 @@ class Surfaces:
     normal: np.ndarray  # (h, w, 3) world, 0 if unknown
     raised: np.ndarray  # (h, w) bool
     floor: np.ndarray  # (h, w) bool, measured pixels of the support
-    beyond: np.ndarray  # (h, w) depth of what is neither raised over the support nor the support [m], 0 elsewhere
+    beyond: np.ndarray  # (h, w) depth of what is below or beside the support [m], 0 elsewhere
     pixel_m2: np.ndarray  # (h, w) area covered by a block, face on [m^2]
     lab: np.ndarray  # (h, w, 3) float32 CIE L*a*b*
     eye: np.ndarray  # (3,) the camera in the world [m]
@@ -69,7 +69,7 @@ def surfaces(relief: Relief, raised: np.ndarray, seen: Workspace, lab: np.ndarra
     k[:2, 2] -= (stride - 1) / (2 * stride)
     points = transforms.apply(seen.world_from_camera, cameras.backproject(mean, k))
     heights = (blocks(relief.height[box], stride) * near).sum(axis=-1) / np.maximum(near.sum(axis=-1), 1)
-    outside = relief.valid[box] & ~(relief.raised[box] & relief.over[box])
+    outside = relief.valid[box] & ((relief.height[box] < -relief.threshold[box]) | ~relief.over[box])
     level = np.abs(relief.height[box]) <= relief.threshold[box]
     floor = blocks(relief.valid[box] & level, stride).mean(axis=-1) > 0.5
     colour = np.stack([blocks(lab[box][..., i], stride).mean(axis=-1) for i in range(3)], axis=-1)
