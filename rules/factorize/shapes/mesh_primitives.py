@@ -192,7 +192,8 @@ def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tupl
     body, mark = choices[winner], judged[winner]
     if candidate.model.name in HANDLED:
         handled = with_handle(body, evidence)
-        if handled is not None:
+        # A strap that reaches below the base is something else that the mask holds.
+        if handled is not None and handled.solid.vertices[:, 2].min() > -1e-6:
             again = judge(handled.solid.moved(handled.pose), evidence, cost)
             if again.score > mark.score:
                 body, mark = handled, again

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ from dextera_build.geometry import raycast, regions, solids, transforms
 from dextera_build.geometry.solids import Solid
 from dextera_build.rule import Context, Options
 from dextera_build.testing import RuleRunner
-from rules.factorize.shapes import evidence, handle, hypotheses, mesh_stub, paint, scoring
+from rules.factorize.shapes import evidence, handle, hypotheses, mesh_primitives, mesh_stub, paint, scoring
 from rules.factorize.shapes.families import revolution
 from rules.factorize.shapes.families.box import lying_solid
+from rules.factorize.shapes.hypotheses import Finished
 from tests import object_views
 from tests.rules.factorize import synthetic_views as synthetic
 
@@ -205,6 +207,23 @@ def test_a_can_on_a_box_stands_on_the_box(tmp_path):
     assert found.hypothesis == "cylinder"
     assert found.pose.matrix[2, 3] == pytest.approx(0.06, abs=0.003)
     assert found.mesh.extent == pytest.approx([0.066, 0.066, 0.1], abs=0.006)
+
+
+def test_a_handle_below_the_base_is_refused(monkeypatch):
+    """Something else that the mask holds: the body would stand on it."""
+    seen = synthetic.view(synthetic.cup(0.035, 0.04, 0.09, 0.004, 0.006), synthetic.Eye())
+
+    def lowered(body: Finished, _: evidence.Evidence) -> Finished:
+        return replace(body, solid=Solid(body.solid.vertices - [0.0, 0.0, 0.005], body.solid.faces))
+
+    monkeypatch.setattr(mesh_primitives, "with_handle", lowered)
+    monkeypatch.setattr(mesh_primitives, "judge", lambda *_: scoring.Judgement(next(scores), 0.9, 0.001, 0.0))
+    scores = iter(np.linspace(0.1, 0.9, 100))  # every later body explains more
+    found = evidence.gather(object_views.seen(seen))
+    (vessel,) = hypotheses.propose(found, ("revolved_hollow",), 0.003)
+    fitted = mesh_primitives._fitted(vessel, found, 5)
+    body, _, _ = mesh_primitives._finished(fitted, found, 5)
+    assert body.solid.vertices[:, 2].min() == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_bowl_that_overhangs_stands_on_the_support(tmp_path):
