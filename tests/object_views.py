@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Hull, Mesh
@@ -170,3 +171,8 @@ def shape(surface: Mesh, walls: tuple[Hull, ...] = ()) -> Shape:
         unseen_fraction=0.5,
         scores={},
     )
+
+
+def content(instance: Instance) -> str:
+    """Digest of an object's crop, traits and depth: what rules can read of it."""
+    return instance.encode(digest.of_bytes)

@@ -60,7 +60,7 @@ def _entry(
 
 
 def _material(element: Element) -> str:
-    """The assumed material as a comment: how sure it is, and what it stands for."""
+    """The assumed material as a comment, with its probability and the numbers that follow from it."""
     sure = "" if element.material_confidence is None else f", probability {element.material_confidence:.2f}"
     known = TABLE.get(element.material)
     meaning = (

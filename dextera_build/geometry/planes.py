@@ -8,6 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 Plane = tuple[np.ndarray, float]
+NOISY = 5.0
+"""Noise between neighbouring pixels, in that of the noise model, from which depth is no more than noise.
+
+Real captures had up to 0.1.
+"""
 
 
 def depth_sigma(z: np.ndarray) -> np.ndarray:
@@ -27,6 +32,12 @@ def pixel_noise(depth: np.ndarray) -> float:
     left, middle, right = depth[:, :-2], depth[:, 1:-1], depth[:, 2:]
     whole = (left > 0) & (middle > 0) & (right > 0)
     return float(np.median(np.abs(left - 2.0 * middle + right)[whole])) / 1.652 if whole.any() else float("nan")
+
+
+def mostly_noise(depth: np.ndarray) -> tuple[float, float] | None:
+    """`pixel_noise` and median of a depth image (H, W) [m] whose noise is over `NOISY` times that of `depth_sigma`."""
+    noise, middle = pixel_noise(depth), float(np.median(depth[depth > 0]))
+    return (noise, middle) if noise > NOISY * float(depth_sigma(np.array(middle))) else None
 
 
 def fit(points: np.ndarray, weights: np.ndarray | None = None) -> Plane:

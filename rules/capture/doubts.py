@@ -24,8 +24,6 @@ GAPS = 0.1
 """Part of the measured area that gaps may be; real captures had up to 0.04."""
 COARSE_M = 0.002
 """Steps of the depth above which bodies become staircases; real captures had 0.1 to 1 mm [m]."""
-NOISY = 5.0
-"""Noise between neighbouring pixels, in that of the noise model; real captures had up to 0.1."""
 
 
 def of_camera(ctx: Context, camera: Camera) -> None:
@@ -95,8 +93,9 @@ def of_steps(ctx: Context, counts: np.ndarray, scale: float, name: str, bits: in
 
 def of_noise(ctx: Context, depth: np.ndarray) -> None:
     """Warn of depth that is mostly noise."""
-    noise, middle = planes.pixel_noise(depth), float(np.median(depth[depth > 0]))
-    if noise > NOISY * float(planes.depth_sigma(np.array(middle))):
+    found = planes.mostly_noise(depth)
+    if found is not None:
+        noise, middle = found
         ctx.warn(
             f"neighbouring pixels of the depth differ by {1000 * noise:.0f} mm at a median of {middle:.2f} m, which is "
             "noise: are its bytes in the right order, and is it the raw depth?"

@@ -21,8 +21,6 @@ FAR_M = 2.0
 """Height of a camera above a support from which the unit of the depth is in doubt [m]."""
 NEAR_M = 0.2
 """Height of a camera above a support below which the unit of the depth is in doubt [m]."""
-NOISY = 5.0
-"""Noise between neighbouring pixels, in that of the noise model, from which depth is no more than noise."""
 SPARSE = 0.6
 """Fraction of pixels with depth over the support below which the depth is too sparse."""
 FEW = 30
@@ -79,8 +77,9 @@ def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
 
 def _unit(seen: Workspace) -> Iterator[Cause]:
     """Depth that is noise, or in another unit than the capture says."""
-    noise, middle = planes.pixel_noise(seen.depth), float(np.median(seen.depth[seen.depth > 0]))
-    if noise > NOISY * float(planes.depth_sigma(np.array(middle))):
+    found = planes.mostly_noise(seen.depth)
+    if found is not None:
+        noise, middle = found
         yield (
             f"the depth is noise: neighbouring pixels differ by {1000 * noise:.0f} mm at a median of {middle:.2f} m",
             "check that the depth image holds the camera's raw counts, in the right order of bytes",

@@ -46,7 +46,7 @@ class Cloud:
 
 @dataclass(frozen=True)
 class Eye:
-    """The camera that a sight comes from, with all that it measured."""
+    """The camera of a sight, with the depth image that it took."""
 
     depth: np.ndarray  # (H, W) image-plane z [m]; 0 where nothing was measured
     k: np.ndarray  # (3, 3) [px]

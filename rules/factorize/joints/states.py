@@ -41,7 +41,7 @@ def find(first: Sight, second: Sight) -> States | None:
 
     Args:
         first: The object in the first state.
-        second: The object, or all that stands on the support, in the second state, in its own world.
+        second: The second state in its own world: the object, or everything on the support.
 
     Returns:
         The parts; None if nothing moved.

@@ -16,6 +16,7 @@ from dextera_build.geometry import upright
 from ..measured import Measurements, Workspace
 from ..regions.heights import relief
 from .occlusion import lower_in_the_picture, occluders
+from .overlap import crop
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class Cutter:
 
     def instance(self, number: int, around: Surroundings, said: Said, margin: int) -> Instance:
         """One object, cropped from the photograph and its depth."""
-        box = _box(around.labels == number, margin)
+        box = crop(around.labels == number, margin)
         mask = np.ascontiguousarray(around.labels[box] == number)
         view = ObjectView(
             rgb=Image(pixels=np.ascontiguousarray(self.photograph.rgb.pixels[box])),
@@ -107,13 +108,6 @@ class Surroundings:
             return np.ascontiguousarray(lower[box])
         mask = np.ascontiguousarray(self.labels[box] == number)
         return occluders(mask, self.raised[box], self.depth[box].astype(np.float64))
-
-
-def _box(mask: np.ndarray, margin: int) -> Box:
-    rows, columns = np.nonzero(mask)
-    top, bottom = max(0, int(rows.min()) - margin), int(rows.max()) + margin + 1
-    left, right = max(0, int(columns.min()) - margin), int(columns.max()) + margin + 1
-    return slice(top, min(bottom, mask.shape[0])), slice(left, min(right, mask.shape[1]))
 
 
 def _measured(measured: Measured | None, support: Support | None, box: Box) -> MeasuredView | None:

@@ -8,6 +8,7 @@ from dextera_build.geometry import regions
 
 from ..regions import proposals
 from ..regions.heights import Relief
+from .overlap import crop
 
 BAND = 12
 """Maximum distance of object pixels beyond the measured mask [px]."""
@@ -84,7 +85,7 @@ def bays(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarra
     from scipy.spatial import cKDTree
 
     outline = regions.convex_hull(np.argwhere(mask).astype(np.float64))
-    box = _box(mask, 2 * BAND)
+    box = crop(mask, 2 * BAND)
     own, valid = mask[box], relief.valid[box]
     corner = [box[0].start, box[1].start]
     places = np.moveaxis(np.indices(own.shape, dtype=np.float64), 0, -1) + corner
@@ -117,7 +118,7 @@ def border(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndar
     """
     from scipy import ndimage
 
-    box = _box(mask, 3 * BAND)
+    box = crop(mask, 3 * BAND)
     own, foreign, measured = mask[box], others[box], relief.valid[box]
     inside, outside = ndimage.distance_transform_edt(own), ndimage.distance_transform_edt(~own)
     prior = np.where(own, 1.0 + 0.5 * inside, np.where(measured, -0.8 - 0.35 * outside, -0.5 - 0.25 * outside))
@@ -195,11 +196,3 @@ def _pair(shape: tuple[int, ...], down: int, right: int) -> tuple[tuple[slice, s
     here = (slice(0, height - down), slice(max(0, -right), width - max(0, right)))
     there = (slice(down, height), slice(max(0, right), width - max(0, -right)))
     return here, there
-
-
-def _box(mask: np.ndarray, margin: int) -> tuple[slice, slice]:
-    rows, columns = np.nonzero(mask)
-    return (
-        slice(max(0, int(rows.min()) - margin), int(rows.max()) + margin + 1),
-        slice(max(0, int(columns.min()) - margin), int(columns.max()) + margin + 1),
-    )

@@ -20,6 +20,14 @@ def box_inside(a: Box, b: Box) -> float:
     return _shared(a, b) / max(1, box_area(a))
 
 
+def crop(mask: np.ndarray, margin: int) -> tuple[slice, slice]:
+    """Rows and columns of a picture that hold a mask (H, W) bool with a margin [px] around it."""
+    rows, columns = np.nonzero(mask)
+    top, bottom = max(0, int(rows.min()) - margin), int(rows.max()) + margin + 1
+    left, right = max(0, int(columns.min()) - margin), int(columns.max()) + margin + 1
+    return slice(top, min(bottom, mask.shape[0])), slice(left, min(right, mask.shape[1]))
+
+
 def suppress(masks: Mapping[str, np.ndarray], most_iou: float, most_inside: float) -> dict[str, np.ndarray]:
     """Drop each mask that duplicates an earlier one.
 

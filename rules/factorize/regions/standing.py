@@ -122,7 +122,7 @@ def _stands(parts: Grouping, number: int, ground: Ground) -> bool:
 def _beside(s: Surfaces, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Which columns of a lower border (n,) do not end on the support: the thing goes on, or one sees past below it.
 
-    So it is with the back of a chair that stands behind a table.
+    The back of a chair behind a table is such a thing.
     """
     depth = 1.0 / np.maximum(s.inverse[rows, columns], 1e-6)
     found = np.zeros(len(rows), bool)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build import digest
 from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.view import Instance, InstanceMap, ObjectView, Segmentation, Traits
 from dextera_build.errors import RuleError
 from dextera_build.geometry import pictures
 from dextera_build.testing import RuleRunner
-from tests import factories
+from tests import factories, object_views
 
 COLOURS = {"blue_mug": (30, 40, 170), "red_mug": (180, 20, 20), "white_bowl": (235, 235, 235)}
 CORNERS = {"blue_mug": 20, "red_mug": 120, "white_bowl": 220}
@@ -42,11 +41,6 @@ def proposed(*words: str) -> Segmentation:
 
 
 PROPOSED = proposed(*COLOURS)
-
-
-def content(instance: Instance) -> str:
-    """Digest of all that rules read of an object."""
-    return instance.encode(digest.of_bytes)
 
 
 @pytest.fixture
@@ -92,7 +86,7 @@ def test_other_words_of_parsing_leave_a_bound_object_as_it_was(name):
     second = name(proposed("beaker", "thing", "dish"), cup={"at_px": [50, 100]})
     assert second.names == ("cup", "thing", "dish")
     assert second.items["cup"].view.phrase == first.items["cup"].view.phrase == "cup"
-    assert content(second.items["cup"]) == content(first.items["cup"])
+    assert object_views.content(second.items["cup"]) == object_views.content(first.items["cup"])
 
 
 HERE = pictures.digest_of(PHOTOGRAPH)

@@ -12,10 +12,10 @@ from dextera_build import digest
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.image import Image, png
-from dextera_build.artifacts.view import Instance, Segmentation
+from dextera_build.artifacts.view import Segmentation
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
-from tests import factories, tabletops
+from tests import factories, object_views, tabletops
 from tests.rules.factorize.elements.test_name import LABELS, PHOTOGRAPH, PROPOSED
 
 RED = tabletops.box(0.10, 0.08, 0.10, (0.8, 0.2, 0.2))
@@ -40,11 +40,6 @@ def correct(tmp_path, found, files: dict[str, bytes] | None) -> tuple[Segmentati
     return runner.run("factorize.correct", **found, **given), runner
 
 
-def content(instance: Instance) -> str:
-    """Digest of all that rules read of an object."""
-    return instance.encode(digest.of_bytes)
-
-
 def of(objects: Segmentation, name: str) -> np.ndarray:
     return objects.map.labels == objects.names.index(name) + 1
 
@@ -67,8 +62,8 @@ def test_only_the_object_with_a_painted_mask_changes(tmp_path, found):
     objects, _ = correct(tmp_path, found, {"red_box.png": png(mask)})
     assert objects.names == before.names
     assert np.array_equal(of(objects, "red_box"), mask)
-    assert content(objects.items["red_box"]) != content(before.items["red_box"])
-    assert content(objects.items["blue_box"]) == content(before.items["blue_box"])
+    assert object_views.content(objects.items["red_box"]) != object_views.content(before.items["red_box"])
+    assert object_views.content(objects.items["blue_box"]) == object_views.content(before.items["blue_box"])
     view = objects.items["red_box"].view
     assert (view.mask.sum(), view.phrase) == (mask.sum(), before.items["red_box"].view.phrase)
     # What was taken from the object stands out from the support, and is a part of the background.
