@@ -13,9 +13,10 @@ from ..shapes import evidence
 
 FEWEST = 150
 """A body is fitted to at least so many pixels with trusted depth; `least_points` of factorize.mesh."""
-SOLID = 0.55
-"""Depth cameras smear the depth between two surfaces, where few pixels agree with their neighbours; of real captures,
-bodies had trusted depth on 0.67 to 0.95 of their pixels (thin ones least), smears on 0.36 to 0.52."""
+SOLID = 0.76
+"""Depth cameras smear the depth between two surfaces, where few pixels agree with their neighbours. Of the measured pixels
+inside their outline, bodies had trusted depth on 0.81 to 0.99 in real captures and from 0.77 in drawn ones, smears on 0.65
+to 0.74; at the outline itself, no thin body has any."""
 GRAZING = 0.35
 """A smear lies along the line of sight: median cosine between it and the normals; bodies had 0.45 to 0.98."""
 
@@ -29,13 +30,21 @@ def why_no_body(instance: Instance) -> str:
         return ""
     seen = evidence.gather(Seen(instance.view, instance.measured).upright())
     pixels, trusted = int(seen.mask.sum()), int(seen.core.sum())
-    if trusted < FEWEST or (trusted < SOLID * pixels and not _is_hidden(seen)):
+    if trusted < FEWEST or (_solid(seen) < SOLID and not _is_hidden(seen)):
         return f"only {trusted:,} of its {pixels:,} pixels have trusted depth"
     towards = seen.eye - seen.points
     cosine = (towards * seen.normals).sum(axis=1) / np.linalg.norm(towards, axis=1)
     if float(np.median(cosine)) < GRAZING:
         return "its depth lies along the lines of sight, as depth smeared between two surfaces does"
     return ""
+
+
+def _solid(seen: evidence.Evidence) -> float:
+    """Share of the measured pixels inside the outline whose depth is trusted."""
+    from scipy import ndimage
+
+    inside = ndimage.binary_erosion(seen.mask, np.ones((3, 3))) & (seen.depth > 0) & seen.known
+    return float(seen.core[inside].mean()) if inside.any() else 0.0
 
 
 def sparse(instance: Instance) -> str:

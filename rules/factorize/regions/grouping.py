@@ -36,7 +36,9 @@ SAME_COLOUR = 0.8
 MINOR = 0.3
 """A part with less than this fraction of the other's surface is minor."""
 DOUBTED = -6.0
-"""Log odds below which the network forbids to join a pair."""
+"""Log odds below which the network forbids to join a cavity and its body."""
+DOUBTED_PART = -2.0
+"""The same for an attached part and its body, which only colours and a small gap speak for."""
 ATTACHED_M = 0.02
 """Widest gap between parts of one object [m]."""
 
@@ -98,6 +100,7 @@ def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     join_convex(parts)
     join_parts(parts)
     join_bonded(parts)
+    join_cavities(parts)
     join_occluded(parts)
     join_hinged(parts)
     return parts
@@ -136,7 +139,8 @@ def join_cavities(parts: Grouping) -> None:
             body = _body_of(parts, number)
             if body is None:
                 break
-            whole = parts.groups[body].area_m2 > 0.2 * cavity.area_m2
+            # Pieces of the inner surface that join leave the body still to be found.
+            whole = not _is_cavity(parts, body) and parts.groups[body].area_m2 > 0.2 * cavity.area_m2
             number = parts.join(number, body)
             if whole:
                 break
@@ -171,7 +175,7 @@ def join_parts(parts: Grouping) -> None:
             like = float(np.linalg.norm((part.colour - body.colour) * [0.5, 1.0, 1.0])) < 18.0
             if other != number and like and body.area_m2 > 2.0 * part.area_m2:
                 distance = relations.gap(parts.surfaces, part, body)
-                if distance < ATTACHED_M and parts.odds(number, other) > DOUBTED:
+                if distance < ATTACHED_M and parts.odds(number, other) > DOUBTED_PART:
                     options.append((-distance, -other))
         if options:
             parts.join(number, -max(options)[1])

@@ -12,7 +12,7 @@ from dextera_build.geometry import transforms
 from rules.factorize.measured import Workspace
 from rules.factorize.regions import bonds, grouping, heights, patches, proposals, relations
 from tests import factories
-from tests.tabletops import Tabletop, box, tabletop
+from tests.tabletops import Tabletop, bowl, box, tabletop
 
 
 def at(x: float, y: float, z: float = 0.0) -> np.ndarray:
@@ -98,3 +98,26 @@ def test_features_are_bounded_and_the_same_in_any_order() -> None:
 def test_bonds_must_be_surer_across_steps_and_sharp_creases(contact: relations.Contact, gentle: bool) -> None:
     parts = grouping.Grouping(*parts_of(tabletop(*snowman())))
     assert parts.bonds.gentle(contact) == gentle
+
+
+def test_an_inner_surface_in_pieces_joins_its_vessel() -> None:
+    """What noise or a missing depth cuts the inside of a bowl into is one object with its outside."""
+    crop, labels = parts_of(tabletop((bowl(), at(0.0, 0.0))))
+    whole = grouping.Grouping(crop, labels.copy())
+    (inside,) = [number for number, group in whole.groups.items() if group.bend < grouping.CAVITY_RAD]
+    rows = np.nonzero(labels == inside)[0]
+    near = (labels == inside) & (np.arange(len(labels))[:, None] > np.quantile(rows, 0.4))
+    cut = np.where(near, labels.max() + 1, labels)
+    parts = grouping.Grouping(crop, cut)
+    grouping.join_cavities(parts)
+    assert len([group for group in parts.groups.values() if group.area_m2 > grouping.SLIVER_M2]) == 1
+
+
+@pytest.mark.parametrize(("odds", "objects"), [(-1.0, 1), (-3.0, 2)])
+def test_a_part_of_the_same_colour_is_attached_unless_the_network_doubts_it(
+    monkeypatch: pytest.MonkeyPatch, odds: float, objects: int
+) -> None:
+    colour = (0.8, 0.8, 0.75)
+    pair = [(box(0.1, 0.08, 0.12, colour), at(0.0, 0.0)), (box(0.03, 0.03, 0.03, colour), at(0.078, -0.03))]
+    monkeypatch.setattr(bonds.Bonds, "score", lambda *pair: odds)
+    assert len(proposals.scenery(workspace(tabletop(*pair))).objects) == objects
