@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.errors import UsageError
-from dextera_build.explain.library import MADE_BY, URDF, Asset, decoded
+from dextera_build.explain.asset import Asset
+from dextera_build.explain.library import MADE_BY, URDF, decoded
 from dextera_build.report import gallery
 from dextera_build.session import reading
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -63,20 +64,12 @@ def cast(surfaces: Sequence[Surface], rays: np.ndarray) -> Render:
         surfaces: The scene.
         rays: (..., 6) origin and direction in the world frame; `depth` counts in lengths of the direction.
     """
-    import open3d as o3d
-
     shape = rays.shape[:-1]
     index = np.full(shape, -1, np.int32)
     if not surfaces:
         empty = np.zeros(shape)
         return Render(empty, index, index.astype(np.int64), np.zeros((*shape, 3)), np.zeros((*shape, 3)))
-    scene = o3d.t.geometry.RaycastingScene(nthreads=0)
-    for surface in surfaces:
-        scene.add_triangles(
-            o3d.core.Tensor(np.ascontiguousarray(surface.vertices, np.float32)),
-            o3d.core.Tensor(np.ascontiguousarray(surface.faces, np.uint32)),
-        )
-    answer = scene.cast_rays(o3d.core.Tensor(np.ascontiguousarray(rays, np.float32)))
+    answer = _answer(surfaces, rays)
     geometry = answer["geometry_ids"].numpy()
     hit = geometry != NOTHING
     index[hit] = geometry[hit].astype(np.int32)
@@ -86,6 +79,31 @@ def cast(surfaces: Sequence[Surface], rays: np.ndarray) -> Render:
     normal = np.where(hit[..., None], answer["primitive_normals"].numpy(), 0.0).astype(np.float64)
     depth = np.where(hit, answer["t_hit"].numpy(), np.inf).astype(np.float64)
     return Render(depth, index, face, corner, normal)
+
+
+def distances(surfaces: Sequence[Surface], rays: np.ndarray) -> np.ndarray:
+    """Distances (...) float32 of the first hits of free rays, as `depth` of `cast`; infinite without one.
+
+    Fits cast some thousand times and need nothing else.
+
+    Args:
+        surfaces: The scene; not empty.
+        rays: (..., 6) float32 origin and direction in the world frame.
+    """
+    return np.asarray(_answer(surfaces, rays)["t_hit"].numpy())
+
+
+def _answer(surfaces: Sequence[Surface], rays: np.ndarray) -> Any:
+    """What Open3D says of rays (..., 6)."""
+    import open3d as o3d
+
+    scene = o3d.t.geometry.RaycastingScene(nthreads=0)
+    for surface in surfaces:
+        scene.add_triangles(
+            o3d.core.Tensor(np.ascontiguousarray(surface.vertices, np.float32)),
+            o3d.core.Tensor(np.ascontiguousarray(surface.faces, np.uint32)),
+        )
+    return scene.cast_rays(o3d.core.Tensor(np.ascontiguousarray(rays, np.float32)))
 
 
 def shade(surfaces: Sequence[Surface], seen: Render) -> np.ndarray:

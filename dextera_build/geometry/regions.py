@@ -61,10 +61,18 @@ def centroid(polygon: np.ndarray) -> np.ndarray:
 
 def inside_convex(points: np.ndarray, polygon: np.ndarray, margin: float = 0.0) -> np.ndarray:
     """Which of (..., 2) points lie inside a convex counter-clockwise polygon grown by `margin`."""
-    inside = np.ones(points.shape[:-1], bool)
-    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+    x, y = points[..., 0].ravel(), points[..., 1].ravel()
+    left = np.arange(len(x))
+    following = np.roll(polygon, -1, axis=0)
+    # Most points are outside: edges far apart from one another rule them out soon.
+    for corner in np.argsort(np.arange(len(polygon)) * 0.618034 % 1.0, kind="stable"):
+        a, b = polygon[corner], following[corner]
         edge = (b - a) / max(float(np.linalg.norm(b - a)), 1e-12)
-        inside &= edge[0] * (points[..., 1] - a[1]) - edge[1] * (points[..., 0] - a[0]) >= -margin
+        within = edge[0] * (y - a[1]) - edge[1] * (x - a[0]) >= -margin
+        if not within.all():
+            x, y, left = x[within], y[within], left[within]
+    inside = np.zeros(points.shape[:-1], bool)
+    inside.ravel()[left] = True
     return inside
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,13 @@ def loft(rings: np.ndarray) -> Solid:
     Each ring runs counter-clockwise seen from above. Rings that go up the outside, over a rim and down the inside
     make a vessel: its last cap is the floor of the cavity.
     """
-    count, size = rings.shape[:2]
+    vertices = np.concatenate([rings.reshape(-1, 3), [rings[0].mean(axis=0), rings[-1].mean(axis=0)]])
+    return Solid(vertices, _skin(*rings.shape[:2]))
+
+
+@lru_cache(maxsize=64)
+def _skin(count: int, size: int) -> np.ndarray:
+    """Faces of a loft over `count` rings of `size` corners, read-only: fits build the same loft a thousand times."""
     own = np.arange(count * size).reshape(count, size)
     following = np.roll(own, -1, axis=1)
     lower, lower_next, upper, upper_next = own[:-1], following[:-1], own[1:], following[1:]
@@ -59,16 +66,25 @@ def loft(rings: np.ndarray) -> Solid:
     bottom, top = count * size, count * size + 1
     first = np.stack([np.full(size, bottom), following[0], own[0]], -1)
     last = np.stack([np.full(size, top), own[-1], following[-1]], -1)
-    vertices = np.concatenate([rings.reshape(-1, 3), [rings[0].mean(axis=0), rings[-1].mean(axis=0)]])
-    return Solid(vertices, np.concatenate([sides.reshape(-1, 3), first, last]))
+    faces = np.concatenate([sides.reshape(-1, 3), first, last])
+    faces.flags.writeable = False
+    return faces
 
 
 def ring(a: float, b: float, exponent: float, z: float, count: int) -> np.ndarray:
     """(count, 3) points of the superellipse |x/a|^n + |y/b|^n = 1 at height `z`, counter-clockwise from +x."""
+    corners = np.empty((count, 3))
+    outline = _superellipse(float(exponent), count)
+    corners[:, 0], corners[:, 1], corners[:, 2] = a * outline[0] * outline[2], b * outline[1] * outline[2], z
+    return corners
+
+
+@lru_cache(maxsize=64)
+def _superellipse(exponent: float, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cosine and sine (count,) of the directions of a ring's corners, and the radius there if a = b = 1."""
     turn = np.arange(count) * (2.0 * np.pi / count)
     along, across = np.cos(turn), np.sin(turn)
-    scale = (np.abs(along) ** exponent + np.abs(across) ** exponent) ** (-1.0 / exponent)
-    return np.stack([a * along * scale, b * across * scale, np.full(count, z)], axis=-1)
+    return along, across, (np.abs(along) ** exponent + np.abs(across) ** exponent) ** (-1.0 / exponent)
 
 
 def join(parts: Sequence[Solid]) -> Solid:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from .cutting import cut
-from .patches import SUPPORT, Patch
+from .patch import SUPPORT, Patch
 from .pieces import Piece
 from .scenery import Scenery
 

@@ -19,7 +19,8 @@ from .front import front
 from .hidden import continued
 from .layers import Layers
 from .outline import broad, outline
-from .patches import SUPPORT, Patch, divide
+from .patch import SUPPORT, Patch
+from .patches import divide
 from .pieces import atlas, one_picture
 from .scenery import Scenery
 from .shell import enclose, shell

@@ -9,7 +9,7 @@ import numpy as np
 
 from .cutting import cut
 from .ends import BEHIND_M, border, limits
-from .patches import SUPPORT, Patch
+from .patch import SUPPORT, Patch
 from .pieces import Piece
 from .scenery import Scenery
 from .shell import Room

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .grids import rectangles
-from .patches import SUPPORT
+from .patch import SUPPORT
 from .scenery import Scenery
 from .shell import Room
 

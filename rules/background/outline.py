@@ -7,7 +7,7 @@ import numpy as np
 
 from dextera_build.geometry import cameras, regions, transforms
 
-from .patches import SUPPORT
+from .patch import SUPPORT
 from .scenery import Scenery
 
 BEYOND_M = 0.25

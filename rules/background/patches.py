@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 
@@ -11,11 +9,10 @@ from dextera_build.geometry import cameras, planes
 
 from .flats import flats
 from .layers import coloured_like
+from .patch import SUPPORT, Patch
 from .steps import connected, smoothed, steps
 from .synthesis import membrane
 
-SUPPORT = 1
-"""Label of the support."""
 LEAST = 0.0005
 """Smaller surfaces, as a fraction of the picture, belong to their neighbours."""
 FLAT = 0.012
@@ -30,66 +27,8 @@ BROAD = 0.02
 """Least fraction of the picture that a broad plane covers."""
 STRANGE = 90.0
 """Colour distance from the support, of 255, at which an unmeasured neighbour of it is something else."""
-JOINED_M = 0.03
-"""Corners of a face on a curved surface are at most this far apart in depth [m]."""
-DIVISIONS = 3
-"""Times that the edges of a steep face are halved."""
 MARGIN = 8
 """Pixels around a surface for which its depth is known, too."""
-
-
-@dataclass(frozen=True)
-class Patch:
-    """One smooth surface."""
-
-    number: int
-    """Its label."""
-    plane: planes.Plane | None
-    """In the camera frame; None for a curved surface."""
-    corner: tuple[int, int] = (0, 0)
-    """First row and column of `inverse`."""
-    inverse: np.ndarray | None = None
-    """(h, w) float32, 1 / depth of a curved surface and its surroundings [1/m]."""
-
-    def depth(self, pixel: np.ndarray, k: np.ndarray) -> np.ndarray:
-        """Depth (...) [m] at pixels (..., 2), column and row, in or out of the picture; infinite where it has none."""
-        if self.plane is None:
-            assert self.inverse is not None
-            return np.asarray(1.0 / _sampled(self.inverse, pixel - self.corner[::-1]))
-        normal, offset = self.plane
-        ray = [(pixel[..., 0] - k[0, 2]) / k[0, 0], (pixel[..., 1] - k[1, 2]) / k[1, 1]]
-        down = -(ray[0] * normal[0] + ray[1] * normal[1] + normal[2])
-        with np.errstate(divide="ignore"):
-            depth = offset / down
-        return np.where((down > 1e-6) & (depth > 0), depth, np.inf)
-
-    def fine(self, pixel: np.ndarray, faces: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Corners (V, 2) and faces (F, 3) of a triangulation in the picture that joins nothing apart.
-
-        A face in a plane joins nothing. Of a curved surface, steep faces are divided; what is still steep when it is
-        smaller than a pixel is a step.
-        """
-        if self.plane is not None:
-            return pixel, faces
-        for _ in range(DIVISIONS):
-            steep = np.ptp(self.depth(pixel, k)[faces], axis=1) > JOINED_M
-            a, b, c = (faces[steep][:, corner] for corner in range(3))
-            middles = np.concatenate([(pixel[i] + pixel[j]) / 2 for i, j in ((a, b), (b, c), (c, a))])
-            ab, bc, ca = np.split(len(pixel) + np.arange(len(middles)), 3)
-            quarters = [np.stack(each, axis=1) for each in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-            pixel, faces = np.concatenate([pixel, middles]), np.concatenate([faces[~steep], *quarters])
-        return pixel, faces[np.ptp(self.depth(pixel, k)[faces], axis=1) <= JOINED_M]
-
-
-def _sampled(values: np.ndarray, pixel: np.ndarray) -> np.ndarray:
-    """`values` (h, w) between their pixels, at (..., 2) column and row; those of the border beyond it."""
-    place = np.clip(pixel, 0, [values.shape[1] - 1, values.shape[0] - 1])
-    first = np.minimum(place.astype(np.int64), [max(0, values.shape[1] - 2), max(0, values.shape[0] - 2)])
-    column, row = first[..., 0], first[..., 1]
-    right, below = np.minimum(column + 1, values.shape[1] - 1), np.minimum(row + 1, values.shape[0] - 1)
-    u, v = (place - first)[..., 0], (place - first)[..., 1]
-    upper = values[row, column] * (1 - u) + values[row, right] * u
-    return np.asarray(upper * (1 - v) + (values[below, column] * (1 - u) + values[below, right] * u) * v)
 
 
 def divide(

@@ -10,7 +10,7 @@ import numpy as np
 
 from dextera_build.geometry import cameras, transforms
 
-from .patches import SUPPORT, Patch
+from .patch import SUPPORT, Patch
 
 SOME = np.s_[::4, ::4]
 

@@ -85,8 +85,8 @@ def _quilt(detail: np.ndarray, hole: np.ndarray, good: np.ndarray, traits: np.nd
     fixed = known.copy()
     waiting = _tiles(open_, tile)
     while waiting and search.possible:
-        fractions = [known[_box(t, reach, window)].mean() for t in waiting]
-        corner = waiting.pop(int(np.argmax(fractions)))
+        counts = [np.count_nonzero(known[_box(t, reach, window)]) for t in waiting]
+        corner = waiting.pop(int(np.argmax(counts)))
         area = _box(corner, reach, window)
         patch = search.best(work[area], known[area], np.median(traits[area], axis=(0, 1)))
         fresh = open_[area] & ~fixed[area]

@@ -34,7 +34,7 @@ class CameraBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy",), cpus=2, memory_gb=2.0)
+@rule(version=1, packages=("numpy",), memory_gb=2.0)
 def truth(
     ctx: Context[CameraBackend], world: World, robot: RobotModel | None = None, *, options: TruthOptions | None = None
 ) -> Truth:

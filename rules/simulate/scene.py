@@ -12,7 +12,7 @@ from dextera_build.sim.model import mjcf, names
 from .metric import metric
 
 
-@rule(version=2, packages=("scipy",))
+@rule(version=3, packages=("scipy",))
 def scene(ctx: Context, assets: Collection[Asset], background: Background, support: Support, camera: Camera) -> Scene:
     """Return the twin as MJCF in the world frame [m, kg, rad]: z up, support at z = 0, camera `capture`.
 

@@ -34,7 +34,7 @@ class UrdfOptions(Options):
     """Dry friction of a joint [N m or N]; holds a lid in place."""
 
 
-@rule(version=1, packages=("scipy",))
+@rule(version=2, packages=("scipy",))
 def urdf(ctx: Context, asset: Asset, *, options: UrdfOptions) -> Folder:
     """Return `object.urdf` with its meshes, in metres and radians, all paths relative.
 

@@ -26,7 +26,7 @@ from rules.capture.sensor import DepthNoiseOptions, measure_depth
 from rules.factorize.measured import Workspace, without_dropout
 from rules.factorize.regions import heights, patches, proposals
 from rules.factorize.regions.bonds import NAMES, USUAL, Bonds
-from rules.factorize.regions.grouping import FEWEST, Grouping
+from rules.factorize.regions.partition import FEWEST, Grouping
 
 REPO = Path(__file__).parents[2]
 FILE = REPO / "rules/factorize/regions/bond_weights.py"

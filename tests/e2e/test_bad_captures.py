@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -37,21 +38,27 @@ def write_capture(folder: Path, *, box: bool = True) -> None:
     (folder / "capture.json").write_text(json.dumps(INTRINSICS))
 
 
-@pytest.fixture
-def space(tmp_path: Path) -> Space:
-    made = Space(tmp_path)
+@pytest.fixture(scope="module")
+def built(tmp_path_factory) -> Space:
+    """A project in which the good capture was built."""
+    made = Space(tmp_path_factory.mktemp("captures"))
     made.write("dxb.toml", 'profile = "stub"\n')
-    write_capture(tmp_path / "shot")
+    write_capture(made.root / "shot")
+    answer = build(made)
+    assert answer.code == 0, answer.err
     return made
+
+
+@pytest.fixture
+def space(built: Space) -> Space:
+    """The same with the good capture."""
+    shutil.rmtree(built.root / "shot")
+    write_capture(built.root / "shot")
+    return built
 
 
 def build(space: Space):
     return space.dxb("build", "twin/tabletop:objects", "--input", "capture=shot")
-
-
-def test_a_good_capture_builds(space):
-    answer = build(space)
-    assert answer.code == 0, answer.err
 
 
 def spoil(space: Space, **changes: object) -> None:

@@ -36,6 +36,14 @@ def test_the_nearer_surface_wins_and_empty_pixels_are_zero():
     assert raycast.render([], K, np.eye(4), 4, 5).index.max() == -1
 
 
+def test_distances_are_those_of_hits_alone():
+    rays = np.zeros((3, 6), np.float32)
+    rays[:, 3:] = [[0, 0, 1], [0, 0, 4], [0, 0, -1]]
+    far = raycast.distances([raycast.Surface(SQUARE, TWO)], rays)
+    np.testing.assert_allclose(far, [2.0, 0.5, np.inf], rtol=1e-6)
+    np.testing.assert_array_equal(far, raycast.cast([raycast.Surface(SQUARE, TWO)], rays).depth)
+
+
 def test_a_texture_stands_upright():
     texture = np.zeros((2, 2, 3), np.uint8)
     texture[0, 0] = (255, 0, 0)  # upper left of the picture

@@ -64,3 +64,15 @@ def test_inside_knows_the_margin():
     points = np.array([[1.0, 0.5], [2.05, 0.5], [-1.0, 0.5]])
     assert regions.inside_convex(points, SQUARE).tolist() == [True, False, False]
     assert regions.inside_convex(points, SQUARE, margin=0.1).tolist() == [True, True, False]
+
+
+def test_inside_is_what_every_edge_has_on_its_left():
+    rng = np.random.default_rng(4)
+    points = rng.uniform(-2.0, 2.0, (40, 50, 2))
+    points[3, 4] = np.nan
+    polygon = regions.convex_hull(rng.normal(0.0, 0.4, (300, 2)))
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    apart = points[:, :, None] - polygon
+    naive = (edges[:, 0] * apart[..., 1] - edges[:, 1] * apart[..., 0] >= 0).all(axis=-1)
+    assert 100 < naive.sum() < 1900
+    np.testing.assert_array_equal(regions.inside_convex(points, polygon), naive)

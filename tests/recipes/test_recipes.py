@@ -116,6 +116,7 @@ SEEN = {"view", "film", "lerobot", "mcap", "act_image", "act_image_twin", "act_i
 """Nodes of task/close_laptop that depend on the camera of the pictures."""
 
 
+@pytest.mark.slow
 def test_a_camera_move_leaves_states_and_policies_on_states_alone(tmp_path):
     space = Space(tmp_path)
     first = space.build("task/close_laptop", "--profile", "stub")
@@ -145,6 +146,7 @@ def test_a_checkpoint_goes_back_to_the_photograph_and_its_staleness_to_the_cause
     assert not ran & {"sources", "task", "reference", "replay", "ppo", "ppo_twin", "view"}
 
 
+@pytest.mark.slow
 def test_the_benchmark_builds_from_photographs_to_its_tables_and_then_does_nothing(tmp_path):
     space = Space(tmp_path)
     # With stubs any photograph will do for the real one, which does not come with dxb.

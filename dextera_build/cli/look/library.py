@@ -11,7 +11,7 @@ from dextera_build.cli import options, table
 from dextera_build.errors import UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.explain.library import Asset
+    from dextera_build.explain.asset import Asset
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

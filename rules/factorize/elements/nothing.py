@@ -10,6 +10,7 @@ from dextera_build.artifacts.object import Element
 from dextera_build.geometry import cameras, planes, regions, upright
 
 from ..measured import Workspace
+from ..overlap import box_of
 from ..regions.heights import relief
 from ..regions.proposals import SMALLEST_M2
 
@@ -123,8 +124,7 @@ def _largest(mask: np.ndarray) -> str | None:
     best = int(sizes.argmax())
     if sizes[best] < 0.003 * mask.size:
         return None
-    rows, columns = np.nonzero(labels == best)
-    return f"box [{columns.min()}, {rows.min()}, {columns.max() + 1}, {rows.max() + 1}]"
+    return f"box {list(box_of(labels == best))}"
 
 
 def _at_border(box: tuple[int, int, int, int], shape: tuple[int, ...]) -> bool:

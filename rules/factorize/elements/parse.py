@@ -15,11 +15,11 @@ from dextera_build.geometry import upright
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..masks.marking import boxes
-from ..masks.overlap import Box
 from ..measured import Measurements, Workspace, of_workspace
+from ..overlap import Box
 from ..regions.heights import relief
 from ..regions.proposals import Proposal, scenery
-from . import scene_file
+from . import matching, scene_file
 from .nothing import causes
 
 
@@ -63,9 +63,9 @@ def parse(
         wanted, source = scene_file.read(scene.data), "scene.yaml"
         scene_file.inside(wanted, *photograph.rgb.pixels.shape[1::-1])
         if proposals is None:
-            found = scene_file.boxed(wanted)
+            found = matching.boxed(wanted)
         else:
-            found = scene_file.match(wanted, proposals, options.match_iou, _at(depth) if depth.taken else None)
+            found = matching.match(wanted, proposals, options.match_iou, _at(depth) if depth.taken else None)
     elif proposals is None:
         ctx.fail("this backend proposes no elements, and no `scene.yaml` lists them", hint="give the input `scene`")
     else:
@@ -85,7 +85,7 @@ NEAR_PX = 4
 """Distance from a region at which a point is still its own: masks lack smeared borders and holes [px]."""
 
 
-def _at(measured: Measurements[Workspace]) -> scene_file.Find:
+def _at(measured: Measurements[Workspace]) -> matching.Find:
     """The box of the region above the support that has most of the pixels around a point."""
 
     def find(point: tuple[int, int]) -> Box | None:

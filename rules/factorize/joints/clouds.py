@@ -112,17 +112,10 @@ def of_depth(depth: np.ndarray, mask: np.ndarray, k: np.ndarray, world_from_came
     points = transforms.apply(world_from_camera, cameras.backproject(flat, k))
     facing = fitted.normals(k) @ world_from_camera[:3, :3].T
     noise = (fitted.residual * z**2)[good]
-    chosen = _some(good, most)
-    inner = Cloud(points.reshape(-1, 3)[chosen], facing.reshape(-1, 3)[chosen])
+    inner = Cloud(points[good], facing[good]).thinned(most)
     border = _border(points[ends], inner)
     sigma = max(5e-4, 1.5 * float(np.median(noise)) if len(noise) else 0.0)
     return Sight(inner, border.thinned(most // 4), sigma, Eye(depth, k, world_from_camera))
-
-
-def _some(mask: np.ndarray, most: int) -> np.ndarray:
-    """Flat indices of at most `most` pixels of a mask."""
-    chosen = np.flatnonzero(mask)
-    return chosen if len(chosen) <= most else chosen[np.linspace(0, len(chosen) - 1, most).astype(int)]
 
 
 def _border(points: np.ndarray, inner: Cloud, around: int = 10) -> Cloud:

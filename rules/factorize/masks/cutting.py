@@ -14,9 +14,9 @@ from dextera_build.artifacts.view import Instance, InstanceMap, MeasuredView, Ob
 from dextera_build.geometry import upright
 
 from ..measured import Measurements, Workspace
+from ..overlap import crop
 from ..regions.heights import relief
 from .occlusion import lower_in_the_picture, occluders
-from .overlap import crop
 
 
 @dataclass(frozen=True)

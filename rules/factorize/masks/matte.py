@@ -6,9 +6,9 @@ import numpy as np
 
 from dextera_build.geometry import regions
 
+from ..overlap import crop
 from ..regions import proposals
 from ..regions.heights import Relief
-from .overlap import crop
 
 BAND = 12
 """Maximum distance of object pixels beyond the measured mask [px]."""

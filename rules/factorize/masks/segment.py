@@ -14,9 +14,9 @@ from dextera_build.errors import listing
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..measured import Measurements, Workspace, of_workspace
+from ..overlap import suppress
 from .cutting import Cutter, Said
 from .marking import outlines
-from .overlap import suppress
 from .smeared import odd_scale, size, sparse, why_no_body
 
 

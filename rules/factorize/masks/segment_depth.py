@@ -10,9 +10,9 @@ from dextera_build.geometry.upright import turned
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements, Workspace, turned_elements
+from ..overlap import box_inside, box_iou
 from ..regions.proposals import Proposal, scenery
 from . import matte
-from .overlap import box_inside, box_iou
 
 BACKEND = Backend(
     summary="surface patches above the support, borders settled by colour",

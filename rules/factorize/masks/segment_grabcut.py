@@ -10,7 +10,7 @@ from dextera_build.artifacts.object import Element, Elements
 from dextera_build.rule import Backend, Context, Fraction, Options
 
 from ..measured import Measurements, Workspace
-from .overlap import Box
+from ..overlap import Box
 
 BACKEND = Backend(
     summary="GrabCut from the elements' boxes; nothing measured is read",

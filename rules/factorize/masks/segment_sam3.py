@@ -14,7 +14,7 @@ from dextera_build.learning.vision_input import VisionInput
 from dextera_build.rule import Backend, Context, Fraction, Options
 
 from ..measured import Measurements, Workspace
-from .overlap import Box, box_iou
+from ..overlap import Box, box_iou, box_of
 
 BACKEND = Backend(
     summary="Grounding DINO boxes and SAM 3 masks; nothing measured is read",
@@ -195,11 +195,6 @@ def _is_thing(element: Element) -> bool:
 
 def _fitting(answers: list[np.ndarray], box: Box, least: float) -> np.ndarray | None:
     """The mask whose box fits best; None if none overlaps enough."""
-    fits = [(box_iou(_box(mask), box), -place, mask) for place, mask in enumerate(answers) if mask.any()]
+    fits = [(box_iou(box_of(mask), box), -place, mask) for place, mask in enumerate(answers) if mask.any()]
     best = max(fits, key=lambda fit: fit[:2], default=None)
     return best[2] if best is not None and best[0] >= least else None
-
-
-def _box(mask: np.ndarray) -> Box:
-    rows, columns = np.nonzero(mask.any(1))[0], np.nonzero(mask.any(0))[0]
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1

@@ -9,8 +9,8 @@ from dextera_build.artifacts.object import Elements
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements, Workspace
+from ..overlap import box_iou
 from ..regions.blobs import blobs
-from .overlap import box_iou
 
 BACKEND = Backend(summary="connected pixels above the support", profiles=("stub",))
 

@@ -9,6 +9,7 @@ import numpy as np
 from dextera_build.geometry import regions
 
 from ..measured import Workspace
+from ..overlap import box_of
 from .heights import relief
 
 FEWEST = 150
@@ -36,8 +37,7 @@ def blobs(seen: Workspace) -> list[Blob]:
         mask = labels == number
         if mask.sum() < FEWEST:
             continue
-        rows, columns = np.nonzero(mask)
-        box = (int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1)
+        box = box_of(mask)
         cut = box[0] == 0 or box[1] == 0 or box[2] == mask.shape[1] or box[3] == mask.shape[0]
         found.append(Blob(mask, box, cut))
     return found

@@ -11,9 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from . import relations
-from .bonds import Bonds
+from .partition import FEWEST, Grouping
 from .patches import Surfaces
-from .relations import Contact, Group
 
 SLIVER_M2 = 0.0006
 """Patches below this size are remnants of creases and noise [m^2]."""
@@ -21,8 +20,6 @@ PART_M2 = 0.0025
 """Maximum size of attached parts such as handles [m^2]."""
 CAVITY_RAD = -0.06
 """Surfaces with a smaller signed bend are inner surfaces [rad]."""
-FEWEST = 12
-"""Contacts with fewer pixel pairs are ignored."""
 ALIKE = 0.3
 """Smallest histogram overlap of one surface on both sides of an occluder, a depth step or a sharp crease."""
 BONDED = 1.0
@@ -41,54 +38,6 @@ DOUBTED_PART = -2.0
 """The same for an attached part and its body, which only colours and a small gap speak for."""
 ATTACHED_M = 0.02
 """Widest gap between parts of one object [m]."""
-
-
-class Grouping:
-    """A partition of patches, with the contacts between its groups."""
-
-    def __init__(self, s: Surfaces, labels: np.ndarray) -> None:
-        self.surfaces = s
-        self.labels = labels
-        bends = relations.bends(s, labels)
-        order = np.argsort(labels, axis=None, kind="stable")
-        starts = np.searchsorted(labels.ravel()[order], np.arange(1, labels.max() + 2))
-        self.groups: dict[int, Group] = {
-            number: relations.describe(s, order[starts[number - 1] : starts[number]], float(bends[number]))
-            for number in range(1, int(labels.max()) + 1)
-        }
-        self.members: dict[int, list[int]] = {number: [number] for number in self.groups}
-        self.patches = dict(self.groups)
-        self.contacts = relations.contacts(s, labels)
-        self.hinged: set[int] = set()
-        self.bonds = Bonds(s)
-
-    def contact(self, a: int, b: int) -> Contact:
-        """The contact between two groups."""
-        return self.contacts.get((min(a, b), max(a, b)), Contact())
-
-    def odds(self, a: int, b: int) -> float:
-        """Log odds by the network that two groups are one object."""
-        return self.bonds.score(self.groups[a], self.groups[b], self.contact(a, b))
-
-    def neighbours(self, a: int) -> list[int]:
-        """Groups in contact with group `a` in the image."""
-        return sorted({x + y - a for x, y in self.contacts if a in (x, y)})
-
-    def join(self, a: int, b: int) -> int:
-        """Merge two groups under the smaller number and return it."""
-        keep, gone = min(a, b), max(a, b)
-        self.members[keep] += self.members.pop(gone)
-        for other in self.neighbours(gone):
-            contact = self.contacts.pop((min(gone, other), max(gone, other)))
-            if other != keep:
-                self.contacts.setdefault((min(keep, other), max(keep, other)), Contact()).add(contact)
-        first, second = self.groups[keep], self.groups.pop(gone)
-        self.labels.ravel()[second.pixels] = keep
-        sizes = len(first.pixels), len(second.pixels)
-        bend = (first.bend * sizes[0] + second.bend * sizes[1]) / sum(sizes)
-        pixels = np.concatenate([first.pixels, second.pixels])
-        self.groups[keep] = relations.describe(self.surfaces, pixels, bend)
-        return keep
 
 
 def group(s: Surfaces, labels: np.ndarray) -> Grouping:

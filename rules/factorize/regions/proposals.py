@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..measured import Workspace
+from ..overlap import Box, box_of
 from . import grouping, heights, patches, relations, smears
+from .partition import Grouping
 from .relations import Group
 from .standing import standing
 
@@ -25,7 +27,7 @@ class Proposal:
 
     mask: np.ndarray
     """(H, W) bool."""
-    box: tuple[int, int, int, int]
+    box: Box
     """left, top, right, bottom [px], right and bottom excluded."""
     area_m2: float
     """Visible surface [m^2]."""
@@ -92,12 +94,6 @@ def colour_lab(pixels: np.ndarray) -> np.ndarray:
     return np.asarray(cv2.cvtColor(pixels.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB))
 
 
-def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
-    """left, top, right, bottom of a mask's pixels [px], right and bottom excluded."""
-    rows, columns = np.nonzero(mask)
-    return int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1
-
-
 def _is_cut(relief: heights.Relief, mask: np.ndarray) -> bool:
     """Whether an object extends beyond the image or is too large to be handled."""
     points = relief.points[mask]
@@ -106,7 +102,7 @@ def _is_cut(relief: heights.Relief, mask: np.ndarray) -> bool:
     return bool(border) or extent > LARGEST_M
 
 
-def _proposal(parts: grouping.Grouping, number: int, mask: np.ndarray, handled: bool) -> Proposal:
+def _proposal(parts: Grouping, number: int, mask: np.ndarray, handled: bool) -> Proposal:
     part = parts.groups[number]
     pieces = tuple(sorted((parts.patches[n] for n in parts.members[number]), key=lambda p: -p.area_m2))
     return Proposal(

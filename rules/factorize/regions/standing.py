@@ -5,14 +5,14 @@ Others hang or reach in from outside.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from dextera_build.geometry import regions
 
-from .grouping import FEWEST, Grouping
+from .partition import FEWEST, Grouping
 from .patches import Surfaces
 
 FOOT_M = 0.025
@@ -56,7 +56,7 @@ def standing(parts: Grouping, cut: set[int]) -> set[int]:
     """
     grounds = [Ground(parts.labels == 0, 0.0), *_levels(parts, cut)]
     free = sorted(set(parts.groups) - cut)
-    found = {number for number in free if any(_stands(parts, number, ground) for ground in grounds)}
+    found = {number for number in free if _stands(parts, number, grounds)}
     attached = _attached(parts, cut, found)
     changed = True
     while changed:
@@ -102,14 +102,20 @@ def _levels(parts: Grouping, cut: set[int]) -> Iterator[Ground]:
                 yield Ground(pixels, float(patch.middle[2]))
 
 
-def _stands(parts: Grouping, number: int, ground: Ground) -> bool:
+def _stands(parts: Grouping, number: int, grounds: Sequence[Ground]) -> bool:
+    """Whether a group stands on one of the grounds."""
+    border = _below(parts, number)
+    return any(_stands_on(parts, number, border, ground) for ground in grounds)
+
+
+def _stands_on(parts: Grouping, number: int, border: tuple[np.ndarray, np.ndarray, np.ndarray], ground: Ground) -> bool:
     s = parts.surfaces
     above = parts.groups[number].top_m - ground.height_m
     if above < 0:
         return False
     if ground.height_m == 0 and _seen_from_above(s, parts, number):
         return True
-    rows, columns, below = _below(parts, number)
+    rows, columns, below = border
     beside = _beside(s, rows, columns) if ground.height_m == 0 else np.zeros(len(rows), bool)
     if beside.mean() > 0.5:
         return False

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from statistics import median
 
 import numpy as np
 
@@ -48,6 +50,11 @@ class Evidence:
     ray_depth: np.ndarray  # (P,) seen depth of the rays [m]
     ray_sigma: np.ndarray  # (P,) standard deviation of the depth [m]
     silhouette: Silhouette
+
+    @cached_property
+    def fitted_rays(self) -> np.ndarray:
+        """Rays (P + S T, 6) float32 that a fit casts: those of the core, then those across the silhouette."""
+        return np.concatenate([self.rays, self.silhouette.rays.reshape(-1, 6)]).astype(np.float32)
 
     @property
     def eye(self) -> np.ndarray:
@@ -142,7 +149,8 @@ def standing_height(mask: np.ndarray, depth: np.ndarray, k: np.ndarray, pose: np
 
 def _middle(depth: np.ndarray, heights: np.ndarray) -> tuple[float, float]:
     """Median depth and height of the pixels with a depth."""
-    return float(np.median(depth[depth > 0])), float(np.median(heights[depth > 0]))
+    there = depth > 0
+    return median(depth[there].tolist()), median(heights[there].tolist())
 
 
 def noise(depth: np.ndarray) -> np.ndarray:

@@ -152,12 +152,9 @@ def residuals(model: Model, evidence: Evidence, parameters: np.ndarray) -> np.nd
     body = model.build(parameters)
     outline = evidence.silhouette
     count = len(evidence.rays)
-    hits = raycast.cast(
-        [raycast.Surface(body.vertices, body.faces)], np.concatenate([evidence.rays, outline.rays.reshape(-1, 6)])
-    )
-    met = hits.index >= 0
-    difference = np.where(met[:count], hits.depth[:count] - evidence.ray_depth, np.inf) / evidence.ray_sigma
-    covered = met[count:].reshape(outline.inside.shape)
+    far = raycast.distances([raycast.Surface(body.vertices, body.faces)], evidence.fitted_rays)
+    difference = (far[:count].astype(np.float64) - evidence.ray_depth) / evidence.ray_sigma
+    covered = np.isfinite(far[count:]).reshape(outline.inside.shape)
     covered = (covered | outline.inside) & ~outline.outside
     excess = (covered.sum(axis=1) * STEP_PX - REACH_PX - STEP_PX / 2) / SIGMA_PX
     prior = np.zeros(len(parameters))

@@ -6,7 +6,7 @@ import numpy as np
 
 from dextera_build.geometry import raycast, regions
 from rules.background.outline import outline
-from rules.background.patches import SUPPORT, Patch
+from rules.background.patch import SUPPORT, Patch
 from rules.background.scenery import Scenery
 from tests import factories
 

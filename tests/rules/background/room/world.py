@@ -14,7 +14,7 @@ from dextera_build.geometry import cameras, transforms
 from dextera_build.testing import RuleRunner
 from rules.background.boxes import support_box
 from rules.background.front import front
-from rules.background.patches import SUPPORT, Patch
+from rules.background.patch import SUPPORT, Patch
 from rules.background.pieces import one_picture
 from rules.background.scenery import Scenery
 from rules.background.surface import plane_depth

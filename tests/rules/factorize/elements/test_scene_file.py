@@ -12,6 +12,7 @@ from dextera_build.errors import RuleError
 
 Library().find("factorize.parse")
 scene_file = importlib.import_module("rules.factorize.elements.scene_file")
+matching = importlib.import_module("rules.factorize.elements.matching")
 
 
 def test_a_whole_element_is_read():
@@ -111,17 +112,17 @@ def test_words_that_fit_two_proposals_match_none():
     ]
     wanted = scene_file.read(b"elements:\n- {name: cereal, phrase: red box}")
     with pytest.raises(RuleError, match="`cereal` matches 2 things equally: red_box, red_box_2") as caught:
-        scene_file.match(wanted, proposals, 0.3)
+        matching.match(wanted, proposals, 0.3)
     assert "at_px: [column, row]" in (caught.value.hint or "")
 
 
 def test_without_a_backend_that_proposes_boxes_count_as_they_are():
     text = b"elements:\n- {name: red_mug, category: mug, box: [1, 2, 30, 40]}\n- {name: wall, category: room}"
-    mug, wall = scene_file.boxed(scene_file.read(text))
+    mug, wall = matching.boxed(scene_file.read(text))
     assert (mug.box, mug.category, mug.phrase, mug.interactive) == ((1, 2, 30, 40), "mug", "red mug", True)
     assert (wall.box, wall.interactive) == (None, False)
     with pytest.raises(RuleError, match="`mug` has no box") as caught:
-        scene_file.boxed(scene_file.read(b"elements:\n- {name: mug}"))
+        matching.boxed(scene_file.read(b"elements:\n- {name: mug}"))
     assert (caught.value.code, str(caught.value.where)) == ("DXB-B204", "scene.yaml:2:3")
     assert caught.value.hint == "give it the `box` of its pixels: [left, top, right, bottom], right and bottom excluded"
 
@@ -129,13 +130,13 @@ def test_without_a_backend_that_proposes_boxes_count_as_they_are():
 def test_another_name_leaves_the_phrase_that_was_proposed():
     proposal = Element(name="blue_mug", category="mug", phrase="blue mug", box=(0, 0, 9, 9))
     texts = [f"elements:\n- {{name: {name}, box: [0, 0, 9, 9]}}" for name in ("a", "b")]
-    found = [scene_file.match(scene_file.read(text.encode()), [proposal], 0.3)[0] for text in texts]
+    found = [matching.match(scene_file.read(text.encode()), [proposal], 0.3)[0] for text in texts]
     assert [element.phrase for element in found] == ["blue mug", "blue mug"]
 
 
 def test_a_static_element_needs_no_proposal():
     wanted = scene_file.read(b"elements:\n- {name: wall, category: room}")
-    (element,) = scene_file.match(wanted, [], 0.3)
+    (element,) = matching.match(wanted, [], 0.3)
     assert not element.interactive
     assert element.category == "room"
 
@@ -149,24 +150,24 @@ def wanted_at(*points: tuple[int, int]):
 
 
 def test_a_point_matches_what_has_its_pixel():
-    first, second = scene_file.match(wanted_at((22, 3), (12, 3)), TWO, 0.3)
+    first, second = matching.match(wanted_at((22, 3), (12, 3)), TWO, 0.3)
     assert [(e.name, e.box) for e in (first, second)] == [("a0", TWO[1].box), ("a1", TWO[0].box)]
     with pytest.raises(RuleError, match="`a0` matches nothing") as caught:
-        scene_file.match(wanted_at((19, 8)), TWO, 0.3)
+        matching.match(wanted_at((19, 8)), TWO, 0.3)
     assert (caught.value.code, caught.value.facts["wanted"]) == ("DXB-B204", "at_px [19, 8]")
     with pytest.raises(RuleError, match="`a1` matches nothing") as caught:
-        scene_file.match(wanted_at((12, 3), (13, 4)), TWO, 0.3)
+        matching.match(wanted_at((12, 3), (13, 4)), TWO, 0.3)
     assert caught.value.facts["taken"] == "red_box_1"
 
 
 def test_of_overlapping_boxes_the_mask_at_the_point_decides_else_the_smaller_box():
     large = Element(name="tray", category="object", phrase="tray", box=(0, 0, 40, 40))
-    (element, *_) = scene_file.match(wanted_at((12, 3)), [large, *TWO], 0.3)
+    (element, *_) = matching.match(wanted_at((12, 3)), [large, *TWO], 0.3)
     assert element.box == TWO[0].box
-    (element, *_) = scene_file.match(wanted_at((12, 3)), [large, *TWO], 0.3, at=lambda point: large.box)
+    (element, *_) = matching.match(wanted_at((12, 3)), [large, *TWO], 0.3, at=lambda point: large.box)
     assert element.box == large.box
     with pytest.raises(RuleError, match="`a0` matches nothing"):
-        scene_file.match(wanted_at((12, 3)), [large, *TWO], 0.3, at=lambda point: None)
+        matching.match(wanted_at((12, 3)), [large, *TWO], 0.3, at=lambda point: None)
 
 
 @pytest.mark.parametrize(
@@ -182,7 +183,7 @@ def test_a_place_outside_the_photograph_is_refused_with_its_size(place):
 
 def test_without_a_backend_that_proposes_a_point_is_not_enough():
     with pytest.raises(RuleError, match="`a0` has no box: nothing is proposed at its point"):
-        scene_file.boxed(wanted_at((12, 3)))
+        matching.boxed(wanted_at((12, 3)))
 
 
 def test_joints_are_read_in_radians_and_metres_and_make_an_element_articulated():
@@ -194,7 +195,7 @@ elements:
       - {type: hinge, part_px: [20, 20, 120, 220], axis_px: [[20, 20], [20, 220]], range_deg: [0, 90], at_deg: 30}
       - {type: slide, part_px: [20, 230, 120, 290], range_mm: [0, 200]}
 """
-    (element,) = scene_file.boxed(scene_file.read(text))
+    (element,) = matching.boxed(scene_file.read(text))
     assert element.body_type == "articulated"
     door, drawer = element.joints
     assert (door.type, drawer.type) == ("revolute", "prismatic")

@@ -10,7 +10,7 @@ import pytest
 from dextera_build.code.loader import Library
 
 Library().find("factorize.segment")
-overlap = importlib.import_module("rules.factorize.masks.overlap")
+overlap = importlib.import_module("rules.factorize.overlap")
 occlusion = importlib.import_module("rules.factorize.masks.occlusion")
 matte = importlib.import_module("rules.factorize.masks.matte")
 heights = importlib.import_module("rules.factorize.regions.heights")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 
@@ -15,6 +14,7 @@ from dextera_build.artifacts.scene import Truth
 from dextera_build.artifacts.view import Segmentation
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
+from rules.factorize.overlap import box_of
 from tests import factories, tabletops
 
 RECIPE = Path(__file__).parents[4] / "recipes/reference/laptop_scene.yaml"
@@ -34,11 +34,6 @@ def shot(tmp_path_factory) -> tuple[Capture, Truth]:
     runner = RuleRunner(tmp_path_factory.mktemp("shot"))
     world = runner.run("capture.world", options={**options, "camera": {**lens, **halved, **size}})
     return runner.run("capture.reference", world=world, options={"seed": 7}), runner.run("capture.truth", world=world)
-
-
-def box_of(mask: np.ndarray) -> tuple[int, int, int, int]:
-    rows, columns = np.nonzero(mask)
-    return int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1
 
 
 def listed(**boxes: tuple[int, int, int, int]) -> Elements:

@@ -10,7 +10,7 @@ from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.object import Support
 from dextera_build.geometry import transforms
 from rules.factorize.measured import Workspace
-from rules.factorize.regions import bonds, grouping, heights, patches, proposals, relations
+from rules.factorize.regions import bonds, grouping, heights, partition, patches, proposals, relations
 from tests import factories
 from tests.tabletops import Tabletop, bowl, box, tabletop
 
@@ -72,7 +72,7 @@ def test_without_bonds_the_round_parts_are_two(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_features_are_bounded_and_the_same_in_any_order() -> None:
-    parts = grouping.Grouping(*parts_of(tabletop(*snowman())))
+    parts = partition.Grouping(*parts_of(tabletop(*snowman())))
     known = bonds.Bonds(parts.surfaces)
     assert parts.contacts
     for (a, b), contact in parts.contacts.items():
@@ -96,7 +96,7 @@ def test_features_are_bounded_and_the_same_in_any_order() -> None:
     ],
 )
 def test_bonds_must_be_surer_across_steps_and_sharp_creases(contact: relations.Contact, gentle: bool) -> None:
-    parts = grouping.Grouping(*parts_of(tabletop(*snowman())))
+    parts = partition.Grouping(*parts_of(tabletop(*snowman())))
     assert parts.bonds.gentle(contact) == gentle
 
 

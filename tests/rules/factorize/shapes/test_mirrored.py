@@ -15,6 +15,7 @@ from dextera_build.geometry import metrics, solids, transforms
 from dextera_build.geometry.solids import Solid
 from dextera_build.testing import RuleRunner
 from rules.factorize.shapes import evidence
+from rules.factorize.shapes.families import front
 from rules.factorize.shapes.families import mirrored as family
 from tests import object_views
 from tests.rules.factorize import synthetic_views as synthetic
@@ -62,7 +63,7 @@ def volume(shape: Shape) -> float:
 def check_stands(shape: Shape) -> None:
     assert shape.mesh.is_closed
     assert volume(shape) > 0
-    assert len(shape.mesh.faces) <= family.MOST_FACES
+    assert len(shape.mesh.faces) <= front.MOST_FACES
     assert shape.mesh.vertices[:, 2].min() == pytest.approx(0.0, abs=1e-6)
     assert shape.pose.matrix[2, 3] == pytest.approx(0.0, abs=1e-6)
     assert shape.walls == ()

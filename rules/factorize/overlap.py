@@ -20,12 +20,20 @@ def box_inside(a: Box, b: Box) -> float:
     return _shared(a, b) / max(1, box_area(a))
 
 
+def box_of(mask: np.ndarray) -> Box:
+    """Left, top, right, bottom of the pixels of a mask (H, W) bool, right and bottom excluded."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
 def crop(mask: np.ndarray, margin: int) -> tuple[slice, slice]:
     """Rows and columns of a picture that hold a mask (H, W) bool with a margin [px] around it."""
-    rows, columns = np.nonzero(mask)
-    top, bottom = max(0, int(rows.min()) - margin), int(rows.max()) + margin + 1
-    left, right = max(0, int(columns.min()) - margin), int(columns.max()) + margin + 1
-    return slice(top, min(bottom, mask.shape[0])), slice(left, min(right, mask.shape[1]))
+    left, top, right, bottom = box_of(mask)
+    height, width = mask.shape
+    return (
+        slice(max(0, top - margin), min(bottom + margin, height)),
+        slice(max(0, left - margin), min(right + margin, width)),
+    )
 
 
 def suppress(masks: Mapping[str, np.ndarray], most_iou: float, most_inside: float) -> dict[str, np.ndarray]:
