@@ -14,9 +14,9 @@ from ..shapes import evidence
 FEWEST = 150
 """A body is fitted to at least so many pixels with trusted depth; `least_points` of factorize.mesh."""
 SOLID = 0.76
-"""Depth cameras smear the depth between two surfaces, where few pixels agree with their neighbours. Of the measured pixels
-inside their outline, bodies had trusted depth on 0.81 to 0.99 in real captures and from 0.77 in drawn ones, smears on 0.65
-to 0.74; at the outline itself, no thin body has any."""
+"""Depth cameras smear the depth between two surfaces, where few pixels agree with their neighbours. Of the measured
+pixels inside their outline, bodies had trusted depth on 0.81 to 0.99 in real captures and from 0.77 in drawn ones,
+smears on 0.65 to 0.74. Along the outline, depth is trusted nowhere."""
 GRAZING = 0.35
 """A smear lies along the line of sight: median cosine between it and the normals; bodies had 0.45 to 0.98."""
 
