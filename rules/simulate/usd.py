@@ -38,7 +38,7 @@ class UsdBackend(Protocol):
         ...
 
 
-@rule(version=2)
+@rule(version=3)
 def usd(
     ctx: Context[UsdBackend],
     assets: Collection[Asset],
