@@ -38,15 +38,15 @@ def slab(scenery: Scenery, edge: np.ndarray, thickness: float) -> list[Piece]:
     pixel = (edge - low) / texel
     fan = np.array([[0, i, i + 1] for i in range(1, count - 1)])
     top, bottom = (np.concatenate([edge, np.full((count, 1), z)], axis=1) for z in (-UNDER_M, -thickness))
-    ring = np.arange(count)
-    after = np.roll(ring, -1)
-    sides = np.concatenate(
-        [np.stack([ring, ring + count, after], axis=1), np.stack([after, ring + count, after + count], axis=1)]
-    )
+    # Every side is a plane with corners of its own.
+    rings = [ring for level in (top, bottom) for ring in (level, np.roll(level, -1, axis=0))]
+    first, after, first_low, after_low = np.arange(4 * count).reshape(4, count)
+    sides = np.concatenate([np.stack([first, first_low, after], 1), np.stack([after, first_low, after_low], 1)])
+    around = np.concatenate([pixel, np.roll(pixel, -1, axis=0)] * 2)
     dark = np.clip(0.75 * picture.astype(np.float32), 0, 255).astype(np.uint8)
     return [
         Piece(top, fan, pixel, picture),
-        Piece(np.concatenate([top, bottom]), sides, np.concatenate([pixel, pixel]), dark),
+        Piece(np.concatenate(rings), sides, around, dark),
         Piece(bottom, fan[:, ::-1], pixel, dark),
     ]
 

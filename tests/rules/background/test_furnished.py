@@ -101,8 +101,13 @@ def test_no_triangle_joins_surfaces_that_are_apart(built: tuple[Capture, Support
 
 
 def steep(made: Background, pose: np.ndarray) -> int:
-    """Triangles of surfaces that are no planes whose corners are more than `JOINED_M` apart in depth."""
-    vertices, faces = made.mesh.vertices.astype(np.float64), made.mesh.faces
+    """Triangles of surfaces that are no planes, seen or invented, with corners more than `JOINED_M` apart in depth."""
+    assert made.invented is not None
+    return sum(_steep(mesh, pose) for mesh in (made.mesh, made.invented))
+
+
+def _steep(mesh: Mesh, pose: np.ndarray) -> int:
+    vertices, faces = mesh.vertices.astype(np.float64), mesh.faces
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
     graph = coo_array((np.ones(len(ends)), ends.T), shape=(len(vertices), len(vertices)))
     count, surface = connected_components(graph, directed=False)
