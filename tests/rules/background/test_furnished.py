@@ -46,9 +46,14 @@ def surfaces(things: dict[str, tuple[tuple[float, ...], ...]]) -> list[raycast.S
     return [raycast.Surface(mesh.vertices, mesh.faces, colour=mesh.colour) for mesh in meshes]
 
 
-def photographed(things: dict[str, tuple[tuple[float, ...], ...]]) -> tuple[Capture, np.ndarray, Support]:
+NEAR, FAR = factories.look_at((0.1, -1.1, 0.75), (0.0, 0.2, 0.0)), factories.look_at((0.3, -1.5, 1.0), (0.0, -0.2, 0.0))
+"""T_world_camera; from afar, one sees the floor before the table."""
+
+
+def photographed(
+    things: dict[str, tuple[tuple[float, ...], ...]], pose: np.ndarray = NEAR
+) -> tuple[Capture, np.ndarray, Support]:
     """What the camera sees, with millimetres of noise, and the number of the thing in each pixel; -1 none."""
-    pose = factories.look_at((0.1, -1.1, 0.75), (0.0, 0.2, 0.0))
     corners = np.array([[-0.5, -0.3], [0.5, -0.3], [0.5, 0.3], [-0.5, 0.3]])
     table = factories.support().model_copy(
         update={"camera_pose": factories.placed(pose, "camera"), "polygon": corners * 0.95}
@@ -146,6 +151,18 @@ def test_the_room_is_closed(built: tuple[Capture, Support, Background]) -> None:
     ways = rng.normal(size=(4000, 3))
     rays = np.concatenate([np.tile([0.0, 0.0, 0.4], (4000, 1)), ways], axis=1)
     assert (raycast.cast([surface_of(made.mesh), surface_of(made.invented)], rays).index >= 0).all()
+
+
+def test_the_sides_of_a_thin_table_hide_nothing_that_was_seen(tmp_path: Path) -> None:
+    low, high, colour = THINGS["table"]
+    floor = ((-3.0, -3.0, -0.9), (3.0, 3.0, -0.8), (90, 90, 95))
+    capture, index, table = photographed({**THINGS, "floor": floor, "table": ((*low[:2], -0.008), high, colour)}, FAR)
+    nothing = InstanceMap(labels=np.zeros(index.shape, np.int32), fixed=np.zeros(index.shape, bool))
+    context = Context(static_planes, static_planes.PlanesOptions(), scratch=tmp_path)
+    made = static(context, capture.photograph, table, nothing, capture.measured, options=StaticOptions())
+    shapes = [surface_of(made.mesh), surface_of(made.invented)]
+    seen = raycast.render(shapes, LENS.matrix(), table.camera_pose.matrix, LENS.height, LENS.width)
+    assert (seen.depth < capture.measured.depth.depth - 0.05).mean() < 0.005
 
 
 def test_the_table_is_closed_and_textured_beneath_the_object(built: tuple[Capture, Support, Background]) -> None:
