@@ -26,9 +26,12 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
     cut back, see `dextera_build.sim.model.neighbours`.
     """
     room = metric(background, support.factor)
-    placed, cuts = description.parted(assets.items, room)
+    found = description.parted(assets.items, room)
+    placed, cuts = found.assets, found.cuts
     for cut in cuts:
         _told(ctx, cut)
+    for label, gap in found.feet.items():
+        ctx.warn(f"{label} was seen {1000 * gap:.0f} mm above the support: it gets feet, which are not drawn")
     model = mjcf.scene(placed, room, camera, support.camera_pose.matrix)
     joints = sum(len(asset.body.joints) for asset in placed.values())
     pieces = sum(len(part.hulls) for asset in placed.values() for part in asset.collision.links.values())

@@ -44,7 +44,7 @@ def describe(
         camera: Intrinsics of the photograph [px].
         world_from_camera: (4, 4) T_world_camera, OpenCV axes.
     """
-    assets, _ = parted(assets, background)
+    assets = parted(assets, background).assets
     link_names = names.link_names(assets)
     objects: list[ObjectNode] = []
     exclude: list[tuple[str, str]] = []
@@ -70,8 +70,8 @@ def describe(
     )
 
 
-def parted(assets: Mapping[str, Asset], background: Background) -> tuple[dict[str, Asset], tuple[neighbours.Cut, ...]]:
-    """The assets with collision pieces that overlap neither one another nor the background's, and what was cut."""
+def parted(assets: Mapping[str, Asset], background: Background) -> neighbours.Parted:
+    """The assets with collision pieces that overlap neither one another nor the background's, and do not hover."""
     return neighbours.parted(assets, [_support(box).vertices() for box in background.boxes])
 
 

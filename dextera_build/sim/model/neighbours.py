@@ -5,6 +5,8 @@ has them. So one of both is cut back to the surface of the other, the one that l
 looks and its mass properties stay. Every convex piece is cut by one plane, the one among the faces of both pieces
 along which they overlap least (the separating axes of Gottschalk, Lin and Manocha 1996, without those of two edges),
 so it stays convex. What would lose too much is left: one of both is then a part of the other, or not there at all.
+
+An underside is never seen either. A body alone that hovers a little above the support gets feet that reach down to it.
 """
 
 from __future__ import annotations
@@ -23,6 +25,11 @@ TOUCH_M = 0.0002
 """Overlaps up to this are contacts [m]."""
 MOST_LOST = 0.3
 """Largest part of the volume of a body's pieces that may be cut away."""
+HOVER_M, ALONE_M = (0.002, 0.012), 0.005
+"""A body so far above the support, and farther than the second from every other, stands on it [m]; from less it falls
+hardly at all."""
+UNDERSIDE_M = 0.006
+"""Corners up to so far above the lowest one get feet [m]."""
 SLIVER = 1e-9
 """Volume of a cut piece below which it is left out [m^3]."""
 
@@ -41,14 +48,30 @@ class Cut:
     """Part of the volume of its pieces."""
 
 
-def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> tuple[dict[str, Asset], tuple[Cut, ...]]:
-    """The assets with collision pieces that do not overlap, and what was cut; nothing changes where nothing overlaps.
+@dataclass(frozen=True)
+class Parted:
+    """Assets whose collision pieces neither overlap nor hover."""
+
+    assets: dict[str, Asset]
+    cuts: tuple[Cut, ...]
+    feet: dict[str, float]
+    """Label -> how far the body hovered above the support [m]."""
+
+
+def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> Parted:
+    """The assets with collision pieces that do not overlap; nothing changes where nothing overlaps or hovers.
 
     Args:
-        assets: Label -> asset in the pose and with the joint positions of the photograph.
+        assets: Label -> asset in the pose and with the joint positions of the photograph; the support is z = 0.
         static: Convex pieces of the static scene by their corners (V, 3) [m]; they are never cut.
     """
     bodies = {label: _Body.of(asset) for label, asset in sorted(assets.items())}
+    feet = {}
+    for label, body in bodies.items():
+        others = [other for name, other in bodies.items() if name != label]
+        if HOVER_M[0] < body.low[2] <= HOVER_M[1] and not any(body.near(other, ALONE_M) for other in others):
+            feet[label] = float(body.low[2])
+            body.stand()
     room = [Convex(corners) for corners in static]
     cuts = []
     for label, body in bodies.items():
@@ -63,7 +86,8 @@ def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> tuple[d
             if allowed:
                 body, tried, own, by = min(allowed, key=lambda each: each[1].lost)
                 cuts.append(body.take(tried, own, by))
-    return {label: bodies[label].cut_asset(asset) for label, asset in assets.items()}, tuple(cuts)
+    changed = {label: bodies[label].cut_asset(asset) for label, asset in assets.items()}
+    return Parted(changed, tuple(cuts), feet)
 
 
 class Convex:
@@ -71,7 +95,7 @@ class Convex:
 
     def __init__(self, corners: np.ndarray) -> None:
         self.corners = corners.astype(np.float64)
-        self._low, self._high = self.corners.min(axis=0), self.corners.max(axis=0)
+        self.low, self.high = self.corners.min(axis=0), self.corners.max(axis=0)
 
     @cached_property
     def _hull(self) -> tuple[np.ndarray, np.ndarray, float]:
@@ -90,7 +114,7 @@ class Convex:
 
     def overlap(self, other: Convex) -> tuple[float, np.ndarray, float]:
         """Least overlap [m], at most 0 if apart, and the plane n x = d beyond which `other` does not reach."""
-        if (self._low >= other._high).any() or (other._low >= self._high).any():
+        if (self.low >= other.high).any() or (other.low >= self.high).any():
             return 0.0, np.zeros(3), 0.0
         normals = np.concatenate([other._hull[0], -self._hull[0]])
         ends = (normals @ other.corners.T).max(axis=1)
@@ -146,6 +170,30 @@ class _Body:
     def all(self) -> list[Convex]:
         """Every piece that is left."""
         return [piece for pieces in self.links.values() for piece in pieces if piece is not None]
+
+    @property
+    def low(self) -> np.ndarray:
+        """Lower corner (3,) of the box around it [m]."""
+        return np.asarray(np.min([piece.low for piece in self.all()], axis=0))
+
+    @property
+    def high(self) -> np.ndarray:
+        """Upper corner (3,) of the box around it [m]."""
+        return np.asarray(np.max([piece.high for piece in self.all()], axis=0))
+
+    def near(self, other: _Body, gap: float) -> bool:
+        """Whether the boxes around both come nearer than `gap` [m]."""
+        return bool((self.low - gap < other.high).all() and (other.low - gap < self.high).all())
+
+    def stand(self) -> None:
+        """Extend the underside down to the support."""
+        limit = self.low[2] + UNDERSIDE_M
+        for name, pieces in self.links.items():
+            for number, piece in enumerate(pieces):
+                if piece is not None and piece.low[2] <= limit:
+                    foot = piece.corners[piece.corners[:, 2] <= limit] * [1.0, 1.0, 0.0]
+                    pieces[number] = Convex(np.concatenate([piece.corners, foot]))
+                    self.changed.add(name)
 
     def cut_by(self, others: Iterable[Convex]) -> _Try | None:
         """The body without what it shares with `others`; None if that is nothing or too much."""
