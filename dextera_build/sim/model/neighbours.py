@@ -6,7 +6,8 @@ looks and its mass properties stay. Every convex piece is cut by one plane, the 
 along which they overlap least (the separating axes of Gottschalk, Lin and Manocha 1996, without those of two edges),
 so it stays convex. What would lose too much is left: one of both is then a part of the other, or not there at all.
 
-An underside is never seen either. A body alone that hovers a little above the support gets feet that reach down to it.
+An underside is never seen either. A body that hovers a little above the support, with nothing lower near it, gets feet
+that reach down to it.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ TOUCH_M = 0.0002
 MOST_LOST = 0.3
 """Largest part of the volume of a body's pieces that may be cut away."""
 HOVER_M, ALONE_M = (0.002, 0.012), 0.005
-"""A body so far above the support, and farther than the second from every other, stands on it [m]; from less it falls
-hardly at all."""
+"""A body so far above the support, and farther than the second from every lower one, stands on it [m]; from less it
+falls hardly at all."""
 UNDERSIDE_M = 0.006
 """Corners up to so far above the lowest one get feet [m]."""
 SLIVER = 1e-9
@@ -68,8 +69,8 @@ def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> Parted:
     bodies = {label: _Body.of(asset) for label, asset in sorted(assets.items())}
     feet = {}
     for label, body in bodies.items():
-        others = [other for name, other in bodies.items() if name != label]
-        if HOVER_M[0] < body.low[2] <= HOVER_M[1] and not any(body.near(other, ALONE_M) for other in others):
+        lower = [other for other in bodies.values() if other.low[2] < body.low[2]]
+        if HOVER_M[0] < body.low[2] <= HOVER_M[1] and not any(body.near(other, ALONE_M) for other in lower):
             feet[label] = float(body.low[2])
             body.stand()
     room = [Convex(corners) for corners in static]

@@ -126,3 +126,9 @@ def test_a_body_that_hovers_alone_gets_feet_and_stays(gap: float) -> None:
 def test_what_hangs_high_or_leans_on_another_gets_no_feet() -> None:
     assert parted({"a": box(0.0, z=0.02)}, []).feet == {}
     assert parted({"a": box(0.0, z=0.007), "b": box(0.101)}, []).feet == {}
+
+
+def test_the_lowest_of_a_stack_that_hovers_gets_feet_and_all_stay() -> None:
+    assets = {"a": box(0.0, z=0.208), "b": box(0.01, z=0.108), "c": box(0.0, z=0.008)}
+    assert set(parted(assets, []).feet) == {"c"}
+    assert drift(assets) < 0.0005
