@@ -20,9 +20,11 @@ TABLES = (
     *("table_top_0", "table_top_2", "table_top_5", "table_top_7"),
     *("table_mustard", "table_blue_mug", "table_white_bowl", "table_cheezit", "table_sugar"),
     "kitchen_table",
+    *("clutter_test_46", "clutter_test_51", "clutter_learn_22", "clutter_learn_31"),
 )
-HELD = {"table_top_2": 1}
-"""A can stands in a bowl, and its foot is hidden: it is thought to stand on the table."""
+HELD = {"table_top_2": 1, "clutter_test_51": 1, "clutter_learn_22": 1}
+"""The foot of a can in a bowl is hidden, a box leans on two things whose tops are hidden by it, and the middle one of a
+pile of three boxes is carried by a part of the lowest that nobody sees."""
 SECONDS = 5.0
 """Simulated time [s]."""
 MOST_DRIFT_M, MOST_DEPTH_M, MOST_TILT_RAD = 0.005, 0.0005, 0.05

@@ -16,6 +16,9 @@ OVERLAP_M = 0.001
 SHALLOW_M = 0.004
 """Bodies this deep in each other are neighbours whose shapes are a little too large."""
 
+MOVED_M, TURNED_RAD, PRESSED_M = 0.002, 0.02, 0.0004
+"""What is told of a body that does not rest: that it would move, turn or be pressed into another by more than this."""
+
 Pair = tuple[str, str]
 
 
@@ -61,7 +64,7 @@ def steady(scene: Folder, bodies: tuple[str, ...], seconds: float, rests: Callab
             if depth > SHALLOW_M and not found.held.keys() & set(pair):
                 found.held[pair[1]] = f"it is {1000 * depth:.0f} mm inside {pair[0]}"
         if not overlapping:
-            lowest = min(restless, key=lambda name: (heights[name], name))
+            lowest = min(restless, key=lambda name: (not _moves(restless[name]), heights[name], name))
             found.held[lowest] = _moved(restless[lowest])
         found.scene = hold(scene, found.held, found.apart)
     return found
@@ -75,9 +78,17 @@ def _heights(scene: Folder) -> dict[str, float]:
 
 
 def _moved(motion: Motion) -> str:
-    if motion.drift_m > 0.002:
+    if motion.drift_m > MOVED_M:
         return f"it would move by {1000 * motion.drift_m:.0f} mm"
-    return f"it would turn by {motion.tilt_rad:.2f} rad" if motion.tilt_rad > 0.02 else "it would not come to rest"
+    if motion.tilt_rad > TURNED_RAD:
+        return f"it would turn by {motion.tilt_rad:.2f} rad"
+    pressed = motion.depth_m > PRESSED_M
+    return f"it would be {1000 * motion.depth_m:.1f} mm inside another" if pressed else "it would not come to rest"
+
+
+def _moves(motion: Motion) -> bool:
+    """Whether a body goes elsewhere, and does not tremble in its place under another that does."""
+    return motion.drift_m > MOVED_M or motion.tilt_rad > TURNED_RAD
 
 
 def _overlaps(scene: Folder, bodies: tuple[str, ...]) -> dict[Pair, float]:
