@@ -82,6 +82,8 @@ def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> Parted:
     for number, first in enumerate(labels):
         for second in labels[number + 1 :]:
             one, other = bodies[first], bodies[second]
+            if not one.near(other, 0.0):
+                continue
             tries = [(one, one.cut_by(other.all()), first, second), (other, other.cut_by(one.all()), second, first)]
             allowed = [(body, tried, own, by) for body, tried, own, by in tries if tried is not None]
             if allowed:
