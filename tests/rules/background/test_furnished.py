@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
+import PIL.Image
 import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -306,6 +307,25 @@ def test_a_real_kitchen_is_kept_in_views_that_it_was_not_made_from(tmp_path: Pat
     assert np.median([error.median for error in errors]) < 0.012
     assert np.mean([error.mae for error in errors]) < 0.035
     assert min(cover) > 0.99
+
+
+def test_what_has_no_depth_shows_on_the_room_behind_it(tmp_path: Path) -> None:
+    """The far part of a table and the room behind it are out of the depth camera's reach."""
+    folder = CAPTURES / "clutter_test_51"
+    if not folder.exists():
+        pytest.skip("needs shared/captures/clutter_test_51")
+    runner = RuleRunner(tmp_path)
+    capture = runner.run("capture.folder", folder=Folder(files=_files(folder)))
+    table = runner.run("align.support", photograph=capture.photograph, measured=capture.measured)
+    labels = np.asarray(PIL.Image.open(folder / "instances.png")).astype(np.int32)
+    things = InstanceMap(labels=labels, fixed=np.zeros(labels.shape, bool))
+    made = runner.run("background.static", instances=things, support=table, **factories.shot(capture))
+    shapes = [surface_of(made.mesh), surface_of(made.invented)]
+    drawn = raycast.render(shapes, capture.photograph.camera.matrix(), table.camera_pose.matrix, 480, 640)
+    unmeasured = (labels == 0) & (capture.measured.depth.depth == 0)
+    assert unmeasured.mean() > 0.3
+    # A grey wall in its place reaches 20 dB.
+    assert metrics.psnr(raycast.shade(shapes, drawn), capture.photograph.rgb.pixels, unmeasured) > 28.0
 
 
 def _files(folder: Path) -> dict[str, bytes]:
