@@ -89,7 +89,7 @@ class Settled(Value):
     tilt_rad: float
     """Angle that it turned [rad]."""
     penetration_m: float
-    """Deepest contact at the start [m]."""
+    """Deepest contact, at the start or at the end [m]."""
     joint_drift: float = 0.0
     """Largest change of one of its joints' positions [rad or m]."""
     resting: bool

@@ -191,6 +191,7 @@ class Dispatch:
         try:
             result = publish(self.store, node, report, self.reading)
         except DxbError as error:
+            error.where = node.call.placed(error.where, self.policy.project)
             return End(node, error=error)
         if report.reply is not None and report.reply["output"] != result.output:
             self._log(node, "its key gave another output before, which is kept: `dxb ls divergent`")

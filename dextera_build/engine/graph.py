@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TypeAlias
@@ -155,6 +155,16 @@ class Call:
                 if isinstance(part, Leaf):
                     found[f"{slot}[{label}]" if label else slot] = part.path
         return found
+
+    def placed(self, where: Place | None, project: str) -> Place | None:
+        """The place of an error of the rule; a rule knows the file of an input only as `$slot`.
+
+        A path below the folder `project` becomes relative to it.
+        """
+        path = None if where is None else self.files().get(where.file.removeprefix("$"))
+        if where is None or path is None or not where.file.startswith("$"):
+            return where
+        return replace(where, file=str(path.relative_to(project) if path.is_relative_to(project) else path))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import cameras, planes, regions, transforms, upright
 from dextera_build.rule import Context, Options, rule
 
-from . import unmeasured
+from . import uneven, unmeasured
 from .surfaces import Surface, carries, choose, find, quarter_turns
 from .unmeasured import MarkerOptions
 
@@ -46,7 +46,7 @@ class SupportOptions(Options):
     """Extent of a support that was not measured, in heights of the camera above it."""
 
 
-@rule(version=3)
+@rule(version=4)
 def support(
     ctx: Context,
     photograph: Photograph,
@@ -80,7 +80,10 @@ def support(
             smallest=f"{options.smallest_m2:g} m^2, facing up",
             hint="show more of the table, lower `smallest_m2`, or say with `up` which side of the picture is up",
         )
-    result = _seen_from(_support(best, points, upright.turned(valid, turns)), turns)
+    level = _support(best, points, upright.turned(valid, turns))
+    if doubt := uneven.doubt(level, points, upright.turned(valid, turns)):
+        ctx.warn(doubt)
+    result = _seen_from(level, turns)
     area = regions.area(result.polygon)
     below, rms = result.camera_pose.matrix[2, 3], 1000 * (result.residual_m or 0.0)
     ctx.check(rms < 20.0, "the support is not flat", residual=f"{rms:.1f} mm")

@@ -81,8 +81,10 @@ def furnished(
     """
     edge = outline(scenery, support.polygon, layers.hole)
     box = support_box(edge, common.margin_m, common.thickness_m)
-    room = enclose(scenery, edge, box.yaw)
     inside = np.isfinite(layers.plane) & regions.inside_convex(layers.floor, edge)
+    # What was taken for a part of the support beyond its outline is of the room, wherever that is.
+    scenery = replace(scenery, labels=np.where((scenery.labels == SUPPORT) & ~inside, 0, scenery.labels))
+    room = enclose(scenery, edge, box.yaw)
     wider, behind = continued(scenery, room, stride)
     shown = one_picture(front(scenery, stride, inside, behind), scenery.pixels)
     vertices = shown.vertices.copy()

@@ -183,7 +183,7 @@ def _piece(
     flat = patch.plane is not None
     points, faces = cut(mask, max(2.0, stride / HALF) * (3.0 if flat else 1.0), 6.0 if flat else 3.0)
     origin = wide.pixel[0, 0]
-    pixel, faces = patch.fine(origin + points * HALF, faces, scenery.k)
+    pixel, faces = patch.fine(origin + points * HALF, faces, scenery.k, PUSH)
     points = (pixel - origin) / HALF
     depth = patch.depth(pixel, scenery.k)
     # The outline may run a little over the end of a plane that is seen edge on.

@@ -63,17 +63,22 @@ def shaded(pixels: np.ndarray, level: np.ndarray, taken: np.ndarray) -> np.ndarr
     return np.asarray(same) if same[level].mean() > 0.5 else np.ones_like(level)
 
 
-def remnants(other: np.ndarray, wide: np.ndarray, flat: np.ndarray) -> np.ndarray:
+MOSTLY_BLANK = 0.8
+"""Part of a thing's pixels without depth from which it is taken for a shiny or dark part of its neighbour."""
+
+
+def remnants(other: np.ndarray, wide: np.ndarray, flat: np.ndarray, blank: np.ndarray) -> np.ndarray:
     """Pixels (H, W) of what the masks have missed of their objects.
 
     Args:
         other: (H, W) pixels beside the masks that do not have the support's colours.
         wide: (H, W) the masks and their surroundings.
         flat: (H, W) pixels measured in the support's plane.
+        blank: (H, W) pixels without depth.
     """
     _, labels = cv2.connectedComponents(other.astype(np.uint8), connectivity=4)
     size = np.maximum(np.bincount(labels.reshape(-1)), 1)
-    near, low = (np.bincount(labels[mask], minlength=len(size)) / size for mask in (wide, flat))
-    found = (near > 0.5) & (low < 0.5)
+    near, low, void = (np.bincount(labels[mask], minlength=len(size)) / size for mask in (wide, flat, blank))
+    found = (near > np.where(void > MOSTLY_BLANK, 0.25, 0.5)) & (low < 0.5)
     found[0] = False
     return np.asarray(found[labels])

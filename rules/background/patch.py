@@ -41,22 +41,24 @@ class Patch:
             depth = offset / down
         return np.where((down > 1e-6) & (depth > 0), depth, np.inf)
 
-    def fine(self, pixel: np.ndarray, faces: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def fine(
+        self, pixel: np.ndarray, faces: np.ndarray, k: np.ndarray, push: float = 1.0
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Corners (V, 2) and faces (F, 3) of a triangulation in the picture that joins nothing apart.
 
         A face in a plane joins nothing. Of a curved surface, steep faces are divided; what is still steep when it is
-        smaller than a pixel is a step.
+        smaller than a pixel is a step. `push` is a factor of all depths.
         """
         if self.plane is not None:
             return pixel, faces
         for _ in range(DIVISIONS):
-            steep = np.ptp(self.depth(pixel, k)[faces], axis=1) > JOINED_M
+            steep = np.ptp(self.depth(pixel, k)[faces], axis=1) > JOINED_M / push
             a, b, c = (faces[steep][:, corner] for corner in range(3))
             middles = np.concatenate([(pixel[i] + pixel[j]) / 2 for i, j in ((a, b), (b, c), (c, a))])
             ab, bc, ca = np.split(len(pixel) + np.arange(len(middles)), 3)
             quarters = [np.stack(each, axis=1) for each in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
             pixel, faces = np.concatenate([pixel, middles]), np.concatenate([faces[~steep], *quarters])
-        return pixel, faces[np.ptp(self.depth(pixel, k)[faces], axis=1) <= JOINED_M]
+        return pixel, faces[np.ptp(self.depth(pixel, k)[faces], axis=1) <= JOINED_M / push]
 
 
 def _sampled(values: np.ndarray, pixel: np.ndarray) -> np.ndarray:

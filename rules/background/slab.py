@@ -5,6 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from dextera_build.geometry import cameras, transforms
+
 from .holes import shaded
 from .pieces import Piece
 from .scenery import Scenery
@@ -14,19 +16,27 @@ UNDER_M = 0.001
 """The slab's top is this far below the surface that was photographed [m]."""
 RIM = 15
 """Width of a square in which everything is the support where its texture is taken from [texels]."""
+ALONG = 24
+"""Points of each side that are looked at."""
+LEVELS = 8
+"""Thicknesses that are tried."""
+HIDES_M = 0.05
+"""A side hides what is farther behind it than this [m]."""
+MOST_HIDDEN = 0.5
+"""Part of the points of the sides that may hide something: the outline is known to a few pixels only."""
 TEXELS = 512
 """Longest edge of the slab's picture."""
 
 
-def slab(scenery: Scenery, edge: np.ndarray, thickness: float) -> list[Piece]:
+def slab(scenery: Scenery, edge: np.ndarray, most: float) -> list[Piece]:
     """Top, sides and underside of the support.
 
     Args:
         scenery: What was seen.
         edge: (P, 2) convex outline, counter-clockwise [m].
-        thickness: Guessed [m].
+        most: Thickness, unless its sides would hide what was seen [m].
     """
-    count = len(edge)
+    count, thickness = len(edge), _thickness(scenery, edge, most)
     low = edge.min(axis=0)
     texel = float(np.ptp(edge, axis=0).max()) / TEXELS
     width, height = (int(n) for n in np.ceil(np.ptp(edge, axis=0) / texel) + 1)
@@ -38,17 +48,35 @@ def slab(scenery: Scenery, edge: np.ndarray, thickness: float) -> list[Piece]:
     pixel = (edge - low) / texel
     fan = np.array([[0, i, i + 1] for i in range(1, count - 1)])
     top, bottom = (np.concatenate([edge, np.full((count, 1), z)], axis=1) for z in (-UNDER_M, -thickness))
-    ring = np.arange(count)
-    after = np.roll(ring, -1)
-    sides = np.concatenate(
-        [np.stack([ring, ring + count, after], axis=1), np.stack([after, ring + count, after + count], axis=1)]
-    )
+    # Every side is a plane with corners of its own.
+    rings = [ring for level in (top, bottom) for ring in (level, np.roll(level, -1, axis=0))]
+    first, after, first_low, after_low = np.arange(4 * count).reshape(4, count)
+    sides = np.concatenate([np.stack([first, first_low, after], 1), np.stack([after, first_low, after_low], 1)])
+    around = np.concatenate([pixel, np.roll(pixel, -1, axis=0)] * 2)
     dark = np.clip(0.75 * picture.astype(np.float32), 0, 255).astype(np.uint8)
     return [
         Piece(top, fan, pixel, picture),
-        Piece(np.concatenate([top, bottom]), sides, np.concatenate([pixel, pixel]), dark),
+        Piece(np.concatenate(rings), sides, around, dark),
         Piece(bottom, fan[:, ::-1], pixel, dark),
     ]
+
+
+def _thickness(scenery: Scenery, edge: np.ndarray, most: float) -> float:
+    """The largest thickness up to `most` whose sides hide little of what the photograph shows beneath the edge [m]."""
+    share = np.linspace(0.0, 1.0, ALONG, endpoint=False)[:, None, None]
+    ring = (edge + share * (np.roll(edge, -1, axis=0) - edge)).reshape(-1, 2)
+    out = np.stack([np.roll(edge, -1, axis=0) - edge] * ALONG).reshape(-1, 2) @ np.array([[0.0, -1.0], [1.0, 0.0]])
+    facing = ((scenery.world_from_camera[:2, 3] - ring) * out).sum(axis=1) > 0
+    levels = most * np.arange(1, LEVELS + 1) / LEVELS
+    for number, level in enumerate(levels):
+        points = np.column_stack([ring[facing], np.full(facing.sum(), -level)])
+        seen = transforms.apply(np.linalg.inv(scenery.world_from_camera), points)
+        row, column, inside = cameras.nearest_pixels(seen, scenery.k, scenery.labels.shape)
+        shown = inside & (scenery.depth[row, column] > 0)
+        hides = shown & (scenery.depth[row, column] > seen[:, 2] + HIDES_M)
+        if shown.any() and hides.sum() > MOST_HIDDEN * shown.sum():
+            return float(levels[max(0, number - 1)])
+    return most
 
 
 def _continued(colour: np.ndarray, shown: np.ndarray) -> np.ndarray:

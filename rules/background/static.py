@@ -45,7 +45,7 @@ class BackgroundBackend(Protocol):
         ...
 
 
-@rule(version=4)
+@rule(version=5)
 def static(
     ctx: Context[BackgroundBackend],
     photograph: Photograph,

@@ -76,7 +76,8 @@ def clean(
     wide = hole(instances, robot, options.dilate)
     layers = split(photograph, depth, support, wide, options.snap_m)
     own = shaded(photograph.rgb.pixels, layers.level & layers.behind, taken)
-    taken |= wide & ((layers.behind & own) | remnants(~own & ~taken, wide, _flat(photograph, depth, support, options)))
+    missed = remnants(~own & ~taken, wide, _flat(photograph, depth, support, options), depth == 0)
+    taken |= wide & ((layers.behind & own) | missed)
     layers = bounded(split(photograph, depth, support, taken, options.snap_m), photograph, support)
     image = photograph.rgb.pixels.astype(np.float32)
     if (taken & layers.behind).any():

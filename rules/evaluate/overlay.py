@@ -35,7 +35,7 @@ class OverlayBackend(Protocol):
         ...
 
 
-@rule(version=3)
+@rule(version=4)
 def overlay(ctx: Context[OverlayBackend], photograph: Photograph, scene: Scene, *, options: OverlayOptions) -> Image:
     """Return pictures from the photograph's camera: photograph, twin, blend, outlines on it; then from other sides.
 

@@ -24,7 +24,7 @@ def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np
     data = models.at_home(model)
     names = (*scene.bodies, *scene.held)
     camera, eye = scene.camera, scene.camera_pose.matrix[:3, 3]
-    free = scene.bodies  # what is held is a part of the room
+    free = scene.bodies or scene.held  # what is held is a part of the room, unless everything is
     sides = [
         framing.around(
             model, data, free, eye, np.radians(turn), tilt and np.radians(tilt), camera.width / camera.height

@@ -9,7 +9,7 @@ from dextera_build.artifacts.table import Column, Table
 from dextera_build.rule import Context, rule
 
 
-@rule(version=1)
+@rule(version=2)
 def rest(ctx: Context, settled: SettleReport) -> Table:
     """Return one row per body: translation, rotation, penetration, and whether it rests."""
     resting = sum(body.resting for body in settled.bodies)
@@ -20,7 +20,7 @@ def rest(ctx: Context, settled: SettleReport) -> Table:
             Column(name="body"),
             Column(name="drift", unit="mm", digits=2, better="lower"),
             Column(name="tilt", unit="deg", digits=2, better="lower"),
-            Column(name="penetration at start", unit="mm", digits=2, better="lower"),
+            Column(name="penetration", unit="mm", digits=2, better="lower"),
             Column(name="rests"),
         ),
         rows=tuple(

@@ -11,7 +11,7 @@ from dextera_build.rule import Context, rule
 from dextera_build.sim.model import description
 
 
-@rule(version=2)
+@rule(version=3, packages=("scipy",))
 def describe(
     ctx: Context, assets: Collection[Asset], background: Background, support: Support, camera: Camera
 ) -> SceneDescription:

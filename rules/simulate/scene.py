@@ -7,9 +7,12 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.object import Asset, Support
 from dextera_build.artifacts.scene import Background, Scene
 from dextera_build.rule import Context, rule
-from dextera_build.sim.model import mjcf, names
+from dextera_build.sim.model import description, mjcf, names, neighbours
 
 from .metric import metric
+
+NOTABLE_M = 0.005
+"""Overlaps from here on are told: a shape is wrong where it was not seen [m]."""
 
 
 @rule(version=3, packages=("scipy",))
@@ -19,10 +22,17 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
     If `support.scale` is `unknown`, its unit is not the metre, and no task can be built on it.
 
     Every object is a free body with its explicit mass properties, a textured visual and convex collision pieces;
-    keyframe `home` holds the pose and the joint positions of the photograph.
+    keyframe `home` holds the pose and the joint positions of the photograph. Where neighbours overlap, one of both is
+    cut back, see `dextera_build.sim.model.neighbours`.
     """
-    placed = assets.items
-    model = mjcf.scene(placed, metric(background, support.factor), camera, support.camera_pose.matrix)
+    room = metric(background, support.factor)
+    found = description.parted(assets.items, room)
+    placed, cuts = found.assets, found.cuts
+    for cut in cuts:
+        _told(ctx, cut)
+    for label, gap in found.feet.items():
+        ctx.warn(f"{label} was seen {1000 * gap:.0f} mm above the support: it gets feet, which are not drawn")
+    model = mjcf.scene(placed, room, camera, support.camera_pose.matrix)
     joints = sum(len(asset.body.joints) for asset in placed.values())
     pieces = sum(len(part.hulls) for asset in placed.values() for part in asset.collision.links.values())
     mass = sum(link.mass_kg for asset in placed.values() for link in asset.physics.links.values())
@@ -30,10 +40,19 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
     ctx.metric("joints", joints)
     ctx.metric("collision pieces", pieces)
     ctx.metric("mass", mass, "kg")
+    ctx.metric("overlap", 1000 * max((cut.deep_m for cut in cuts), default=0.0), "mm")
     unknown = ", scale unknown" if support.scale == "unknown" else ""
     bodies = tuple(names.body_names(placed).values())
     ctx.say(f"{_count(len(bodies), 'body', 'bodies')}, {_count(joints, 'joint', 'joints')}, {mass:.2f} kg{unknown}")
     return Scene(model=model, camera=camera, camera_pose=support.camera_pose, bodies=bodies, scale=support.scale)
+
+
+def _told(ctx: Context, cut: neighbours.Cut) -> None:
+    if cut.deep_m > NOTABLE_M:
+        by = cut.by or "the static scene"
+        ctx.warn(
+            f"{cut.body} and {by} overlap by {1000 * cut.deep_m:.0f} mm: {cut.lost:.0%} of {cut.body} collides no more"
+        )
 
 
 def _count(number: int, one: str, many: str) -> str:

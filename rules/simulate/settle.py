@@ -21,6 +21,8 @@ class SettleOptions(Options):
     """Maximum rotation of a body that did not fall over [rad]."""
     max_drift_m: PositiveFloat = 0.005
     """Maximum displacement of a body that stays where the photograph has it [m]."""
+    max_depth_m: PositiveFloat = 0.0005
+    """Maximum penetration of a body at rest [m]."""
     max_joint_rad: PositiveFloat = 0.05
     """Maximum motion of a joint that holds [rad or m]."""
     max_speed_m_s: PositiveFloat = 0.01
@@ -37,7 +39,7 @@ class SettleBackend(Protocol):
         ...
 
 
-@rule(version=2)
+@rule(version=3)
 def settle(ctx: Context[SettleBackend], scene: Scene, *, options: SettleOptions) -> SettleReport:
     """Return how far each body of `scene` moved [m, rad, world frame] within `options.seconds` of free simulation.
 

@@ -27,7 +27,7 @@ def let_go(ctx: Context, scene: Scene, common: SettleOptions, options: Options) 
             name=motion.name,
             drift_m=motion.drift_m,
             tilt_rad=motion.tilt_rad,
-            penetration_m=motion.penetration_m,
+            penetration_m=max(motion.penetration_m, motion.depth_m),
             joint_drift=motion.joints,
             resting=not run.diverged and rests(motion, common),
         )
@@ -38,10 +38,11 @@ def let_go(ctx: Context, scene: Scene, common: SettleOptions, options: Options) 
 
 
 def rests(motion: runner.Motion, options: SettleOptions) -> bool:
-    """Whether a body is finally at rest, upright, with unchanged joints, and was not thrown and did not fall off."""
+    """Whether a body is finally at rest, upright, in its place, with unchanged joints, and not inside another body."""
     within = (
         motion.tilt_rad <= options.max_tilt_rad,
         motion.drift_m <= options.max_drift_m,
+        motion.depth_m <= options.max_depth_m,
         motion.joints <= options.max_joint_rad,
         motion.speed_m_s <= options.max_speed_m_s,
         motion.turn_rad_s <= options.max_turn_rad_s,

@@ -27,7 +27,7 @@ class SteadyBackend(Protocol):
         ...
 
 
-@rule(version=1)
+@rule(version=3)
 def steady(ctx: Context[SteadyBackend], scene: Scene, *, options: SteadyOptions) -> Scene:
     """Return the scene with the bodies that would not rest held in their places, as parts of the static scene.
 

@@ -62,6 +62,15 @@ def test_the_proposed_scene_builds_what_was_built_without_it(space):
     assert again.nodes("ran") == {"parse", "objects"}, again.err
 
 
+def test_an_error_in_the_file_names_its_real_path(space):
+    space.write("lists/things.yaml", "elements:\n- {name: Red Box}\n")
+    answer = space.build(TARGET, *CAPTURE, "--input", "description=lists/things.yaml")
+    assert answer.code == 1
+    assert "`Red Box` is not a name" in answer.err
+    assert '["lists/things.yaml", 2, 10]' in answer.err
+    assert "$scene" not in answer.err
+
+
 def test_an_edited_scene_rebuilds_what_was_edited(space):
     space.dxb("new", "scene", "twin/tabletop", *CAPTURE)
     space.edit("scene.yaml", "name: red_box", "name: tea")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import pytest
 
-from dextera_build.engine.graph import Address, node_address, parse_address
-from dextera_build.errors import UsageError
-from tests.engine.tiny import call, every, graph, group, item, out
+from dextera_build.engine.graph import Address, Leaf, node_address, parse_address
+from dextera_build.errors import Place, UsageError
+from tests.engine.tiny import HERE, call, every, graph, group, item, out
 
 
 @pytest.mark.parametrize(
@@ -66,3 +69,12 @@ def test_reach_is_what_the_graph_alone_tells() -> None:
         ("b",),
     }
     assert set(plan.walk([Address(("seg",))])) == {("seg",), ("a",)}
+
+
+def test_the_place_of_an_error_in_an_input_gets_the_path_of_its_file() -> None:
+    read = replace(call("a"), inputs={"scene": Leaf(Path("/p/lists/things.yaml"), HERE), "all": out("b")})
+    assert str(read.placed(Place("$scene", 2, 10), "/p")) == "lists/things.yaml:2:10"
+    assert str(read.placed(Place("$scene", 2, 10), "/elsewhere")) == "/p/lists/things.yaml:2:10"
+    for other in (Place("$all", 1), Place("scene", 1), Place("rules/a.py", 3)):
+        assert read.placed(other, "/p") == other
+    assert read.placed(None, "/p") is None

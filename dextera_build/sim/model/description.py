@@ -25,7 +25,7 @@ from dextera_build.artifacts.scene_description import (
     SceneDescription,
 )
 from dextera_build.geometry import transforms
-from dextera_build.sim.model import mjcf_contact, names, touching
+from dextera_build.sim.model import mjcf_contact, names, neighbours, touching
 
 SUN = Light(label="sun", direction=(0.2, 0.3, -1.0), place=(0.0, 0.0, 1.5), diffuse=(0.4, 0.4, 0.4))
 """The light of every twin. It is below the ceiling of a closed room, whose shadow would fall on everything."""
@@ -36,12 +36,15 @@ def describe(
 ) -> SceneDescription:
     """The complete twin in the world frame: every asset a free object, the background static.
 
+    Neighbours whose collision pieces overlap are cut back, see `neighbours`.
+
     Args:
         assets: Label -> placed asset; the sanitized label is the object's name.
         background: Static surface and boxes in the world frame.
         camera: Intrinsics of the photograph [px].
         world_from_camera: (4, 4) T_world_camera, OpenCV axes.
     """
+    assets = parted(assets, background).assets
     link_names = names.link_names(assets)
     objects: list[ObjectNode] = []
     exclude: list[tuple[str, str]] = []
@@ -65,6 +68,11 @@ def describe(
         exclude=tuple(exclude),
         touch=tuple(touch),
     )
+
+
+def parted(assets: Mapping[str, Asset], background: Background) -> neighbours.Parted:
+    """The assets with collision pieces that overlap neither one another nor the background's, and do not hover."""
+    return neighbours.parted(assets, [_support(box).vertices() for box in background.boxes])
 
 
 def _piece(body: str, number: int) -> str:

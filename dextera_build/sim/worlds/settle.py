@@ -27,6 +27,7 @@ class Motion:
     tilt_rad: float  # angle between start and end
     joints: float  # maximum change of a joint position of its tree [rad or m]
     penetration_m: float  # maximum penetration at the start
+    depth_m: float  # maximum penetration at the end
     speed_m_s: float  # maximum distance of the origin from its end in the last `LAST_S`, over that time
     turn_rad_s: float  # maximum angle to the end in the last `LAST_S`, over that time
 
@@ -71,6 +72,7 @@ def let_go(scene: Folder, bodies: tuple[str, ...], seconds: float) -> Run:
         )
     )
     end = start if diverged else _poses(data, ids)
+    last = {} if diverged else penetrations(model, data)
     motions = []
     for row, (name, body) in enumerate(zip(bodies, ids, strict=True)):
         moved = end[row][:3, 3] - start[row][:3, 3]
@@ -84,6 +86,7 @@ def let_go(scene: Folder, bodies: tuple[str, ...], seconds: float) -> Run:
                 tilt_rad=tilt,
                 joints=turned,
                 penetration_m=depths.get(body, 0.0),
+                depth_m=last.get(body, 0.0),
                 speed_m_s=float(late[row, 0]),
                 turn_rad_s=float(late[row, 1]),
             )

@@ -15,8 +15,9 @@ OVERLAP_M = 0.001
 """Deeper contacts at the start push bodies apart."""
 SHALLOW_M = 0.004
 """Bodies this deep in each other are neighbours whose shapes are a little too large."""
-ROUNDS = 6
-"""Attempts; each one holds at least one body more."""
+
+MOVED_M, TURNED_RAD, PRESSED_M = 0.002, 0.02, 0.0004
+"""What is told of a body that does not rest: that it would move, turn or be pressed into another by more than this."""
 
 Pair = tuple[str, str]
 
@@ -37,7 +38,8 @@ def steady(scene: Folder, bodies: tuple[str, ...], seconds: float, rests: Callab
     """Let the scene go and hold what does not rest, until everything else does.
 
     Bodies in one place no longer collide. If one is more than 4 mm inside the other, the lighter one is held: one of
-    them is a part of the other, or should not be there. What still moves is held as well.
+    them is a part of the other, or should not be there. Of what still moves, the lowest body is held, and the others
+    are tried again: they may stand on it.
 
     Args:
         scene: `scene.xml` and its files.
@@ -49,7 +51,8 @@ def steady(scene: Folder, bodies: tuple[str, ...], seconds: float, rests: Callab
         RuleError: MuJoCo rejects the scene.
     """
     found = Steady(scene)
-    for _ in range(ROUNDS):
+    heights = _heights(scene)
+    for _ in range(2 * len(bodies)):  # each attempt holds one body more, or takes two apart
         free = tuple(name for name in bodies if name not in found.held)
         run = let_go(found.scene, free, seconds)
         restless = {motion.name: motion for motion in run.motions if run.diverged or not rests(motion)}
@@ -61,15 +64,31 @@ def steady(scene: Folder, bodies: tuple[str, ...], seconds: float, rests: Callab
             if depth > SHALLOW_M and not found.held.keys() & set(pair):
                 found.held[pair[1]] = f"it is {1000 * depth:.0f} mm inside {pair[0]}"
         if not overlapping:
-            found.held |= {name: _moved(motion) for name, motion in restless.items()}
+            lowest = min(restless, key=lambda name: (not _moves(restless[name]), heights[name], name))
+            found.held[lowest] = _moved(restless[lowest])
         found.scene = hold(scene, found.held, found.apart)
     return found
 
 
+def _heights(scene: Folder) -> dict[str, float]:
+    """Body -> height of its centre of mass at the start [m]."""
+    model = models.compile_folder(scene)
+    data = models.at_home(model)
+    return {model.body(number).name: float(data.xipos[number, 2]) for number in range(1, model.nbody)}
+
+
 def _moved(motion: Motion) -> str:
-    if motion.drift_m > 0.002:
+    if motion.drift_m > MOVED_M:
         return f"it would move by {1000 * motion.drift_m:.0f} mm"
-    return f"it would turn by {motion.tilt_rad:.2f} rad" if motion.tilt_rad > 0.02 else "it would not come to rest"
+    if motion.tilt_rad > TURNED_RAD:
+        return f"it would turn by {motion.tilt_rad:.2f} rad"
+    pressed = motion.depth_m > PRESSED_M
+    return f"it would be {1000 * motion.depth_m:.1f} mm inside another" if pressed else "it would not come to rest"
+
+
+def _moves(motion: Motion) -> bool:
+    """Whether a body goes elsewhere, and does not tremble in its place under another that does."""
+    return motion.drift_m > MOVED_M or motion.tilt_rad > TURNED_RAD
 
 
 def _overlaps(scene: Folder, bodies: tuple[str, ...]) -> dict[Pair, float]:

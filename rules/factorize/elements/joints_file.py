@@ -10,7 +10,8 @@ from typing import Any
 from dextera_build.artifacts.object import JointHint
 from dextera_build.errors import Place, RuleError, did_you_mean, listing
 
-FILE = "scene.yaml"
+FILE = "$scene"
+"""The file as rules know it: the input; the engine puts its path in the place of errors."""
 KINDS = {"hinge": "revolute", "slide": "prismatic"}
 FIELDS = ("type", "part_px", "axis_px", "range_deg", "range_mm", "at_deg", "at_mm")
 

@@ -52,9 +52,9 @@ def read(data: bytes) -> list[Wanted]:
     try:
         root = yaml.compose(data.decode("utf-8"), Loader=yaml.SafeLoader)
     except RecursionError:
-        raise _wrong(f"`{FILE}` is nested too deeply", None) from None
+        raise _wrong("the file is nested too deeply", None) from None
     except UnicodeDecodeError as error:
-        raise _wrong(f"`{FILE}` is not UTF-8 text", None, reader=error) from None
+        raise _wrong("the file is not UTF-8 text", None, reader=error) from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = Place(FILE, mark.line + 1, mark.column + 1) if mark else Place(FILE)

@@ -43,7 +43,7 @@ class SegmentBackend(Protocol):
         ...
 
 
-@rule(version=5)
+@rule(version=6)
 def segment(
     ctx: Context[SegmentBackend],
     photograph: Photograph,

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
+import PIL.Image
 import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -46,9 +47,14 @@ def surfaces(things: dict[str, tuple[tuple[float, ...], ...]]) -> list[raycast.S
     return [raycast.Surface(mesh.vertices, mesh.faces, colour=mesh.colour) for mesh in meshes]
 
 
-def photographed(things: dict[str, tuple[tuple[float, ...], ...]]) -> tuple[Capture, np.ndarray, Support]:
+NEAR, FAR = factories.look_at((0.1, -1.1, 0.75), (0.0, 0.2, 0.0)), factories.look_at((0.3, -1.5, 1.0), (0.0, -0.2, 0.0))
+"""T_world_camera; from afar, one sees the floor before the table."""
+
+
+def photographed(
+    things: dict[str, tuple[tuple[float, ...], ...]], pose: np.ndarray = NEAR
+) -> tuple[Capture, np.ndarray, Support]:
     """What the camera sees, with millimetres of noise, and the number of the thing in each pixel; -1 none."""
-    pose = factories.look_at((0.1, -1.1, 0.75), (0.0, 0.2, 0.0))
     corners = np.array([[-0.5, -0.3], [0.5, -0.3], [0.5, 0.3], [-0.5, 0.3]])
     table = factories.support().model_copy(
         update={"camera_pose": factories.placed(pose, "camera"), "polygon": corners * 0.95}
@@ -101,8 +107,13 @@ def test_no_triangle_joins_surfaces_that_are_apart(built: tuple[Capture, Support
 
 
 def steep(made: Background, pose: np.ndarray) -> int:
-    """Triangles of surfaces that are no planes whose corners are more than `JOINED_M` apart in depth."""
-    vertices, faces = made.mesh.vertices.astype(np.float64), made.mesh.faces
+    """Triangles of surfaces that are no planes, seen or invented, with corners more than `JOINED_M` apart in depth."""
+    assert made.invented is not None
+    return sum(_steep(mesh, pose) for mesh in (made.mesh, made.invented))
+
+
+def _steep(mesh: Mesh, pose: np.ndarray) -> int:
+    vertices, faces = mesh.vertices.astype(np.float64), mesh.faces
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
     graph = coo_array((np.ones(len(ends)), ends.T), shape=(len(vertices), len(vertices)))
     count, surface = connected_components(graph, directed=False)
@@ -141,6 +152,18 @@ def test_the_room_is_closed(built: tuple[Capture, Support, Background]) -> None:
     ways = rng.normal(size=(4000, 3))
     rays = np.concatenate([np.tile([0.0, 0.0, 0.4], (4000, 1)), ways], axis=1)
     assert (raycast.cast([surface_of(made.mesh), surface_of(made.invented)], rays).index >= 0).all()
+
+
+def test_the_sides_of_a_thin_table_hide_nothing_that_was_seen(tmp_path: Path) -> None:
+    low, high, colour = THINGS["table"]
+    floor = ((-3.0, -3.0, -0.9), (3.0, 3.0, -0.8), (90, 90, 95))
+    capture, index, table = photographed({**THINGS, "floor": floor, "table": ((*low[:2], -0.008), high, colour)}, FAR)
+    nothing = InstanceMap(labels=np.zeros(index.shape, np.int32), fixed=np.zeros(index.shape, bool))
+    context = Context(static_planes, static_planes.PlanesOptions(), scratch=tmp_path)
+    made = static(context, capture.photograph, table, nothing, capture.measured, options=StaticOptions())
+    shapes = [surface_of(made.mesh), surface_of(made.invented)]
+    seen = raycast.render(shapes, LENS.matrix(), table.camera_pose.matrix, LENS.height, LENS.width)
+    assert (seen.depth < capture.measured.depth.depth - 0.05).mean() < 0.005
 
 
 def test_the_table_is_closed_and_textured_beneath_the_object(built: tuple[Capture, Support, Background]) -> None:
@@ -284,6 +307,25 @@ def test_a_real_kitchen_is_kept_in_views_that_it_was_not_made_from(tmp_path: Pat
     assert np.median([error.median for error in errors]) < 0.012
     assert np.mean([error.mae for error in errors]) < 0.035
     assert min(cover) > 0.99
+
+
+def test_what_has_no_depth_shows_on_the_room_behind_it(tmp_path: Path) -> None:
+    """The far part of a table and the room behind it are out of the depth camera's reach."""
+    folder = CAPTURES / "clutter_test_51"
+    if not folder.exists():
+        pytest.skip("needs shared/captures/clutter_test_51")
+    runner = RuleRunner(tmp_path)
+    capture = runner.run("capture.folder", folder=Folder(files=_files(folder)))
+    table = runner.run("align.support", photograph=capture.photograph, measured=capture.measured)
+    labels = np.asarray(PIL.Image.open(folder / "instances.png")).astype(np.int32)
+    things = InstanceMap(labels=labels, fixed=np.zeros(labels.shape, bool))
+    made = runner.run("background.static", instances=things, support=table, **factories.shot(capture))
+    shapes = [surface_of(made.mesh), surface_of(made.invented)]
+    drawn = raycast.render(shapes, capture.photograph.camera.matrix(), table.camera_pose.matrix, 480, 640)
+    unmeasured = (labels == 0) & (capture.measured.depth.depth == 0)
+    assert unmeasured.mean() > 0.3
+    # A grey wall in its place reaches 20 dB.
+    assert metrics.psnr(raycast.shade(shapes, drawn), capture.photograph.rgb.pixels, unmeasured) > 28.0
 
 
 def _files(folder: Path) -> dict[str, bytes]:

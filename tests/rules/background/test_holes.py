@@ -50,7 +50,12 @@ def test_what_a_mask_missed_goes_and_a_thing_that_reaches_farther_stays() -> Non
     other[60:98, 140:180] = True  # a box behind
     other[110:120, 130:138] = True
     flat[110:120, 130:138] = True  # a sheet of paper
-    found = remnants(other, wide, flat)
+    other[125:130, 181:215] = True  # the shiny end of a tin
+    blank = np.zeros(SIZE, bool)
+    blank[125:130, 181:215] = True
+    found = remnants(other, wide, flat, blank)
     assert found[110:120, 181:187].all()
     assert not found[60:98].any()
+    assert found[125:130, 181:215].all()
+    assert not remnants(other, wide, flat, np.zeros(SIZE, bool))[125:130, 181:215].any()
     assert not found[110:120, 130:138].any()

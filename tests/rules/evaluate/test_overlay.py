@@ -16,6 +16,7 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import metrics, raycast
 from dextera_build.rule import Context, Options
 from dextera_build.sim.model import model as models
+from dextera_build.sim.model.held import hold
 from dextera_build.sim.render import framing, rendering
 from rules.background import static_planes
 from rules.background.static import StaticOptions, static
@@ -49,6 +50,17 @@ def test_objects_are_where_ray_casting_says(twin: Scene) -> None:
     found = owner == 0
     assert (found & seen).sum() / (found | seen).sum() > 0.97
     assert (owner == 1).sum() > 1000, "the lid belongs to the laptop"
+
+
+def test_a_scene_in_which_everything_is_held_is_seen_from_the_same_sides(twin: Scene, tmp_path: Path) -> None:
+    held = twin.model_copy(
+        update={"model": hold(twin.model, twin.bodies), "bodies": (), "held": twin.bodies},
+    )
+    (_, _, free), (_, _, fixed) = (
+        overlay_mujoco.render(Context(scratch=tmp_path), each, Options()) for each in (twin, held)
+    )
+    for side, pixels in free.items():
+        assert np.abs(pixels.astype(int) - fixed[side]).mean() < 2.0, side
 
 
 def test_default_flags_show_the_photograph(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -12,9 +13,11 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Scene, SettleReport
 from dextera_build.errors import RuleError
 from dextera_build.rule import Context, Options
+from dextera_build.sim.worlds.settle import Motion
 from rules.simulate import settle_mujoco, settle_stub
 from rules.simulate.scene import scene
 from rules.simulate.settle import SettleOptions, settle
+from rules.simulate.settle_mujoco import rests
 from tests import factories
 
 
@@ -61,6 +64,12 @@ def test_a_body_that_slides_away_does_not_rest(tmp_path: Path) -> None:
     first, second = factories.box_asset(), factories.box_asset(factories.pose(0.03))
     report, _ = judge(placed(tmp_path, a=first, b=second), tmp_path)
     assert max(body.penetration_m for body in report.bodies) > 0.02
+
+
+def test_a_body_that_is_pressed_into_another_does_not_rest() -> None:
+    still = Motion("box", 0.0, 0.0, 0.0, 0.0, penetration_m=0.0, depth_m=0.0004, speed_m_s=0.0, turn_rad_s=0.0)
+    assert rests(still, SettleOptions())
+    assert not rests(replace(still, depth_m=0.0006), SettleOptions())
 
 
 def test_a_report_that_leaves_bodies_out_is_refused(tmp_path: Path) -> None:

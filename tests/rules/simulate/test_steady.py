@@ -81,3 +81,12 @@ def test_neighbours_that_overlap_a_little_both_stay_free(tmp_path):
 def test_the_stub_holds_nothing(tmp_path):
     twin = placed(tmp_path, a=factories.box_asset(), b=factories.box_asset(factories.pose(0.03)))
     assert steady(Context(backend=steady_stub, scratch=tmp_path), twin, options=SteadyOptions()) == twin
+
+
+def test_what_stands_on_a_body_that_is_held_stays_free(tmp_path):
+    lower, upper = factories.box_asset(factories.pose(0.0, z=0.05)), factories.box_asset(factories.pose(0.0, z=0.26))
+    twin, context = made_steady(tmp_path, lower=lower, upper=upper)
+    assert twin.held == ("lower",)
+    assert twin.bodies == ("upper",)
+    assert settles(twin, tmp_path)
+    assert len(context.outcome.warnings) == 1

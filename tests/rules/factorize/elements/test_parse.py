@@ -182,7 +182,7 @@ def test_an_element_that_matches_nothing_lists_the_proposals(runner, three):
     with pytest.raises(RuleError) as caught:
         parsed(runner, three, "elements:\n  - name: vase\n    phrase: green vase\n")
     assert caught.value.message == "`vase` matches nothing that stands out from the support"
-    assert str(caught.value.where) == "scene.yaml:2:5"
+    assert str(caught.value.where) == "$scene:2:5"
     for name in ("red_box", "white_bowl", "blue_cylinder"):
         assert name in caught.value.facts["proposals"]
 

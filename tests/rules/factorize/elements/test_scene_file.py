@@ -35,56 +35,56 @@ elements:
 @pytest.mark.parametrize(
     ("text", "message", "place"),
     [
-        ("elements: [", "not valid YAML", "scene.yaml:1"),
-        ("elements:\n  - {name: a\n", "not valid YAML", "scene.yaml:3"),
-        ("", "`elements` must list at least one element", "scene.yaml"),
-        ("elements: []", "`elements` must list at least one element", "scene.yaml:1:11"),
-        ("things: []", "`things` is not known here", "scene.yaml:1:1"),
-        ("elements:\n- {name: a, phrase: x, phrase: y}", "`phrase` is given twice", "scene.yaml:2:24"),
-        ("elements:\n- {name: a, colour: red}", "`colour` is not known here", "scene.yaml:2:13"),
-        ("elements:\n- {phrase: a mug}", "an element has no `name`", "scene.yaml:2:3"),
-        ("elements:\n- {name: Blue Mug}", "`Blue Mug` is not a name", "scene.yaml:2:10"),
-        ("elements:\n- {name: a, category: cup}", "`cup` is not a category", "scene.yaml:2:23"),
-        ("elements:\n- {name: a, body_type: soft}", "`soft` is not a body_type", "scene.yaml:2:24"),
-        ("elements:\n- {name: a, material: plastc}", "`plastc` is not a material", "scene.yaml:2:23"),
-        ("elements:\n- {name: a, box: [1, 2, 3]}", "`box` must be four whole numbers", "scene.yaml:2:18"),
-        ("elements:\n- {name: a, at_px: [1, 2, 3]}", "`at_px` must be two whole numbers", "scene.yaml:2:20"),
-        ("elements:\n- {name: a, at_px: 1}", "`at_px` must be two whole numbers", "scene.yaml:2:20"),
-        ("elements:\n- {name: a, at_px: [-1, 2]}", "`at_px` must be two whole numbers", "scene.yaml:2:20"),
-        ("elements:\n- {name: a, box: [9, 2, 3, 8]}", "`box` is empty", "scene.yaml:2:18"),
-        ("elements:\n- {name: a, interactive: yes}", "`interactive` must be `true` or `false`", "scene.yaml:2:26"),
-        ("elements:\n- {name: a, phrase: [x]}", "`phrase` must be a word or a phrase", "scene.yaml:2:21"),
-        ("elements:\n- mug", "a mapping with", "scene.yaml:2:3"),
-        ("elements:\n- {name: a, [1]: b}", "a field's name is a word", "scene.yaml:2:13"),
-        ("[" * 100_000, "`scene.yaml` is nested too deeply", "scene.yaml"),
-        ("elements:\n- {name: a, joints: hinge}", "`joints` must list at least one joint", "scene.yaml:2:21"),
-        ("elements:\n- {name: a, joints: [{type: hinge}]}", "a joint has no `part_px`", "scene.yaml:2:22"),
+        ("elements: [", "not valid YAML", "$scene:1"),
+        ("elements:\n  - {name: a\n", "not valid YAML", "$scene:3"),
+        ("", "`elements` must list at least one element", "$scene"),
+        ("elements: []", "`elements` must list at least one element", "$scene:1:11"),
+        ("things: []", "`things` is not known here", "$scene:1:1"),
+        ("elements:\n- {name: a, phrase: x, phrase: y}", "`phrase` is given twice", "$scene:2:24"),
+        ("elements:\n- {name: a, colour: red}", "`colour` is not known here", "$scene:2:13"),
+        ("elements:\n- {phrase: a mug}", "an element has no `name`", "$scene:2:3"),
+        ("elements:\n- {name: Blue Mug}", "`Blue Mug` is not a name", "$scene:2:10"),
+        ("elements:\n- {name: a, category: cup}", "`cup` is not a category", "$scene:2:23"),
+        ("elements:\n- {name: a, body_type: soft}", "`soft` is not a body_type", "$scene:2:24"),
+        ("elements:\n- {name: a, material: plastc}", "`plastc` is not a material", "$scene:2:23"),
+        ("elements:\n- {name: a, box: [1, 2, 3]}", "`box` must be four whole numbers", "$scene:2:18"),
+        ("elements:\n- {name: a, at_px: [1, 2, 3]}", "`at_px` must be two whole numbers", "$scene:2:20"),
+        ("elements:\n- {name: a, at_px: 1}", "`at_px` must be two whole numbers", "$scene:2:20"),
+        ("elements:\n- {name: a, at_px: [-1, 2]}", "`at_px` must be two whole numbers", "$scene:2:20"),
+        ("elements:\n- {name: a, box: [9, 2, 3, 8]}", "`box` is empty", "$scene:2:18"),
+        ("elements:\n- {name: a, interactive: yes}", "`interactive` must be `true` or `false`", "$scene:2:26"),
+        ("elements:\n- {name: a, phrase: [x]}", "`phrase` must be a word or a phrase", "$scene:2:21"),
+        ("elements:\n- mug", "a mapping with", "$scene:2:3"),
+        ("elements:\n- {name: a, [1]: b}", "a field's name is a word", "$scene:2:13"),
+        ("[" * 100_000, "the file is nested too deeply", "$scene"),
+        ("elements:\n- {name: a, joints: hinge}", "`joints` must list at least one joint", "$scene:2:21"),
+        ("elements:\n- {name: a, joints: [{type: hinge}]}", "a joint has no `part_px`", "$scene:2:22"),
         (
             "elements:\n- {name: a, joints: [{type: lid, part_px: [1, 2, 3, 4]}]}",
             "`lid` is no joint",
-            "scene.yaml:2:29",
+            "$scene:2:29",
         ),
         (
             "elements:\n- {name: a, joints: [{type: hinge, part_px: [1, 2, 3, 4]}]}",
             "a hinge has no `axis_px`",
-            "scene.yaml:2:22",
+            "$scene:2:22",
         ),
         (
             "elements:\n- {name: a, joints: [{type: slide, part_px: [1, 2, 3, 4], range_deg: [0, 9]}]}",
             "a slide has no `range_deg`",
-            "scene.yaml:2:70",
+            "$scene:2:70",
         ),
         (
             "elements:\n- {name: a, joints: [{type: slide, part_px: [1, 2, 3, 4], range_mm: [9, 0]}]}",
             "the range is empty",
-            "scene.yaml:2:69",
+            "$scene:2:69",
         ),
         (
             "elements:\n- {name: a, joints: [{type: slide, part_px: [1, 2, 3, 4], range_mm: [0, 9], at_mm: 20}]}",
             "the joint stands at 20 mm, outside its range",
-            "scene.yaml:2:22",
+            "$scene:2:22",
         ),
-        ("elements:\n- {name: a}\n- {name: a}", "the name `a` is given twice", "scene.yaml:3:3"),
+        ("elements:\n- {name: a}\n- {name: a}", "the name `a` is given twice", "$scene:3:3"),
     ],
 )
 def test_an_error_names_line_and_column(text, message, place):
@@ -123,7 +123,7 @@ def test_without_a_backend_that_proposes_boxes_count_as_they_are():
     assert (wall.box, wall.interactive) == (None, False)
     with pytest.raises(RuleError, match="`mug` has no box") as caught:
         matching.boxed(scene_file.read(b"elements:\n- {name: mug}"))
-    assert (caught.value.code, str(caught.value.where)) == ("DXB-B204", "scene.yaml:2:3")
+    assert (caught.value.code, str(caught.value.where)) == ("DXB-B204", "$scene:2:3")
     assert caught.value.hint == "give it the `box` of its pixels: [left, top, right, bottom], right and bottom excluded"
 
 
@@ -178,7 +178,7 @@ def test_a_place_outside_the_photograph_is_refused_with_its_size(place):
     with pytest.raises(RuleError, match="of `a` is outside the photograph") as caught:
         scene_file.inside(wanted, 640, 480)
     assert caught.value.facts["photograph"] == "640 x 480 px"
-    assert str(caught.value.where) == "scene.yaml:2:3"
+    assert str(caught.value.where) == "$scene:2:3"
 
 
 def test_without_a_backend_that_proposes_a_point_is_not_enough():

@@ -1,0 +1,248 @@
+"""Collision pieces of neighbours in one place: what a camera did not see is a guess, and two guesses may overlap.
+
+Bodies cannot share a place, and a simulator that finds them there pushes them apart, away from where the photograph
+has them. So one of both is cut back to the surface of the other, the one that loses the smaller part of itself; its
+looks and its mass properties stay. Every convex piece is cut by one plane, the one among the faces of both pieces
+along which they overlap least (the separating axes of Gottschalk, Lin and Manocha 1996, without those of two edges),
+so it stays convex. What would lose too much is left: one of both is then a part of the other, or not there at all.
+
+An underside is never seen either. A body that hovers a little above the support, with nothing lower near it, gets feet
+that reach down to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from dextera_build.artifacts.geometry import Hull
+from dextera_build.artifacts.object import Asset
+from dextera_build.geometry import convex, kinematics, transforms
+
+TOUCH_M = 0.0002
+"""Overlaps up to this are contacts [m]."""
+MOST_LOST = 0.3
+"""Largest part of the volume of a body's pieces that may be cut away."""
+HOVER_M, ALONE_M = (0.002, 0.012), 0.005
+"""A body so far above the support, and farther than the second from every lower one, stands on it [m]; from less it
+falls hardly at all."""
+UNDERSIDE_M = 0.006
+"""Corners up to so far above the lowest one get feet [m]."""
+SLIVER = 1e-9
+"""Volume of a cut piece below which it is left out [m^3]."""
+
+
+@dataclass(frozen=True)
+class Cut:
+    """What a body lost to a neighbour."""
+
+    body: str
+    """Label of the body that was cut back."""
+    by: str
+    """Label of its neighbour; "" for the static scene."""
+    deep_m: float
+    """Largest overlap of two pieces, along the axis along which they overlap least [m]."""
+    lost: float
+    """Part of the volume of its pieces."""
+
+
+@dataclass(frozen=True)
+class Parted:
+    """Assets whose collision pieces neither overlap nor hover."""
+
+    assets: dict[str, Asset]
+    cuts: tuple[Cut, ...]
+    feet: dict[str, float]
+    """Label -> how far the body hovered above the support [m]."""
+
+
+def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> Parted:
+    """The assets with collision pieces that do not overlap; nothing changes where nothing overlaps or hovers.
+
+    Args:
+        assets: Label -> asset in the pose and with the joint positions of the photograph; the support is z = 0.
+        static: Convex pieces of the static scene by their corners (V, 3) [m]; they are never cut.
+    """
+    bodies = {label: _Body.of(asset) for label, asset in sorted(assets.items())}
+    feet = {}
+    for label, body in bodies.items():
+        lower = [other for other in bodies.values() if other.low[2] < body.low[2]]
+        if HOVER_M[0] < body.low[2] <= HOVER_M[1] and not any(body.near(other, ALONE_M) for other in lower):
+            feet[label] = float(body.low[2])
+            body.stand()
+    room = [Convex(corners) for corners in static]
+    cuts = []
+    for label, body in bodies.items():
+        if tried := body.cut_by(room):
+            cuts.append(body.take(tried, label, ""))
+    labels = list(bodies)
+    for number, first in enumerate(labels):
+        for second in labels[number + 1 :]:
+            one, other = bodies[first], bodies[second]
+            if not one.near(other, 0.0):
+                continue
+            tries = [(one, one.cut_by(other.all()), first, second), (other, other.cut_by(one.all()), second, first)]
+            allowed = [(body, tried, own, by) for body, tried, own, by in tries if tried is not None]
+            if allowed:
+                body, tried, own, by = min(allowed, key=lambda each: each[1].lost)
+                cuts.append(body.take(tried, own, by))
+    changed = {label: bodies[label].cut_asset(asset) for label, asset in assets.items()}
+    return Parted(changed, tuple(cuts), feet)
+
+
+class Convex:
+    """A convex piece by its corners (V, 3) in the world [m]."""
+
+    def __init__(self, corners: np.ndarray) -> None:
+        self.corners = corners.astype(np.float64)
+        self.low, self.high = self.corners.min(axis=0), self.corners.max(axis=0)
+
+    @cached_property
+    def _hull(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Unit normals (F, 3) outwards, edges (E, 2, 3), and the volume."""
+        from scipy.spatial import ConvexHull
+
+        hull = ConvexHull(convex.thicken(self.corners), qhull_options="Qt")
+        sides = hull.simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+        edges = hull.points[np.unique(np.sort(sides, axis=1), axis=0)]
+        return np.unique(hull.equations[:, :3].round(9), axis=0), edges, float(hull.volume)
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3]."""
+        return self._hull[2]
+
+    def overlap(self, other: Convex) -> tuple[float, np.ndarray, float]:
+        """Least overlap [m], at most 0 if apart, and the plane n x = d beyond which `other` does not reach."""
+        if (self.low >= other.high).any() or (other.low >= self.high).any():
+            return 0.0, np.zeros(3), 0.0
+        normals = np.concatenate([other._hull[0], -self._hull[0]])
+        ends = (normals @ other.corners.T).max(axis=1)
+        deep = ends - (normals @ self.corners.T).min(axis=1)
+        least = int(deep.argmin())
+        return float(deep[least]), normals[least], float(ends[least])
+
+    def beyond(self, normal: np.ndarray, end: float) -> Convex | None:
+        """The part where `normal` x >= `end`; None if that is a sliver."""
+        edges = self._hull[1]
+        starts, stops = edges[:, 0] @ normal - end, edges[:, 1] @ normal - end
+        crossing = starts * stops < 0.0
+        share = (starts / np.where(crossing, starts - stops, 1.0))[crossing, None]
+        met = edges[crossing, 0] + share * (edges[crossing, 1] - edges[crossing, 0])
+        kept = np.concatenate([edges[:, 0][starts >= 0.0], edges[:, 1][stops >= 0.0], met])
+        kept = np.unique(kept, axis=0)
+        if len(kept) < 4:
+            return None
+        part = Convex(kept)
+        return part if part.volume > SLIVER else None
+
+
+@dataclass(frozen=True)
+class _Try:
+    """A body after a cut."""
+
+    links: dict[str, list[Convex | None]]
+    deep_m: float
+    lost: float
+
+
+@dataclass
+class _Body:
+    """The pieces of one asset in the world."""
+
+    links: dict[str, list[Convex | None]]
+    """Link -> its pieces; None for one that was cut away."""
+    poses: dict[str, np.ndarray]
+    """Link -> T_world_object of its pieces."""
+    volume: float
+    """Of all pieces at the start [m^3]."""
+    changed: set[str] = field(default_factory=set)
+
+    @classmethod
+    def of(cls, asset: Asset) -> _Body:
+        poses = {name: asset.pose.matrix @ pose for name, pose in kinematics.link_poses(asset.body).items()}
+        links: dict[str, list[Convex | None]] = {
+            name: [Convex(transforms.apply(poses[name], hull.vertices.astype(np.float64))) for hull in pieces.hulls]
+            for name, pieces in asset.collision.links.items()
+        }
+        return cls(links, poses, 0.0)
+
+    def all(self) -> list[Convex]:
+        """Every piece that is left."""
+        return [piece for pieces in self.links.values() for piece in pieces if piece is not None]
+
+    @property
+    def low(self) -> np.ndarray:
+        """Lower corner (3,) of the box around it [m]."""
+        return np.asarray(np.min([piece.low for piece in self.all()], axis=0))
+
+    @property
+    def high(self) -> np.ndarray:
+        """Upper corner (3,) of the box around it [m]."""
+        return np.asarray(np.max([piece.high for piece in self.all()], axis=0))
+
+    def near(self, other: _Body, gap: float) -> bool:
+        """Whether the boxes around both come nearer than `gap` [m]."""
+        return bool((self.low - gap < other.high).all() and (other.low - gap < self.high).all())
+
+    def stand(self) -> None:
+        """Extend the underside down to the support."""
+        limit = self.low[2] + UNDERSIDE_M
+        for name, pieces in self.links.items():
+            for number, piece in enumerate(pieces):
+                if piece is not None and piece.low[2] <= limit:
+                    foot = piece.corners[piece.corners[:, 2] <= limit] * [1.0, 1.0, 0.0]
+                    pieces[number] = Convex(np.concatenate([piece.corners, foot]))
+                    self.changed.add(name)
+
+    def cut_by(self, others: Iterable[Convex]) -> _Try | None:
+        """The body without what it shares with `others`; None if that is nothing or too much."""
+        others = list(others)
+        deepest, links = 0.0, {}
+        for name, pieces in self.links.items():
+            links[name] = [None if piece is None else _cut(piece, others) for piece in pieces]
+            deepest = max([deepest, *(cut[1] for cut in links[name] if cut is not None)])
+        if deepest <= TOUCH_M:
+            return None
+        left = {name: [None if cut is None else cut[0] for cut in cuts] for name, cuts in links.items()}
+        self.volume = self.volume or sum(piece.volume for piece in self.all())
+        rest = sum(piece.volume for pieces in left.values() for piece in pieces if piece is not None)
+        lost = 1.0 - rest / max(self.volume, 1e-12)
+        if lost > MOST_LOST or not all(any(piece is not None for piece in pieces) for pieces in left.values()):
+            return None
+        return _Try(left, deepest, lost)
+
+    def take(self, tried: _Try, own: str, by: str) -> Cut:
+        """Take over a cut."""
+        self.changed |= {name for name, pieces in tried.links.items() if pieces != self.links[name]}
+        self.links = tried.links
+        return Cut(own, by, tried.deep_m, tried.lost)
+
+    def cut_asset(self, asset: Asset) -> Asset:
+        """The asset with these pieces; pieces that were not cut stay bit for bit."""
+        if not self.changed:
+            return asset
+        links = dict(asset.collision.links)
+        for name in self.changed:
+            back = np.linalg.inv(self.poses[name])
+            left = [transforms.apply(back, piece.corners) for piece in self.links[name] if piece is not None]
+            hulls = [Hull(vertices=corners.astype(np.float32)) for corners in left]
+            links[name] = links[name].model_copy(update={"hulls": tuple(hulls)})
+        return asset.model_copy(update={"collision": asset.collision.model_copy(update={"links": links})})
+
+
+def _cut(piece: Convex, others: Sequence[Convex]) -> tuple[Convex | None, float]:
+    """What is left of a piece beside others, and its deepest overlap with one of them [m]."""
+    deepest = 0.0
+    for other in others:
+        deep, normal, end = piece.overlap(other)
+        if deep > TOUCH_M:
+            deepest = max(deepest, deep)
+            left = piece.beyond(normal, end)
+            if left is None:
+                return None, deepest
+            piece = left
+    return piece, deepest

@@ -1,0 +1,67 @@
+"""Twins of real photographs: every body stays where the photograph has it, in stock MuJoCo, from keyframe 0.
+
+The captures lie outside the project, and the tests are skipped by name without them. `HELD` says how many bodies of a
+scene `simulate.steady` holds, which cannot move.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from dextera_build.sim.worlds.settle import penetrations
+from tests.e2e.space import Space
+
+CAPTURES = Path(__file__).parents[3] / "shared" / "captures"
+TABLES = (
+    *("table_top_0", "table_top_2", "table_top_5", "table_top_7"),
+    *("table_mustard", "table_blue_mug", "table_white_bowl", "table_cheezit", "table_sugar"),
+    "kitchen_table",
+    *("clutter_test_46", "clutter_test_51", "clutter_learn_22", "clutter_learn_31"),
+)
+HELD = {"table_top_2": 1, "clutter_test_51": 1, "clutter_learn_22": 1}
+"""The foot of a can in a bowl is hidden, a box leans on two things whose tops are hidden by it, and the middle one of a
+pile of three boxes is carried by a part of the lowest that nobody sees."""
+SECONDS = 5.0
+"""Simulated time [s]."""
+MOST_DRIFT_M, MOST_DEPTH_M, MOST_TILT_RAD = 0.005, 0.0005, 0.05
+"""What a body may move, be inside another at rest, and turn."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TABLES)
+def test_a_photographed_table_rests(name: str, tmp_path: Path) -> None:
+    if not (CAPTURES / name).is_dir():
+        pytest.skip(f"needs shared/captures/{name}")
+    space = Space(tmp_path)
+    space.write("dxb.toml", 'cache = "cache"\n')
+    answer = space.dxb(
+        *("build", "twin/tabletop:scene", "--console", "none", "--input", f"capture={CAPTURES / name}"),
+        timeout_s=1800.0,
+    )
+    assert answer.code == 0, answer.err
+    (path,) = (line.split("\t")[1] for line in answer.out.splitlines() if line.startswith("scene\t"))
+    model = mujoco.MjModel.from_xml_path(str(space.root / path))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    roots = [body for body in range(1, model.nbody) if model.body_parentid[body] == 0]
+    free = [int(body) for body in model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]]
+    assert free
+    assert len(roots) - len(free) <= HELD.get(name, 0)
+    places, turns = data.xpos.copy(), data.xquat.copy()
+    while data.time < SECONDS:
+        mujoco.mj_step(model, data)
+    mujoco.mj_forward(model, data)
+    assert np.isfinite(data.qpos).all()
+    assert not any(data.warning[kind].number for kind in range(len(data.warning)))
+    deep = penetrations(model, data)
+    for body in free:
+        label = model.body(body).name
+        assert np.linalg.norm(data.xpos[body] - places[body]) < MOST_DRIFT_M, label
+        cosine = min(1.0, abs(float(data.xquat[body] @ turns[body])))
+        assert 2.0 * np.arccos(cosine) < MOST_TILT_RAD, label
+        assert deep.get(body, 0.0) < MOST_DEPTH_M, label
