@@ -62,7 +62,7 @@ class ArticulateBackend(Protocol):
         ...
 
 
-@rule(version=3)
+@rule(version=4)
 def articulate(
     ctx: Context[ArticulateBackend],
     shape: Shape,
@@ -100,6 +100,7 @@ def articulate(
             allowed_mm=options.overlap_m * 1000,
         )
         ctx.metric("overlap", found.overlap_m * 1000.0, "mm")
+    shape = found.shape or shape
     body = Body(
         links=found.links,
         joints=found.joints,

@@ -1,4 +1,4 @@
-"""Backend crease of factorize.articulate: two slabs meet at a crease, which is the hinge."""
+"""Backend crease of factorize.articulate: two slabs, or a box and its lid, meet at a crease, which is the hinge."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements
-from . import manifolds
-from .hinge import Hinge, find
+from . import manifolds, slabs
+from .hinge import Hinge
 from .parts import Parts
 from .picture import draw
 
@@ -62,9 +62,11 @@ def parts(
     if again is not None:
         moved: Parts | None = ctx.other("screw").parts(shape, measured, again, common)
         return moved
-    hinge = _declared(shape.mesh, common) if common.hinge else find(shape.mesh)
-    if hinge is None or hinge.angle >= np.pi * 1.1:
+    fitted = None if common.hinge else slabs.better(shape, measured)
+    hinge = fitted.hinge if fitted else _declared(common) if common.hinge else slabs.of_mesh(shape)
+    if hinge is None:
         return None
+    shape = fitted.shape if fitted else shape
     halves = _split(shape.mesh, hinge)
     if halves is None:
         return None
@@ -87,7 +89,11 @@ def parts(
         metrics.append(("seen_minus_mesh", float(np.degrees(angle - hinge.angle)), "deg"))
     lid_walls = tuple(Hull(vertices=_apply(closed, hull.vertices)) for hull in theirs)
     links = {"base": Link(mesh=base, walls=mine), "lid": Link(mesh=_moved(lid, closed), walls=lid_walls)}
-    return Parts(links, (_joint(hinge, upper),), closing, tuple(metrics))
+    joint = _joint(hinge, upper)
+    if fitted is None:
+        return Parts(links, (joint,), closing, tuple(metrics))
+    doubt = {"axis_sigma_rad": fitted.axis_sigma, "origin_sigma_m": fitted.origin_sigma}
+    return Parts(links, (joint.model_copy(update=doubt),), closing, tuple(metrics), fitted.shape)
 
 
 def picture(ctx: Context, body: Body, seen: Seen, options: CreaseOptions) -> np.ndarray:
@@ -95,7 +101,7 @@ def picture(ctx: Context, body: Body, seen: Seen, options: CreaseOptions) -> np.
     return draw(body, seen)
 
 
-def _declared(mesh: Mesh, options: ArticulateOptions) -> Hinge:
+def _declared(options: ArticulateOptions) -> Hinge:
     assert options.hinge is not None
     origin, axis = np.array(options.hinge.origin_m), np.array(options.hinge.axis)
     axis = axis / np.linalg.norm(axis)
