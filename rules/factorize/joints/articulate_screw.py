@@ -85,6 +85,12 @@ def parts(
                 hint="move the joint further between both captures, or look from where its part is seen in both",
                 amount=_amount(screw),
             )
+        if why := found.doubts[number - 1]:
+            ctx.fail(
+                f"the joint of `{names[number]}` is not certain: {why}",
+                hint="move one joint at a time between both captures, by 15 degrees or 3 cm at least, from one place",
+                amount=_amount(screw),
+            )
         others = [solid for k, solid in enumerate(solids) if k != number]
         joints.append(_joint(names[number], screw, to_object, solids[number], others, options))
     links = {name: Link(mesh=manifolds.mesh(solid, shape.mesh)) for name, solid in zip(names, solids, strict=True)}

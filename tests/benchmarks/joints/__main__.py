@@ -92,11 +92,13 @@ def shifted(draw: np.random.Generator) -> np.ndarray:
 
 
 def pair(thing: Thing, draw: np.random.Generator) -> tuple[Thing, Thing]:
-    """Two states that differ enough in every joint."""
+    """Two states that differ enough in every joint, and in which no link is inside another one."""
     while True:
         first, second = thing.drawn(draw), thing.drawn(draw)
         ways = zip(first.joints, second.joints, strict=True)
-        if all(abs(a.position - b.position) >= APART[a.type] for a, b in ways):
+        if all(abs(a.position - b.position) >= APART[a.type] for a, b in ways) and not (
+            first.collides() or second.collides()
+        ):
             return first, second
 
 
