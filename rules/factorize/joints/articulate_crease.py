@@ -31,6 +31,8 @@ BACKEND = Backend(
     uses=("screw",),
 )
 
+_AGREES = np.radians(3.0)
+"""Difference of the angles of two fits of the same hinge [rad]."""
 _STEPS = 12
 """Number of lid poses between closed and open that are checked for overlap."""
 
@@ -62,12 +64,12 @@ def parts(
     if again is not None:
         moved: Parts | None = ctx.other("screw").parts(shape, measured, again, common)
         return moved
-    fitted = None if common.hinge else slabs.better(shape, measured)
-    hinge = fitted.hinge if fitted else _declared(common) if common.hinge else slabs.of_mesh(shape)
+    fitted = None if common.hinge else slabs.seen(shape, measured)
+    mine = shape if fitted is None or not fitted.better else fitted.shape
+    hinge = _declared(common) if common.hinge else fitted.hinge if fitted and fitted.better else slabs.of_mesh(shape)
     if hinge is None:
         return None
-    shape = fitted.shape if fitted else shape
-    halves = _split(shape.mesh, hinge)
+    halves = _split(mine.mesh, hinge)
     if halves is None:
         return None
     base, lid = halves
@@ -82,18 +84,20 @@ def parts(
     closing = max(overlap(position) for position in np.linspace(0.0, hinge.angle, _STEPS))
     upper = _upper(overlap, hinge.angle + options.margin_rad, common)
     closed = hinge.turn(-hinge.angle)
-    mine, theirs = _walls(shape, hinge)
+    own, theirs = _walls(mine, hinge)
     metrics = [("lifted", lift * 1000.0, "mm")]
     seen = measured.for_check()
-    if seen is not None and (angle := _seen_angle(shape, seen, hinge)) is not None:
+    if seen is not None and (angle := _seen_angle(mine, seen, hinge)) is not None:
         metrics.append(("seen_minus_mesh", float(np.degrees(angle - hinge.angle)), "deg"))
     lid_walls = tuple(Hull(vertices=_apply(closed, hull.vertices)) for hull in theirs)
-    links = {"base": Link(mesh=base, walls=mine), "lid": Link(mesh=_moved(lid, closed), walls=lid_walls)}
+    links = {"base": Link(mesh=base, walls=own), "lid": Link(mesh=_moved(lid, closed), walls=lid_walls)}
     joint = _joint(hinge, upper)
-    if fitted is None:
-        return Parts(links, (joint,), closing, tuple(metrics))
-    doubt = {"axis_sigma_rad": fitted.axis_sigma, "origin_sigma_m": fitted.origin_sigma}
-    return Parts(links, (joint.model_copy(update=doubt),), closing, tuple(metrics), fitted.shape)
+    if fitted is not None:
+        metrics.append(("slabs", fitted.score, ""))
+        if abs(fitted.hinge.angle - hinge.angle) < _AGREES:
+            sigmas = {"axis_sigma_rad": fitted.axis_sigma, "origin_sigma_m": fitted.origin_sigma}
+            joint = joint.model_copy(update=sigmas)
+    return Parts(links, (joint,), closing, tuple(metrics), mine)
 
 
 def picture(ctx: Context, body: Body, seen: Seen, options: CreaseOptions) -> np.ndarray:

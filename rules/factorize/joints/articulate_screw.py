@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import PositiveFloat
 
+from dextera_build.artifacts.geometry import Hull
 from dextera_build.artifacts.object import Body, Joint, Link, Shape
 from dextera_build.artifacts.view import Seen, State
 from dextera_build.geometry import transforms
@@ -32,6 +33,8 @@ BACKEND = Backend(
 
 WIDEST_TURN = np.radians(135.0)
 """Beyond this, nothing is searched for a stop [rad]."""
+WHOLE = 0.98
+"""Least share of a wall inside the link that it belongs to."""
 
 
 class ScrewOptions(Options):
@@ -72,7 +75,7 @@ def parts(
         return None
     to_object = transforms.invert(shape.pose.matrix)
     points = transforms.apply(to_object, first.inner.points)
-    solids = cut.nearest(shape.mesh, points, found.labels)
+    solids = cut.solids(shape.mesh, points, found.labels)
     if solids is None:
         ctx.warn("a part that moved is outside the mesh, which cannot be cut there")
         return None
@@ -93,7 +96,11 @@ def parts(
             )
         others = [solid for k, solid in enumerate(solids) if k != number]
         joints.append(_joint(names[number], screw, to_object, solids[number], others, options))
-    links = {name: Link(mesh=manifolds.mesh(solid, shape.mesh)) for name, solid in zip(names, solids, strict=True)}
+    walls = _walls(shape, solids)
+    links = {
+        name: Link(mesh=manifolds.mesh(solid, shape.mesh), walls=own)
+        for name, solid, own in zip(names, solids, walls, strict=True)
+    }
     metrics = tuple(
         metric
         for name, screw in zip(names[1:], found.screws, strict=True)
@@ -103,6 +110,20 @@ def parts(
         )
     )
     return Parts(links, tuple(joints), None, metrics)
+
+
+def _walls(shape: Shape, solids: list[Manifold]) -> list[tuple[Hull, ...]]:
+    """The walls of each link: those that are inside it; none at all if one is in several links."""
+    import manifold3d
+
+    owned: list[list[Hull]] = [[] for _ in solids]
+    for hull in shape.walls:
+        wall = manifold3d.Manifold.hull_points(hull.vertices.astype(np.float64))
+        inside = [float((wall ^ solid).volume()) for solid in solids]
+        if max(inside) < WHOLE * float(wall.volume()):
+            return [() for _ in solids]
+        owned[int(np.argmax(inside))].append(hull)
+    return [tuple(own) for own in owned] if all(owned) else [() for _ in solids]
 
 
 def picture(ctx: Context, body: Body, seen: Seen, options: ScrewOptions) -> np.ndarray:

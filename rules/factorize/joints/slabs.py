@@ -43,9 +43,11 @@ WALL_M = 0.005
 """Expected thickness of the walls of a box [m]."""
 THICKEST_LID_M = 0.03
 """Largest thickness of a lid [m]."""
+HIDDEN_M = 0.004
+"""Standard deviation of a hinge that is hidden by its lid: how it is built, its outside does not tell [m]."""
 LARGEST_SIGMA_M = 0.01
 """A hinge whose place is less certain than this is not told (standard deviation) [m]."""
-LEAST_SCORE = 0.8
+LEAST_SCORE = 0.88
 """Least score of a body that is taken; see `scoring.judge`."""
 GUESSED_STEPS = 30.0
 """Standard deviation of a parameter of which the view tells nothing, in its finite-difference steps."""
@@ -58,6 +60,7 @@ class Slabs:
     shape: Shape  # base and lid as two components
     hinge: Hinge  # in the frame of the shape
     score: float  # see `scoring.judge`
+    better: bool  # whether it explains the view better than the shape that was given
     axis_sigma: float  # standard deviation of the hinge's direction [rad]
     origin_sigma: float  # standard deviation of the hinge's place [m]
 
@@ -70,20 +73,19 @@ def of_mesh(shape: Shape) -> Hinge | None:
     return None if found is None or found.angle >= REFLEX else found
 
 
-def better(shape: Shape, measured: Measurements[Seen]) -> Slabs | None:
-    """Slabs that explain the depth better than the shape does; None if there is no depth, or none are better."""
+def seen(shape: Shape, measured: Measurements[Seen]) -> Slabs | None:
+    """Slabs that explain the depth about as well as the shape does, or better; None if none do, or without depth."""
     if measured.for_check() is None or (shape.hypothesis not in HYPOTHESES and of_mesh(shape) is not None):
         return None
-    seen = measured.needed().upright()
-    evidence = evidence_of.gather(seen)
-    if len(evidence.points) < LEAST_POINTS:
-        return None
-    found = find(evidence, seen)
+    view = measured.needed().upright()
+    evidence = evidence_of.gather(view)
+    found = find(evidence, view) if len(evidence.points) >= LEAST_POINTS else None
     if found is None:
         return None
+    rival = _score(shape, evidence)
     # Somebody said that it has a joint: of equal bodies, slabs are it; but slabs that the mesh has already stay.
     margin = BETTER if shape.hypothesis == SLABS else -BETTER
-    return found if found.score > _score(shape, evidence) + margin else None
+    return replace(found, better=found.score > rival + margin) if found.score > rival - BETTER else None
 
 
 def _score(shape: Shape, evidence: Evidence) -> float:
@@ -114,12 +116,14 @@ def find(evidence: Evidence, seen: Seen, texture_px: int = 1024) -> Slabs | None
     if judged.score < LEAST_SCORE:
         return None
     axis_sigma, origin_sigma = _doubt(model, evidence, p)
+    if _hidden(evidence, p):
+        origin_sigma = float(np.hypot(origin_sigma, HIDDEN_M))
     if origin_sigma > LARGEST_SIGMA_M:
         return None
     body = lifted(Finished(_solid(p), upright(*p[:3]), _walls(p), hollow=len(p) > 9), evidence.base)
     shape = shaped(SLABS, body, judged, {SLABS: judged.score}, seen, texture_px)
     hinge = Hinge(np.array([0.0, p[4] / 2, p[5]]), np.array([-1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), float(p[8]))
-    return Slabs(shape, hinge, judged.score, axis_sigma, origin_sigma)
+    return Slabs(shape, hinge, judged.score, True, axis_sigma, origin_sigma)
 
 
 def _fitted(evidence: Evidence, starts: list[np.ndarray]) -> tuple[Model, np.ndarray, Judgement] | None:
@@ -207,3 +211,9 @@ def _doubt(model: Model, evidence: Evidence, p: np.ndarray) -> tuple[float, floa
 def _place(p: np.ndarray) -> np.ndarray:
     """A point (3,) of the hinge in the world."""
     return np.asarray((upright(p[0], p[1], p[2]) @ [0.0, p[4] / 2, p[5], 1.0])[:3])
+
+
+def _hidden(evidence: Evidence, p: np.ndarray) -> bool:
+    """Whether the camera sees the lid from outside."""
+    outward = upright(p[0], p[1], p[2])[:3, :3] @ [0.0, np.sin(p[8]), np.cos(p[8])]
+    return bool(outward @ (evidence.eye - _place(p)) > 0.0)
