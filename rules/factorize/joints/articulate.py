@@ -16,6 +16,7 @@ from dextera_build.rule import Context, Options, rule
 from ..measured import Measurements, of_view
 from . import hinted
 from .parts import Parts
+from .picture import strip
 
 
 class DeclaredHinge(Options):
@@ -113,6 +114,7 @@ def articulate(
     pixels = None if seen is None or body.pose is None else ctx.backend.picture(ctx, body, seen, ctx.backend_options)
     if pixels is not None:
         ctx.preview(pixels, "joint axes, and what they move swept between the limits")
+        ctx.preview(strip(body), "from the lower to the upper limit, one row per joint")
     for joint in found.joints:
         name = "position" if len(found.joints) == 1 else f"position of {joint.name}"
         ctx.metric(name, joint.position, "rad" if joint.type == "revolute" else "m")

@@ -82,8 +82,8 @@ def nearest(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[Manifold
         kept = [piece for piece in mine if piece.volume() > least]
         if not kept:
             return None
-        for piece in kept:
-            left = left - piece
+        # By the region, not by the pieces: their common faces would leave films.
+        left = _together([left - region, *(piece for piece in mine if piece.volume() <= least)])
         taken.append(_together(kept))
     rest = [piece for piece in left.decompose() if piece.volume() > least]
     return [_together(rest), *taken] if rest else None

@@ -57,7 +57,7 @@ def find(first: Sight, second: Sight) -> States | None:
         here = first.moved(stayed)
     if len(motions) == 1:
         return None
-    labels = portions.filled(here, _labels(here, target, motions))
+    labels = portions.filled(here, _sole(here, target, motions))
     screws, doubts = [], []
     for number, motion in enumerate(motions[1:], start=1):
         mine = portions.part(here, labels, number)
@@ -75,6 +75,12 @@ def _labels(here: Sight, target: Target, motions: list[np.ndarray]) -> np.ndarra
     for number, motion in reversed(list(enumerate(motions))):
         labels[target.explained(here.inner.moved(motion), 2.5 * here.sigma)] = number
     return labels
+
+
+def _sole(here: Sight, target: Target, motions: list[np.ndarray]) -> np.ndarray:
+    """(N,) number of the only motion that lays a point on the target; -1 for none or several: neighbours decide."""
+    laid_on = np.stack([target.explained(here.inner.moved(motion), 2.5 * here.sigma) for motion in motions])
+    return np.where(laid_on.sum(axis=0) == 1, laid_on.argmax(axis=0), -1)
 
 
 def _again(
