@@ -195,4 +195,4 @@ def clear(eye: Eye | None, motion: np.ndarray, points: np.ndarray) -> float:
 
     It ends a part to the pixel, where surfaces and borders leave a bar at liberty to slide along itself.
     """
-    return 1.0 if eye is None else (1.0 - eye.empty(transforms.apply(motion, points))) ** 2
+    return 1.0 if eye is None else (1.0 - eye.empty(transforms.apply(motion, points))) ** 4

@@ -23,11 +23,13 @@ TURNS_DEG = (12, 25, 40, 60, 80, 105, 130)
 """Turns that a search starts with, both ways."""
 REACH_M = 0.012
 """Distance of neighbours in a cluster that a search starts from [m]."""
+UNMOVED_M = 0.008
+"""Way along itself that a surface may have gone unnoticed [m]."""
 BESIDE_M = 0.02
 """Distance from a moved part within which points are taken to be of it [m]."""
 LARGEST_RESIDUAL = 1.5
 """Greatest residual of a part that is believed, in standard deviations of a point."""
-LARGEST_EMPTY = 0.12
+LARGEST_EMPTY = 0.15
 """Greatest share of a part that may be where the second sight saw nothing."""
 LEAST_SURE = 0.5
 """Least share of a part that the second sight shows where it would be, of what it would show."""
@@ -127,7 +129,7 @@ def _laid(
         # An edge that is laid somewhere on a face says nothing of the face's motion; other parts may have moved, too.
         and covered.mean() >= 0.7 * LEAST_EXPLAINED
     )
-    return motion if enough and plausible.possible(motion) else None
+    return motion if enough and plausible.possible(motion, UNMOVED_M) else None
 
 
 def _starts(source: Cloud, target: Cloud, around: Cloud) -> list[np.ndarray]:
