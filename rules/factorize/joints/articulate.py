@@ -143,8 +143,8 @@ def _found(
         found = ctx.backend.parts(ctx, shape, depth, None, options, ctx.backend_options)
     if found is None and not rigid and options.without_crease == "fail":
         hint = (
-            "set `body_type: rigid` of the element in `scene.yaml`, state its `joints` there, capture it twice with "
-            "the joint elsewhere (`twin/two_states`), or set `without_crease: rigid`"
+            "set `body_type: rigid` of the element in `scene.yaml`, state its `joints` there with `part_px` and "
+            "`axis_px`, capture it twice with the joint elsewhere (`twin/two_states`), or set `without_crease: rigid`"
         )
         ctx.fail("no joint was found", hint=hint, hypothesis=shape.hypothesis)
     return found
