@@ -12,7 +12,7 @@ from . import portions
 from .clouds import Cloud, Sight
 from .matching import FREE, Target, Worth, best, clear
 from .plausible import Plausible
-from .screw import Screw
+from .screw import LEAST_TURN, Screw
 from .standing import SOME
 
 LEAST_SHARE = 0.02
@@ -196,6 +196,8 @@ def doubt(part: Sight, stayed: Sight, target: Target, screw: Screw) -> str:
     """
     motion, eye = screw.motion(), target.sight.eye
     moved = part.inner.moved(motion)
+    if screw.type == "revolute" and screw.amount < LEAST_TURN:
+        return f"it turned by {np.degrees(screw.amount):.1f} deg, which a slide would look like"
     if len(stayed.inner) and not Plausible(part.inner, stayed.inner).possible(motion):
         return "its axis is not where both parts are"
     if screw.residual > LARGEST_RESIDUAL * max(part.sigma, target.sight.sigma):

@@ -103,3 +103,4 @@ def test_a_joint_that_does_not_explain_what_was_seen_is_doubted():
     assert doubt(lid, box, target, elsewhere) == "its axis is not where both parts are"
     assert "off the second capture" in doubt(lid, box, target, replace(told, residual=0.01))
     assert doubt(lid, box, target, replace(told, amount=0.2)) == "too little of it is seen in both captures"
+    assert "a slide would look like" in doubt(lid, box, target, replace(told, amount=0.03))
