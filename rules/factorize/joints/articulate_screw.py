@@ -46,6 +46,8 @@ class ScrewOptions(Options):
     """The same of a slide [m]."""
     largest_sigma_rad: PositiveFloat = 0.1
     """An axis whose direction is less certain than this is refused (standard deviation) [rad]."""
+    largest_sigma_m: PositiveFloat = 0.02
+    """An axis whose place is less certain than this is refused (standard deviation) [m]."""
 
 
 def parts(
@@ -82,18 +84,7 @@ def parts(
     names = ["base", *(f"part_{number}" for number in range(1, len(solids)))]
     joints = []
     for number, screw in enumerate(found.screws, start=1):
-        if screw.axis_sigma > options.largest_sigma_rad:
-            ctx.fail(
-                f"the axis of `{names[number]}` is uncertain by {np.degrees(Z90 * screw.axis_sigma):.0f} deg (90 %)",
-                hint="move the joint further between both captures, or look from where its part is seen in both",
-                amount=_amount(screw),
-            )
-        if why := found.doubts[number - 1]:
-            ctx.fail(
-                f"the joint of `{names[number]}` is not certain: {why}",
-                hint="move one joint at a time between both captures, by 15 degrees or 3 cm at least, from one place",
-                amount=_amount(screw),
-            )
+        _refuse_unsure(ctx, names[number], screw, found.doubts[number - 1], options)
         others = [solid for k, solid in enumerate(solids) if k != number]
         joints.append(_joint(names[number], screw, to_object, solids[number], others, options))
     walls = _walls(shape, solids)
@@ -110,6 +101,24 @@ def parts(
         )
     )
     return Parts(links, tuple(joints), None, metrics)
+
+
+def _refuse_unsure(ctx: Context, name: str, screw: Screw, why: str, options: ScrewOptions) -> None:
+    """Fail where the direction of a joint is open, or `why` tells that it does not explain what was seen."""
+    if screw.axis_sigma > options.largest_sigma_rad:
+        ctx.fail(
+            f"the axis of `{name}` is uncertain by {np.degrees(Z90 * screw.axis_sigma):.0f} deg (90 %)",
+            hint="move the joint further between both captures, or look from where its part is seen in both",
+            amount=_amount(screw),
+        )
+    if screw.origin_sigma > options.largest_sigma_m:
+        why = f"its axis may be {1000.0 * Z90 * screw.origin_sigma:.0f} mm off (90 %)"
+    if why:
+        ctx.fail(
+            f"the joint of `{name}` is not certain: {why}",
+            hint="move one joint at a time between both captures, by 15 degrees or 3 cm at least, from one place",
+            amount=_amount(screw),
+        )
 
 
 def _walls(shape: Shape, solids: list[Manifold]) -> list[tuple[Hull, ...]]:

@@ -58,15 +58,22 @@ def find(first: Sight, second: Sight) -> States | None:
     if len(motions) == 1:
         return None
     labels = portions.filled(here, _sole(here, target, motions))
+    large = [k for k in range(1, len(motions)) if (labels == k).sum() > portions.LEAST_POINTS]
+    if len(large) < len(motions) - 1:
+        # Another motion explains what seemed to be a part.
+        motions = [motions[0], *(motions[k] for k in large)]
+        labels = portions.filled(here, _sole(here, target, motions))
     screws, doubts = [], []
     for number, motion in enumerate(motions[1:], start=1):
         mine = portions.part(here, labels, number)
+        if len(mine.inner) < portions.LEAST_POINTS:
+            return None
         screw = fit(mine, target, motion, stayed[:3, 2])
         if screw is None:
             return None
         doubts.append(doubt(mine, portions.part(here, labels, 0), target, screw))
         screws.append(_carried(screw, transforms.invert(stayed)))
-    return States(labels, tuple(screws), stayed, tuple(doubts))
+    return States(labels, tuple(screws), stayed, tuple(doubts)) if screws else None
 
 
 def _labels(here: Sight, target: Target, motions: list[np.ndarray]) -> np.ndarray:
