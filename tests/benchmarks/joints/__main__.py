@@ -163,7 +163,7 @@ def main() -> None:
     parser.add_argument("--start", type=int, default=100, help="seed of the first one")
     parser.add_argument("--kinds", default=",".join(KINDS))
     given = parser.parse_args()
-    print("| kind | joints | found | wrong | refused | axis [deg] | pivot [mm] | told | within 2 deg, 3 mm |")
+    print("| kind | joints | found | wrong | refused | axis [deg] | pivot [mm] | inside | within 2 deg, 3 mm |")
     print("|---|---|---|---|---|---|---|---|---|")
     everything: list[Found | None] = []
     for kind in given.kinds.split(","):
@@ -183,7 +183,7 @@ def _row(kind: str, mine: list[Found | None]) -> str:
     good, wrong = sum(each.good for each in told), sum(not each.near for each in told)
     low, high = wilson(good, len(mine))
     axis = _spread([f.axis_deg for f in told], ".2f")
-    pivot = _spread([f.pivot_mm for f in told if f.pivot_mm > 0], ".1f")
+    pivot = _spread([f.pivot_mm for f in told if f.type_right and f.pivot_mm > 0], ".1f")
     interval = f"{100 * good / len(mine):.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
     inside, refused = sum(each.inside for each in told), len(mine) - len(told)
     cells = (kind.replace("_", " "), len(mine), len(told), wrong, refused, axis, pivot, inside, f"{good}: {interval}")
