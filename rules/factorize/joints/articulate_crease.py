@@ -14,8 +14,9 @@ from dextera_build.artifacts.view import Seen, State
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Backend, Context, Options
 
+from .. import manifolds
 from ..measured import Measurements
-from . import manifolds, slabs
+from . import slabs
 from .hinge import Hinge
 from .parts import Parts
 from .picture import draw

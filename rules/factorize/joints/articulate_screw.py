@@ -14,8 +14,9 @@ from dextera_build.geometry import transforms
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.statistics import Z90
 
+from .. import manifolds
 from ..measured import Measurements
-from . import clouds, cut, manifolds, states, sweep
+from . import clouds, cut, states, sweep
 from .parts import Parts
 from .picture import draw
 from .screw import Screw

@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.geometry import metrics
 
-from . import manifolds
+from .. import manifolds
 
 if TYPE_CHECKING:
     from manifold3d import Manifold

@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.geometry import registration, transforms
 
-from . import manifolds
+from .. import manifolds
 
 _CONE = np.cos(np.radians(15.0))
 """Cosine of the largest angle between a face's normal and its slab's."""
