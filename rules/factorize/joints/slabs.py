@@ -49,6 +49,8 @@ LARGEST_SIGMA_M = 0.01
 """A hinge whose place is less certain than this is not told (standard deviation) [m]."""
 LEAST_SCORE = 0.88
 """Least score of a body that is taken; see `scoring.judge`."""
+LEAST_MESH = 0.8
+"""Least score of a mesh whose crease is believed where no slabs were fitted: others are slabs for want of better."""
 GUESSED_STEPS = 30.0
 """Standard deviation of a parameter of which the view tells nothing, in its finite-difference steps."""
 
@@ -68,6 +70,8 @@ class Slabs:
 def of_mesh(shape: Shape) -> Hinge | None:
     """The crease of a mesh; bodies of families other than two slabs have edges, but none is a hinge."""
     if shape.hypothesis in HYPOTHESES and shape.hypothesis != SLABS:
+        return None
+    if shape.scores.get(shape.hypothesis, 1.0) < LEAST_MESH:
         return None
     found = find_crease(shape.mesh)
     return None if found is None or found.angle >= REFLEX else found
