@@ -18,11 +18,13 @@ Paint = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Faces (N,) and barycentric weights (N, 3) of points -> their sRGB (N, 3), 0..1."""
 
 
-def thumbnail(parts: Sequence[tuple[np.ndarray, Paint]]) -> np.ndarray:
+def thumbnail(parts: Sequence[tuple[np.ndarray, Paint]], around: np.ndarray | None = None) -> np.ndarray:
     """Meshes from their front left and above, (240, 320, 3) uint8 on white.
 
     Args:
         parts: Corners (F, 3, 3) of the faces of each mesh, z up, and how its points are coloured.
+        around: Points (N, 3) that the view is chosen for, so that pictures of moving parts can be compared; None: the
+            meshes.
     """
     picture = np.full((*_SIZE, 3), _PAPER, np.uint8)
     whole = np.concatenate([np.zeros((0, 3)), *(corners.reshape(-1, 3) for corners, _ in parts)])
@@ -30,7 +32,7 @@ def thumbnail(parts: Sequence[tuple[np.ndarray, Paint]]) -> np.ndarray:
     total = sum(float(np.linalg.norm(cross, axis=1).sum()) for cross in areas)
     if not total > 0:
         return picture
-    pose, middle, reach = _viewpoint(whole)
+    pose, middle, reach = _viewpoint(whole if around is None else around)
     seen = [
         _points(corners, cross, paint, pose, total)
         for (corners, paint), cross in zip(parts, areas, strict=True)

@@ -11,7 +11,7 @@ from dextera_build.artifacts.geometry import Hull
 from dextera_build.artifacts.object import Collision, Link, Pieces
 from dextera_build.rule import Backend, Context, Fraction, Options
 
-from ..joints import manifolds
+from .. import manifolds
 from . import cavity, decomposition, volume, wedges
 from .picture import draw
 

@@ -17,26 +17,34 @@ FIELDS = ("type", "part_px", "axis_px", "range_deg", "range_mm", "at_deg", "at_m
 
 
 def read(node: Any) -> tuple[JointHint, ...]:
-    """The joints of one element.
+    """The joints of one element; none if a hinge is all that is said: its place is sought in the shape.
 
     Raises:
         RuleError: They are malformed; the message gives line and column.
     """
     if node.id != "sequence" or not node.value:
         raise wrong("`joints` must list at least one joint", node, hint="begin each with `- type: hinge`")
-    return tuple(_joint(each) for each in node.value)
+    found = [_joint(each) for each in node.value]
+    if len(found) > 1 and None in found:
+        alone = node.value[found.index(None)]
+        hint = "state `part_px` and `axis_px` of every joint, or one hinge alone, which is sought in the shape"
+        raise wrong("a hinge without `part_px` is one of several joints", alone, hint=hint)
+    return tuple(each for each in found if each is not None)
 
 
-def _joint(node: Any) -> JointHint:
+def _joint(node: Any) -> JointHint | None:
+    """What somebody says of a joint; None of a hinge of which nothing else is said."""
     fields = mapping(node, FIELDS)
-    for name in ("type", "part_px"):
-        if name not in fields:
-            raise wrong(f"a joint has no `{name}`", node, hint="type: hinge, part_px: [left, top, right, bottom]")
+    if "type" not in fields:
+        raise wrong("a joint has no `type`", node, hint="type: hinge, part_px: [left, top, right, bottom]")
     kind = fields["type"].value
     if kind not in KINDS:
         raise wrong(
             f"`{kind}` is no joint", fields["type"], hint=did_you_mean(str(kind), tuple(KINDS)), known=listing(KINDS)
         )
+    if "part_px" not in fields:
+        _refuse_untold(kind, fields, node)
+        return None
     unit, other = ("deg", "mm") if kind == "hinge" else ("mm", "deg")
     if strange := [name for name in fields if name.endswith(f"_{other}")]:
         hint = f"write `{strange[0].replace(other, unit)}`"
@@ -56,6 +64,16 @@ def _joint(node: Any) -> JointHint:
         range=None if limits is None else (limits[0] * scale, limits[1] * scale),
         position=at * scale,
     )
+
+
+def _refuse_untold(kind: str, fields: dict[str, Any], node: Any) -> None:
+    """Refuse a joint without `part_px`, unless it is a hinge of which nothing else is said."""
+    if kind != "hinge":
+        hint = "a shut drawer looks like a wall: give the box of its front, part_px: [left, top, right, bottom]"
+        raise wrong(f"a {kind} has no `part_px`", node, hint=hint)
+    if others := [name for name in fields if name != "type"]:
+        hint = "give part_px: [left, top, right, bottom] and axis_px, or `type: hinge` alone: then it is sought"
+        raise wrong(f"a hinge has `{others[0]}` but no `part_px`", fields[others[0]], hint=hint)
 
 
 def _limits(node: Any) -> tuple[float, float] | None:

@@ -134,7 +134,7 @@ def _merged(item: Wanted, proposal: Element | None) -> Element:
             base["material_confidence"] = proposal.material_confidence
     if "category" in given and "body_type" not in given:
         given["body_type"] = "articulated" if given["category"] == "laptop" else "rigid"
-    if given.get("joints"):
+    if "joints" in given:
         given["body_type"] = "articulated"
     if "material" in given:
         given["material_confidence"] = 1.0

@@ -16,6 +16,7 @@ from dextera_build.rule import Context, Options, rule
 from ..measured import Measurements, of_view
 from . import hinted
 from .parts import Parts
+from .picture import strip
 
 
 class DeclaredHinge(Options):
@@ -62,7 +63,7 @@ class ArticulateBackend(Protocol):
         ...
 
 
-@rule(version=3)
+@rule(version=4)
 def articulate(
     ctx: Context[ArticulateBackend],
     shape: Shape,
@@ -100,6 +101,7 @@ def articulate(
             allowed_mm=options.overlap_m * 1000,
         )
         ctx.metric("overlap", found.overlap_m * 1000.0, "mm")
+    shape = found.shape or shape
     body = Body(
         links=found.links,
         joints=found.joints,
@@ -112,6 +114,7 @@ def articulate(
     pixels = None if seen is None or body.pose is None else ctx.backend.picture(ctx, body, seen, ctx.backend_options)
     if pixels is not None:
         ctx.preview(pixels, "joint axes, and what they move swept between the limits")
+        ctx.preview(strip(body), "from the lower to the upper limit, one row per joint")
     for joint in found.joints:
         name = "position" if len(found.joints) == 1 else f"position of {joint.name}"
         ctx.metric(name, joint.position, "rad" if joint.type == "revolute" else "m")
@@ -140,8 +143,8 @@ def _found(
         found = ctx.backend.parts(ctx, shape, depth, None, options, ctx.backend_options)
     if found is None and not rigid and options.without_crease == "fail":
         hint = (
-            "set `body_type: rigid` of the element in `scene.yaml`, state its `joints` there, capture it twice with "
-            "the joint elsewhere (`twin/two_states`), or set `without_crease: rigid`"
+            "set `body_type: rigid` of the element in `scene.yaml`, state its `joints` there with `part_px` and "
+            "`axis_px`, capture it twice with the joint elsewhere (`twin/two_states`), or set `without_crease: rigid`"
         )
         ctx.fail("no joint was found", hint=hint, hypothesis=shape.hypothesis)
     return found

@@ -1,4 +1,4 @@
-"""Backend crease of factorize.articulate: two slabs meet at a crease, which is the hinge."""
+"""Backend crease of factorize.articulate: two slabs, or a box and its lid, meet at a crease, which is the hinge."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from dextera_build.artifacts.view import Seen, State
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Backend, Context, Options
 
+from .. import manifolds
 from ..measured import Measurements
-from . import manifolds
-from .hinge import Hinge, find
+from . import slabs
+from .hinge import Hinge
 from .parts import Parts
 from .picture import draw
 
@@ -31,6 +32,8 @@ BACKEND = Backend(
     uses=("screw",),
 )
 
+_AGREES = np.radians(3.0)
+"""Difference of the angles of two fits of the same hinge [rad]."""
 _STEPS = 12
 """Number of lid poses between closed and open that are checked for overlap."""
 
@@ -62,10 +65,12 @@ def parts(
     if again is not None:
         moved: Parts | None = ctx.other("screw").parts(shape, measured, again, common)
         return moved
-    hinge = _declared(shape.mesh, common) if common.hinge else find(shape.mesh)
-    if hinge is None or hinge.angle >= np.pi * 1.1:
+    fitted = None if common.hinge else slabs.seen(shape, measured)
+    mine = shape if fitted is None or not fitted.better else fitted.shape
+    hinge = _declared(common) if common.hinge else fitted.hinge if fitted and fitted.better else slabs.of_mesh(shape)
+    if hinge is None:
         return None
-    halves = _split(shape.mesh, hinge)
+    halves = _split(mine.mesh, hinge)
     if halves is None:
         return None
     base, lid = halves
@@ -80,14 +85,20 @@ def parts(
     closing = max(overlap(position) for position in np.linspace(0.0, hinge.angle, _STEPS))
     upper = _upper(overlap, hinge.angle + options.margin_rad, common)
     closed = hinge.turn(-hinge.angle)
-    mine, theirs = _walls(shape, hinge)
+    own, theirs = _walls(mine, hinge)
     metrics = [("lifted", lift * 1000.0, "mm")]
     seen = measured.for_check()
-    if seen is not None and (angle := _seen_angle(shape, seen, hinge)) is not None:
+    if seen is not None and (angle := _seen_angle(mine, seen, hinge)) is not None:
         metrics.append(("seen_minus_mesh", float(np.degrees(angle - hinge.angle)), "deg"))
     lid_walls = tuple(Hull(vertices=_apply(closed, hull.vertices)) for hull in theirs)
-    links = {"base": Link(mesh=base, walls=mine), "lid": Link(mesh=_moved(lid, closed), walls=lid_walls)}
-    return Parts(links, (_joint(hinge, upper),), closing, tuple(metrics))
+    links = {"base": Link(mesh=base, walls=own), "lid": Link(mesh=_moved(lid, closed), walls=lid_walls)}
+    joint = _joint(hinge, upper)
+    if fitted is not None:
+        metrics.append(("slabs", fitted.score, ""))
+        if abs(fitted.hinge.angle - hinge.angle) < _AGREES:
+            sigmas = {"axis_sigma_rad": fitted.axis_sigma, "origin_sigma_m": fitted.origin_sigma}
+            joint = joint.model_copy(update=sigmas)
+    return Parts(links, (joint,), closing, tuple(metrics), mine)
 
 
 def picture(ctx: Context, body: Body, seen: Seen, options: CreaseOptions) -> np.ndarray:
@@ -95,7 +106,7 @@ def picture(ctx: Context, body: Body, seen: Seen, options: CreaseOptions) -> np.
     return draw(body, seen)
 
 
-def _declared(mesh: Mesh, options: ArticulateOptions) -> Hinge:
+def _declared(options: ArticulateOptions) -> Hinge:
     assert options.hinge is not None
     origin, axis = np.array(options.hinge.origin_m), np.array(options.hinge.axis)
     axis = axis / np.linalg.norm(axis)

@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import PositiveFloat
 
+from dextera_build.artifacts.geometry import Hull
 from dextera_build.artifacts.object import Body, Joint, Link, Shape
 from dextera_build.artifacts.view import Seen, State
 from dextera_build.geometry import transforms
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.statistics import Z90
 
+from .. import manifolds
 from ..measured import Measurements
-from . import clouds, cut, manifolds, states, sweep
+from . import clouds, cut, states, sweep
 from .parts import Parts
 from .picture import draw
 from .screw import Screw
@@ -32,6 +34,8 @@ BACKEND = Backend(
 
 WIDEST_TURN = np.radians(135.0)
 """Beyond this, nothing is searched for a stop [rad]."""
+WHOLE = 0.98
+"""Least share of a wall inside the link that it belongs to."""
 
 
 class ScrewOptions(Options):
@@ -43,6 +47,8 @@ class ScrewOptions(Options):
     """The same of a slide [m]."""
     largest_sigma_rad: PositiveFloat = 0.1
     """An axis whose direction is less certain than this is refused (standard deviation) [rad]."""
+    largest_sigma_m: PositiveFloat = 0.02
+    """An axis whose place is less certain than this is refused (standard deviation) [m]."""
 
 
 def parts(
@@ -72,22 +78,21 @@ def parts(
         return None
     to_object = transforms.invert(shape.pose.matrix)
     points = transforms.apply(to_object, first.inner.points)
-    solids = cut.nearest(shape.mesh, points, found.labels)
+    solids = cut.solids(shape.mesh, points, found.labels)
     if solids is None:
         ctx.warn("a part that moved is outside the mesh, which cannot be cut there")
         return None
     names = ["base", *(f"part_{number}" for number in range(1, len(solids)))]
     joints = []
     for number, screw in enumerate(found.screws, start=1):
-        if screw.axis_sigma > options.largest_sigma_rad:
-            ctx.fail(
-                f"the axis of `{names[number]}` is uncertain by {np.degrees(Z90 * screw.axis_sigma):.0f} deg (90 %)",
-                hint="move the joint further between both captures, or look from where its part is seen in both",
-                amount=_amount(screw),
-            )
+        _refuse_unsure(ctx, names[number], screw, found.doubts[number - 1], options)
         others = [solid for k, solid in enumerate(solids) if k != number]
         joints.append(_joint(names[number], screw, to_object, solids[number], others, options))
-    links = {name: Link(mesh=manifolds.mesh(solid, shape.mesh)) for name, solid in zip(names, solids, strict=True)}
+    walls = _walls(shape, solids)
+    links = {
+        name: Link(mesh=manifolds.mesh(solid, shape.mesh), walls=own)
+        for name, solid, own in zip(names, solids, walls, strict=True)
+    }
     metrics = tuple(
         metric
         for name, screw in zip(names[1:], found.screws, strict=True)
@@ -97,6 +102,38 @@ def parts(
         )
     )
     return Parts(links, tuple(joints), None, metrics)
+
+
+def _refuse_unsure(ctx: Context, name: str, screw: Screw, why: str, options: ScrewOptions) -> None:
+    """Fail where the direction of a joint is open, or `why` tells that it does not explain what was seen."""
+    if screw.axis_sigma > options.largest_sigma_rad:
+        ctx.fail(
+            f"the axis of `{name}` is uncertain by {np.degrees(Z90 * screw.axis_sigma):.0f} deg (90 %)",
+            hint="move the joint further between both captures, or look from where its part is seen in both",
+            amount=_amount(screw),
+        )
+    if screw.origin_sigma > options.largest_sigma_m:
+        why = f"its axis may be {1000.0 * Z90 * screw.origin_sigma:.0f} mm off (90 %)"
+    if why:
+        ctx.fail(
+            f"the joint of `{name}` is not certain: {why}",
+            hint="move one joint at a time between both captures, by 15 degrees or 3 cm at least, from one place",
+            amount=_amount(screw),
+        )
+
+
+def _walls(shape: Shape, solids: list[Manifold]) -> list[tuple[Hull, ...]]:
+    """The walls of each link: those that are inside it; none at all if one is in several links."""
+    import manifold3d
+
+    owned: list[list[Hull]] = [[] for _ in solids]
+    for hull in shape.walls:
+        wall = manifold3d.Manifold.hull_points(hull.vertices.astype(np.float64))
+        inside = [float((wall ^ solid).volume()) for solid in solids]
+        if max(inside) < WHOLE * float(wall.volume()):
+            return [() for _ in solids]
+        owned[int(np.argmax(inside))].append(hull)
+    return [tuple(own) for own in owned] if all(owned) else [() for _ in solids]
 
 
 def picture(ctx: Context, body: Body, seen: Seen, options: ScrewOptions) -> np.ndarray:

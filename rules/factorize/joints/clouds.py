@@ -54,10 +54,22 @@ class Eye:
 
     def hides(self, points: np.ndarray, margin: float = 0.012) -> np.ndarray:
         """Which world points (N, 3) are behind what was measured, by `margin` [m], or out of the picture."""
+        there, z = self._at(points)
+        return np.asarray((there < 0) | ((there > 0) & (there < z - margin)))
+
+    def empty(self, points: np.ndarray) -> float:
+        """Share of world points (N, 3) that are in empty space: something was measured behind them."""
+        there, z = self._at(points)
+        told = there > 0
+        behind = there > z + STEP_M + 4.0 * planes.depth_sigma(np.maximum(z, 0.0))
+        return float(behind[told].mean()) if told.any() else 0.0
+
+    def _at(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What was measured at the pixels of world points (N, 3), -1 out of the picture, and their own z [m]."""
         local = transforms.apply(transforms.invert(self.world_from_camera), points)
         rows, columns, inside = cameras.nearest_pixels(local, self.k, self.depth.shape)
-        there = np.where(inside, self.depth[np.where(inside, rows, 0), np.where(inside, columns, 0)], 0.0)
-        return np.asarray(~inside | ((there > 0) & (there < local[:, 2] - margin)))
+        there = self.depth[np.where(inside, rows, 0), np.where(inside, columns, 0)]
+        return np.where(inside, there, -1.0), local[:, 2]
 
 
 @dataclass(frozen=True)
@@ -106,16 +118,47 @@ def of_depth(depth: np.ndarray, mask: np.ndarray, k: np.ndarray, world_from_came
     good = (z > 0) & (fitted.count >= 6) & (np.abs(fitted.c - inverse) < 2.5 * tolerance)
     slope = 1.5 * BAND_PX * z**2 * np.hypot(fitted.a, fitted.b)
     behind = ndimage.maximum_filter(depth, 2 * BAND_PX + 1) - z > STEP_M + 2.0 * planes.depth_sigma(z) + slope
-    ends = good & behind & ~ndimage.binary_erosion(regions.without_pinholes(good), np.ones((3, 3), bool))
+    whole = ndimage.binary_opening(regions.without_pinholes(good), np.ones((3, 3), bool))
+    ends = good & whole & behind & ~ndimage.binary_erosion(whole, np.ones((3, 3), bool))
     # The window's plane, not the reading, gives the point: its noise is that of many pixels.
     flat = np.divide(1.0, fitted.c, out=np.zeros_like(z), where=good)
     points = transforms.apply(world_from_camera, cameras.backproject(flat, k))
     facing = fitted.normals(k) @ world_from_camera[:3, :3].T
     noise = (fitted.residual * z**2)[good]
     inner = Cloud(points[good], facing[good]).thinned(most)
-    border = _border(points[ends], inner)
+    border = _border(transforms.apply(world_from_camera, _edge(depth > 0, whole, ends, fitted, k)), inner)
     sigma = max(5e-4, 1.5 * float(np.median(noise)) if len(noise) else 0.0)
     return Sight(inner, border.thinned(most // 4), sigma, Eye(depth, k, world_from_camera))
+
+
+def _edge(
+    valid: np.ndarray, surface: np.ndarray, ends: np.ndarray, fitted: normals.LocalPlanes, k: np.ndarray
+) -> np.ndarray:
+    """The edge (N, 3) beyond the border pixels `ends` of a surface, in the camera frame [m].
+
+    Depth is lost in a band along a step, on both sides of it. The edge lies in the middle of that band: without it,
+    a face would seem to shrink the more, the more it is seen from the side.
+    """
+    from scipy import ndimage
+
+    rows, columns = np.nonzero(ends)
+    smooth = np.asarray(ndimage.gaussian_filter(surface.astype(np.float64), 2.0))
+    out = -np.stack([np.gradient(smooth, axis=axis)[rows, columns] for axis in (0, 1)], axis=1)
+    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
+    limit = np.array(valid.shape)
+    gap = np.full(len(rows), 2.0 * BAND_PX)
+    for step in range(2 * BAND_PX, 0, -1):
+        there = np.round(np.stack([rows, columns], axis=1) + step * out).astype(int)
+        inside = ((there >= 0) & (there < limit)).all(axis=1)
+        there = np.where(inside[:, None], there, 0)
+        gap[inside & valid[there[:, 0], there[:, 1]]] = step - 1.0
+    # A shadow of the projector is wider, but on one side only.
+    lost = 0.5 * float(np.quantile(gap, 0.4)) if len(gap) else 0.0
+    inverse = fitted.at(rows, columns, lost * out[:, 0], lost * out[:, 1])
+    near = np.abs(inverse - fitted.c[rows, columns]) < 0.1 * fitted.c[rows, columns]
+    z = 1.0 / np.where(near, inverse, fitted.c[rows, columns])
+    u, v = columns + np.where(near, lost * out[:, 1], 0.0), rows + np.where(near, lost * out[:, 0], 0.0)
+    return np.stack([(u - k[0, 2]) / k[0, 0] * z, (v - k[1, 2]) / k[1, 1] * z, z], axis=1)
 
 
 def _border(points: np.ndarray, inner: Cloud, around: int = 10) -> Cloud:

@@ -1,4 +1,4 @@
-"""Cut a closed mesh into links: every place goes to the part of the nearest seen point."""
+"""Cut a closed mesh into links: whole components, or every place goes to the part of the nearest seen point."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dextera_build.artifacts.geometry import Mesh
+from dextera_build.geometry import metrics
 
-from . import manifolds
+from .. import manifolds
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -17,6 +18,48 @@ CELLS = 44
 """Cells of the grid along the longest side of the mesh."""
 SPECK = 0.003
 """Pieces of a link below this share of the mesh's volume go to the other links."""
+SURE = 0.9
+"""Least share of a component's seen points that are of one part, if it is that part."""
+SAMPLES = 600
+"""Points on the surface of a component that seen points are near to."""
+
+
+def solids(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[Manifold] | None:
+    """One solid per label 0, 1, ...: the mesh's components if each is of one part, else cut between the seen points.
+
+    Args:
+        mesh: Closed, in the frame of `points`.
+        points: (N, 3) seen points [m].
+        labels: (N,) their parts.
+
+    Returns:
+        The solids; None if one of them is empty.
+    """
+    owners = components(mesh, points, labels)
+    if owners is None:
+        return nearest(mesh, points, labels)
+    parts = manifolds.components(mesh)
+    faces = ([part for part, owner in zip(parts, owners, strict=True) if owner == k] for k in range(max(owners) + 1))
+    return [manifolds.solid(manifolds.subset(mesh, np.sort(np.concatenate(mine)))) for mine in faces]
+
+
+def components(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[int] | None:
+    """The part of each connected component, largest first; None if one is of several parts, or a part has none."""
+    from scipy.spatial import KDTree
+
+    parts = manifolds.components(mesh)
+    if len(parts) <= int(labels.max()):
+        return None
+    pieces = [manifolds.subset(mesh, faces) for faces in parts]
+    samples = [metrics.sample_surface(piece.vertices, piece.faces, SAMPLES, 0) for piece in pieces]
+    nearest_one = KDTree(np.concatenate(samples)).query(points)[1] // SAMPLES
+    owners = []
+    for number in range(len(parts)):
+        votes = np.bincount(labels[nearest_one == number], minlength=1)
+        if votes.sum() == 0 or votes.max() < SURE * votes.sum():
+            return None
+        owners.append(int(votes.argmax()))
+    return owners if set(owners) == set(range(int(labels.max()) + 1)) else None
 
 
 def nearest(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[Manifold] | None:
@@ -39,8 +82,8 @@ def nearest(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[Manifold
         kept = [piece for piece in mine if piece.volume() > least]
         if not kept:
             return None
-        for piece in kept:
-            left = left - piece
+        # By the region, not by the pieces: their common faces would leave films.
+        left = _together([left - region, *(piece for piece in mine if piece.volume() <= least)])
         taken.append(_together(kept))
     rest = [piece for piece in left.decompose() if piece.volume() > least]
     return [_together(rest), *taken] if rest else None

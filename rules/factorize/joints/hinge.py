@@ -9,10 +9,15 @@ import numpy as np
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.geometry import registration, transforms
 
-from . import manifolds
+from .. import manifolds
 
 _CONE = np.cos(np.radians(15.0))
 """Cosine of the largest angle between a face's normal and its slab's."""
+
+SLABS_SHARE = 0.75
+"""Least part of a mesh's surface that faces along the normals of its two slabs: what is thicker or bent is none."""
+THICKEST = 0.4
+"""Greatest thickness of a slab over the side of a square of its size."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,7 @@ def turned(axis: np.ndarray, origin: np.ndarray, angle: float) -> np.ndarray:
     return transforms.rigid(rotation, origin - rotation @ origin)
 
 
-def find(mesh: Mesh, least_angle: float = 0.3) -> Hinge | None:
+def find(mesh: Mesh, least_angle: float = 0.15) -> Hinge | None:
     """Find the crease between the two largest slabs of a mesh, or None if the mesh has fewer.
 
     Two connected parts are the two slabs; a mesh in one part is grouped by face direction.
@@ -75,6 +80,8 @@ def find(mesh: Mesh, least_angle: float = 0.3) -> Hinge | None:
     if len(groups) < 2 or abs(slabs[0] @ slabs[1]) > np.cos(least_angle):
         return None
     centroids = mesh.vertices[mesh.faces].mean(axis=1, dtype=np.float64)
+    if not all(_thin(slab, centroids[faces], areas[faces]) for slab, faces in zip(slabs, groups, strict=True)):
+        return None
     middles = [np.average(centroids[faces], axis=0, weights=areas[faces]) for faces in groups]
     low, high = (0, 1) if middles[0][2] <= middles[1][2] else (1, 0)
     planes = []
@@ -96,9 +103,18 @@ def _by_direction(normals: np.ndarray, areas: np.ndarray) -> tuple[list[np.ndarr
     near = np.abs(normals @ base) > _CONE
     lid = _dominant(normals[~near], areas[~near]) if (~near).any() else base
     mine = (np.abs(normals @ lid) > _CONE) & ~near
-    if areas[mine].sum() < 0.15 * areas[near].sum():
+    if areas[mine].sum() < 0.15 * areas[near].sum() or areas[near | mine].sum() < SLABS_SHARE * areas.sum():
         return [], []
     return [base, lid], [np.flatnonzero(near), np.flatnonzero(mine)]
+
+
+def _thin(normal: np.ndarray, points: np.ndarray, areas: np.ndarray) -> bool:
+    """Whether faces that look along a normal are those of one slab."""
+    along, size = points @ normal, float(np.sqrt(areas.sum() / 2.0))
+    order = np.argsort(along, kind="stable")
+    total = np.cumsum(areas[order])
+    low, high = (along[order][np.searchsorted(total, share * total[-1])] for share in (0.1, 0.9))
+    return bool(high - low < THICKEST * size)
 
 
 def _dominant(normals: np.ndarray, areas: np.ndarray) -> np.ndarray:

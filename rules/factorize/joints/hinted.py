@@ -14,8 +14,9 @@ from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, kinematics, planes, solids, transforms
 from dextera_build.rule import Context
 
+from .. import manifolds
 from ..measured import Measurements
-from . import manifolds, sweep
+from . import sweep
 from .parts import Parts
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dextera_build.geometry import registration, transforms
 
-from .clouds import Cloud, Sight
+from .clouds import Cloud, Eye, Sight
 
 PLANAR = np.eye(6)[:, [2, 3, 4]]
 """Motions on the support: turn about z, shift along x and y."""
@@ -18,8 +18,6 @@ FREE = np.eye(6)
 """All rigid motions: rotation vector, translation."""
 ALIKE = 0.8
 """Least cosine of two normals of the same surface."""
-CARRIED = 0.3
-"""Motion of the whole object between two sights, in parts of its size, at which it is half as plausible."""
 HELD = 1.0
 """Score of borders that lie on borders, all of them, beside that of all surface points."""
 BORDERS = 2.0
@@ -134,6 +132,8 @@ def narrow(sigma: float) -> list[float]:
 
 WIDE = (0.05, 0.04, 0.03, 0.03, 0.02, 0.02, 0.015, 0.01, 0.008)
 """Gates of the first steps [m]."""
+CLOSE = (0.02, 0.016, 0.012, 0.012, 0.01, 0.01, 0.008)
+"""The same for starts that are near [m]."""
 
 
 Worth = Callable[[np.ndarray], float]
@@ -151,10 +151,15 @@ def best(
     freedom: np.ndarray,
     keep: int = 6,
     worth: Worth = _equal,
+    close: tuple[np.ndarray, ...] = (),
 ) -> np.ndarray:
-    """The (4, 4) motion that lays most of `source` on `target`; of equal ones that of the earlier start."""
+    """The (4, 4) motion that lays most of `source` on `target`; of equal ones that of the earlier start.
+
+    Starts that are `close` see near pairs only: parts that moved pull less at them.
+    """
     thin = source.thinned(350, 150)
     found = [laid(start, thin, target, WIDE, freedom) for start in starts]
+    found += [laid(start, thin, target, CLOSE, freedom) for start in close]
     scores = [-target.score(thin.moved(motion)) * worth(motion) for motion in found]
     order = _different(np.argsort(scores, kind="stable"), found, source, keep)
     medium = source.thinned(1500, 500)
@@ -185,36 +190,9 @@ def _different(order: np.ndarray, motions: list[np.ndarray], source: Sight, keep
     return chosen
 
 
-def beside(source: Sight) -> list[np.ndarray]:
-    """Small motions on the support (4, 4): shifts by up to 3 cm and turns by up to 5 degrees."""
-    middle = source.inner.points.mean(axis=0)
-    found = []
-    for angle in np.radians([0.0, 5.0, -5.0]):
-        turn = registration.rotation(np.array([0.0, 0.0, angle]))
-        shifts = (
-            np.array([x, y, 0.0]) for x in (0.0, 0.015, -0.015, 0.03, -0.03) for y in (0.0, 0.015, -0.015, 0.03, -0.03)
-        )
-        found += [transforms.rigid(turn, middle - turn @ middle + shift) for shift in shifts]
-    return found
+def clear(eye: Eye | None, motion: np.ndarray, points: np.ndarray) -> float:
+    """A factor for (4, 4) motions of points (N, 3): where a camera saw nothing, nothing is.
 
-
-def standing(source: Sight, target: Target) -> np.ndarray:
-    """The (4, 4) motion on the support that lays most of `source` on `target`: that of the part that stayed.
-
-    It starts with no motion and with turns about the middle, and ends with free steps, because the two supports were
-    measured separately.
+    It ends a part to the pixel, where surfaces and borders leave a bar at liberty to slide along itself.
     """
-    middle, other = np.median(source.inner.points, axis=0), np.median(target.sight.inner.points, axis=0)
-    shifts = [np.zeros(3), (other - middle) * [1.0, 1.0, 0.0]]
-    starts = []
-    for angle in np.radians([0, 8, -8, 18, -18, 30, -30, 60, -60, 90, -90, 120, -120, 150, -150, 180]):
-        turn = registration.rotation(np.array([0.0, 0.0, angle]))
-        starts += [transforms.rigid(turn, middle - turn @ middle + shift) for shift in shifts]
-    points = source.inner.thinned(200).points
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
-
-    def near(motion: np.ndarray) -> float:
-        way = float(np.linalg.norm(transforms.apply(motion, points) - points, axis=1).mean())
-        return 1.0 / (1.0 + (way / (CARRIED * size)) ** 2)
-
-    return best(starts, source, target, PLANAR, worth=near)
+    return 1.0 if eye is None else (1.0 - eye.empty(transforms.apply(motion, points))) ** 4

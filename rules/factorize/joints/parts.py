@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dextera_build.artifacts.object import Joint, Link
+from dextera_build.artifacts.object import Joint, Link, Shape
 
 
 @dataclass(frozen=True)
@@ -17,3 +17,5 @@ class Parts:
     """Maximum mean penetration of the lid into the base while closing [m]; None if nobody looked."""
     metrics: tuple[tuple[str, float, str], ...] = ()
     """Name, value and unit of each metric in the report."""
+    shape: Shape | None = None
+    """What was cut, where the backend fitted a shape of its own; the links are in its frame."""

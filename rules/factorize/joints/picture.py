@@ -1,4 +1,4 @@
-"""Draw the hinge on the photograph of an object."""
+"""Draw the joints on the photograph of an object, and the object with its joints from closed to open."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ import numpy as np
 from dextera_build.artifacts.object import Body, Joint
 from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, kinematics, transforms
+from dextera_build.geometry.thumbnail import Paint, thumbnail
 
 _ENLARGED = 2
+_FRAMES = 5
+"""Number of positions of a joint, from its lower to its upper limit."""
 
 
 def draw(body: Body, seen: Seen) -> np.ndarray:
@@ -32,6 +35,23 @@ def draw(body: Body, seen: Seen) -> np.ndarray:
         ):
             pen.line(_pixels(_moved(tip, joint, angle), camera_from_object, seen), fill=colour, width=2)
     return np.asarray(picture)
+
+
+def strip(body: Body) -> np.ndarray:
+    """One row per joint with the object from the lower to the upper limit, the others as photographed; uint8 RGB."""
+    rows = [
+        [_posed(body, joint, value) for value in np.linspace(joint.lower, joint.upper, _FRAMES)]
+        for joint in body.joints
+    ]
+    around = np.concatenate([corners.reshape(-1, 3) for row in rows for parts in row for corners, _ in parts])
+    return np.concatenate([np.concatenate([thumbnail(parts, around) for parts in row], axis=1) for row in rows])
+
+
+def _posed(body: Body, joint: Joint, value: float) -> list[tuple[np.ndarray, Paint]]:
+    """Corners of all faces with one joint at another position, and how they are coloured."""
+    poses = kinematics.link_poses(body, {joint.name: value})
+    links = ((poses[name], link.mesh) for name, link in body.links.items())
+    return [(transforms.apply(pose, mesh.vertices)[mesh.faces], mesh.paint) for pose, mesh in links]
 
 
 def _lines(body: Body, joint: Joint) -> tuple[np.ndarray, np.ndarray]:

@@ -52,12 +52,18 @@ class Plausible:
         factor *= _square(axis)
         return float(factor / (1.0 + (pitch / PITCH_M) ** 2) / (1.0 + (gap / FAR_M) ** 2))
 
-    def possible(self, motion: np.ndarray) -> bool:
-        """Whether a (4, 4) motion is a slide, or a turn about a line where both parts are."""
-        if transforms.angle(motion[:3, :3]) < SMALL_TURN:
+    def possible(self, motion: np.ndarray, unmoved_m: float = 0.0) -> bool:
+        """Whether a (4, 4) motion is a slide, or a turn about a line where both parts are.
+
+        Args:
+            motion: The motion.
+            unmoved_m: What moved by less counts for the part that stayed [m]: it is missing beside the axis.
+        """
+        angle = transforms.angle(motion[:3, :3])
+        if angle < SMALL_TURN:
             return True
         axis, origin, pitch = axis_of(motion, self._middle)
-        return abs(pitch) < 2.0 * PITCH_M and self._gap(axis, origin) < NEAR_M + 0.5 * FAR_M
+        return abs(pitch) < 2.0 * PITCH_M and self._gap(axis, origin) < NEAR_M + 0.5 * FAR_M + unmoved_m / angle
 
     def _gap(self, axis: np.ndarray, origin: np.ndarray) -> float:
         """Distance of both parts from the place on the axis that is nearest to both [m]."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -35,6 +36,13 @@ class Thing:
         """Link -> solid in the object frame at the joints' positions, standing on z = 0."""
         poses = kinematics.link_poses(self)
         return {name: solid.moved(poses[name]) for name, solid in self.links.items()}
+
+    def collides(self) -> bool:
+        """Whether a hundredth of a link is inside another one: temples of glasses cannot pass through each other."""
+        for one, other in combinations(self.posed().values(), 2):
+            if solids.intersection(one, other).volume > 0.01 * min(one.volume, other.volume):
+                return True
+        return False
 
     def drawn(self, draw: np.random.Generator) -> Thing:
         """The same thing with every joint at a drawn position between 20 % and 80 % of its range."""

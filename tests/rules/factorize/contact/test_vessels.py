@@ -15,7 +15,7 @@ from dextera_build.geometry import solids
 from dextera_build.geometry.solids import Solid
 from dextera_build.sim.model import mjcf, model, names
 from dextera_build.testing import RuleRunner
-from rules.factorize.joints import manifolds
+from rules.factorize import manifolds
 from tests import factories, object_views
 from tests.rules.factorize import synthetic_views as synthetic
 from tests.rules.factorize.contact.test_collision import rests_at

@@ -58,7 +58,18 @@ elements:
         ("elements:\n- {name: a, [1]: b}", "a field's name is a word", "$scene:2:13"),
         ("[" * 100_000, "the file is nested too deeply", "$scene"),
         ("elements:\n- {name: a, joints: hinge}", "`joints` must list at least one joint", "$scene:2:21"),
-        ("elements:\n- {name: a, joints: [{type: hinge}]}", "a joint has no `part_px`", "$scene:2:22"),
+        ("elements:\n- {name: a, joints: [{at_deg: 1}]}", "a joint has no `type`", "$scene:2:22"),
+        ("elements:\n- {name: a, joints: [{type: slide}]}", "a slide has no `part_px`", "$scene:2:22"),
+        (
+            "elements:\n- {name: a, joints: [{type: hinge, at_deg: 30}]}",
+            "a hinge has `at_deg` but no `part_px`",
+            "$scene:2:44",
+        ),
+        (
+            "elements:\n- {name: a, joints: [{type: slide, part_px: [1, 2, 3, 4]}, {type: hinge}]}",
+            "a hinge without `part_px` is one of several joints",
+            "$scene:2:60",
+        ),
         (
             "elements:\n- {name: a, joints: [{type: lid, part_px: [1, 2, 3, 4]}]}",
             "`lid` is no joint",
@@ -203,3 +214,11 @@ elements:
     assert door.position == pytest.approx(0.5236, abs=1e-4)
     assert door.range == pytest.approx((0.0, 1.5708), abs=1e-4)
     assert drawer.range == pytest.approx((0.0, 0.2))
+
+
+def test_a_hinge_of_which_nothing_else_is_said_is_sought_in_the_shape():
+    (element,) = matching.boxed(
+        scene_file.read(b"elements:\n- {name: a, box: [1, 2, 30, 40], joints: [{type: hinge}]}")
+    )
+    assert element.body_type == "articulated"
+    assert element.joints == ()

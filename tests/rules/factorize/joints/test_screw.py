@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from dextera_build.geometry import kinematics, transforms
+from dextera_build.artifacts.view import Seen
+from dextera_build.geometry import kinematics, metrics, transforms
 from dextera_build.testing import RuleRunner
+from rules.factorize.joints import clouds, portions
+from rules.factorize.joints.articulate_screw import _second as again
+from rules.factorize.joints.matching import Target
+from rules.factorize.joints.moved import doubt
+from rules.factorize.joints.screw import Screw
 from tests.benchmarks.joints import kinds, sight
 from tests.benchmarks.joints.__main__ import compared, inputs_of
 
@@ -70,6 +78,29 @@ def test_a_part_of_a_cut_mesh_is_where_it_was_seen(runner):
     body = runner.run("factorize.articulate", **inputs)
     vertices, _ = kinematics.posed_surface(body)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    mesh = inputs["shape"].mesh.vertices
-    assert low == pytest.approx(mesh.min(axis=0), abs=1e-5)
-    assert high == pytest.approx(mesh.max(axis=0), abs=1e-5)
+    mesh = inputs["shape"].mesh
+    assert low == pytest.approx(mesh.vertices.min(axis=0), abs=1e-5)
+    assert high == pytest.approx(mesh.vertices.max(axis=0), abs=1e-5)
+    # Films along a cut have no volume, but twice the area of what they were cut from.
+    area = sum(metrics.face_areas(link.mesh.vertices, link.mesh.faces).sum() for link in body.links.values())
+    assert area < 1.1 * metrics.face_areas(mesh.vertices, mesh.faces).sum()
+
+
+def test_a_joint_that_does_not_explain_what_was_seen_is_doubted():
+    _, inputs = captured("box_with_lid", {"hinge": 1.2}, {"hinge": 1.9})
+    thing, _ = captured("box_with_lid", {"hinge": 1.2}, {"hinge": 1.9})
+    first, second = clouds.of_view(Seen(inputs["view"], inputs["measured"])), again(inputs["again"])
+    pose = inputs["shape"].pose.matrix
+    hinge = thing.joints[0]
+    axis, place = pose[:3, :3] @ hinge.axis, transforms.apply(pose, np.array(hinge.origin))
+    above = (first.inner.points[:, 2] > place[2] + 0.004).astype(int)
+    lid, box = portions.part(first, above, 1), portions.part(first, above, 0)
+    # The box was shifted by 1 cm and -5 mm in between.
+    target = Target(second.moved(transforms.rigid(np.eye(3), np.array([-0.01, 0.005, 0.0]))))
+    told = Screw("revolute", place, axis, 0.7, 0.01, 0.001, 0.01, 0.0003)
+    assert doubt(lid, box, target, told) == ""
+    elsewhere = replace(told, origin=place + np.array([0.0, 0.0, 0.2]))
+    assert doubt(lid, box, target, elsewhere) == "its axis is not where both parts are"
+    assert "off the second capture" in doubt(lid, box, target, replace(told, residual=0.01))
+    assert doubt(lid, box, target, replace(told, amount=0.2)) == "too little of it is seen in both captures"
+    assert "a slide would look like" in doubt(lid, box, target, replace(told, amount=0.03))
