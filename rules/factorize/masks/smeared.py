@@ -6,10 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.view import Instance, MeasuredView, ObjectView, Seen
-from dextera_build.geometry import cameras, transforms
+from dextera_build.artifacts.view import Instance, Seen
+from dextera_build.geometry import cameras
 
-from ..regions.proposals import colour_lab
 from ..shapes import evidence
 
 FEWEST = 150
@@ -21,17 +20,6 @@ smears on 0.65 to 0.74. Along the outline, depth is trusted nowhere."""
 GRAZING = 0.35
 """A smear lies along the line of sight: median cosine between it and the normals; bodies had 0.45 to 0.98."""
 
-GAPS = 0.9
-"""The support's colours tell nothing of what has depth on more of its pixels."""
-LOW_M, LEVEL_M = 0.04, 0.01
-"""A low thing ends below the first height; the support is measured within the second of its plane [m]."""
-BESIDE_PX = 9, 25
-"""Sides of the squares between whose reach the support beside a mask is looked at [px]."""
-ALIKE = 12.0
-"""Colours this near one another in CIE L*a*b* are alike."""
-MOST_ALIKE = 0.8
-"""Of 69 things on real tables at most 0.28 of the pixels were as the support beside them, of a smear 0.99."""
-
 COVERED = 0.8
 """Objects of real captures have depth on 0.92 to 1.0 of their pixels."""
 
@@ -40,8 +28,6 @@ def why_no_body(instance: Instance) -> str:
     """Why nothing can be made of an object: `only 103 of its 216 pixels have trusted depth`; empty if it can."""
     if instance.measured is None:
         return ""
-    if _is_support(instance.view, instance.measured):
-        return "it is low, has the colours of the support around it, and its depth has gaps"
     seen = evidence.gather(Seen(instance.view, instance.measured).upright())
     pixels, trusted = int(seen.mask.sum()), int(seen.core.sum())
     if trusted < FEWEST or (_solid(seen) < SOLID and not _is_hidden(seen)):
@@ -59,24 +45,6 @@ def _solid(seen: evidence.Evidence) -> float:
 
     inside = ndimage.binary_erosion(seen.mask, np.ones((3, 3), bool)) & (seen.depth > 0) & seen.known
     return float(seen.core[inside].mean()) if inside.any() else 0.0
-
-
-def _is_support(view: ObjectView, measured: MeasuredView) -> bool:
-    """Whether a low thing with gaps in its depth looks as the support beside it: a smear, not a thing."""
-    import cv2
-
-    depth = measured.depth.depth
-    if (depth > 0)[view.mask].mean() >= GAPS:
-        return False
-    height = transforms.apply(measured.camera_pose.matrix, cameras.backproject(depth, view.camera.matrix()))[..., 2]
-    own = view.mask.astype(np.uint8)
-    near, far = (cv2.dilate(own, np.ones((side, side), np.uint8)) > 0 for side in BESIDE_PX)
-    beside = far & ~near & (depth > 0) & (np.abs(height) < LEVEL_M)
-    if beside.sum() < FEWEST or np.quantile(height[view.mask & (depth > 0)], 0.98) > LOW_M:
-        return False
-    lab = colour_lab(view.rgb.pixels)
-    apart = np.linalg.norm(lab[view.mask] - np.median(lab[beside], axis=0), axis=1)
-    return bool((apart < ALIKE).mean() > MOST_ALIKE)
 
 
 def sparse(instance: Instance) -> str:

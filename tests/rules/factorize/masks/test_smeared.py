@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.image import DepthImage
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from rules.factorize.masks import smeared
@@ -56,27 +55,3 @@ def test_sizes_that_no_hand_takes_are_doubted(factor, word):
     sizes = {"a": 0.12 * factor, "b": 0.2 * factor}
     assert f"every object is {word} than" in smeared.odd_scale(sizes)
     assert not smeared.odd_scale({**sizes, "c": 0.1})
-
-
-TABLE = (0.65, 0.5, 0.35)
-
-
-@pytest.mark.parametrize(
-    ("colour", "height", "gaps", "kept"),
-    [
-        (TABLE, 0.03, 0.3, False),
-        (TABLE, 0.03, 0.0, True),
-        (TABLE, 0.08, 0.3, True),
-        ((0.8, 0.2, 0.2), 0.03, 0.3, True),
-    ],
-)
-def test_a_low_thing_that_looks_as_the_support_and_has_gaps_is_none(tmp_path, colour, height, gaps, kept):
-    low = tabletops.box(0.1, 0.08, height, colour)
-    scene = tabletops.tabletop((BOX, factories.pose(-0.15)), (low, factories.pose(0.12)))
-    found = segmented(RuleRunner(tmp_path), scene.capture)
-    one = next(item for item in found.items.values() if item.view.camera.cx < 0.6 * scene.capture.photograph.camera.cx)
-    depth = one.measured.depth.depth
-    left = np.where(np.random.default_rng(1).random(depth.shape) < gaps, 0.0, depth).astype(np.float32)
-    torn = one.measured.model_copy(update={"depth": DepthImage(depth=left)})
-    why = smeared.why_no_body(one.model_copy(update={"measured": torn}))
-    assert ("colours of the support" in why) != kept
