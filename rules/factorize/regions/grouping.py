@@ -49,7 +49,6 @@ def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     join_convex(parts)
     join_parts(parts)
     join_bonded(parts)
-    join_cavities(parts)
     join_occluded(parts)
     join_hinged(parts)
     return parts
