@@ -17,7 +17,7 @@ FIELDS = ("type", "part_px", "axis_px", "range_deg", "range_mm", "at_deg", "at_m
 
 
 def read(node: Any) -> tuple[JointHint, ...]:
-    """The joints of one element; none if a hinge is all that is said: its place is sought in the shape.
+    """The joints of one element; none for `type: hinge` alone, whose place is sought in the shape.
 
     Raises:
         RuleError: They are malformed; the message gives line and column.

@@ -35,19 +35,18 @@ def solids(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[Manifold]
     Returns:
         The solids; None if one of them is empty.
     """
-    owners = components(mesh, points, labels)
-    if owners is None:
-        return nearest(mesh, points, labels)
     parts = manifolds.components(mesh)
+    owners = _owners(mesh, parts, points, labels)
+    if owners is None:
+        return _nearest(mesh, points, labels)
     faces = ([part for part, owner in zip(parts, owners, strict=True) if owner == k] for k in range(max(owners) + 1))
     return [manifolds.solid(manifolds.subset(mesh, np.sort(np.concatenate(mine)))) for mine in faces]
 
 
-def components(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[int] | None:
-    """The part of each connected component, largest first; None if one is of several parts, or a part has none."""
+def _owners(mesh: Mesh, parts: list[np.ndarray], points: np.ndarray, labels: np.ndarray) -> list[int] | None:
+    """The label of each connected component; None if one has points of several labels, or a label has none."""
     from scipy.spatial import KDTree
 
-    parts = manifolds.components(mesh)
     if len(parts) <= int(labels.max()):
         return None
     pieces = [manifolds.subset(mesh, faces) for faces in parts]
@@ -62,17 +61,8 @@ def components(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[int] 
     return owners if set(owners) == set(range(int(labels.max()) + 1)) else None
 
 
-def nearest(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[Manifold] | None:
-    """One solid per label 0, 1, ...; together they are the mesh.
-
-    Args:
-        mesh: Closed, in the frame of `points`.
-        points: (N, 3) seen points [m].
-        labels: (N,) their parts.
-
-    Returns:
-        The solids; None if one of them is empty.
-    """
+def _nearest(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[Manifold] | None:
+    """One solid per label 0, 1, ..., cut between the seen points; together they are the mesh. See `solids`."""
     left = manifolds.solid(mesh)
     least = SPECK * abs(float(left.volume()))
     taken = []

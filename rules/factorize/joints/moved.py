@@ -1,4 +1,4 @@
-"""The motion of a part between two sights: where a search starts, and what is believed of its result."""
+"""The motion of a part between two sights: starts of the search, and tests of its result."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ UNMOVED_M = 0.008
 BESIDE_M = 0.02
 """Distance from a moved part within which points are taken to be of it [m]."""
 LARGEST_RESIDUAL = 1.5
-"""Greatest residual of a part that is believed, in standard deviations of a point."""
+"""Largest residual of a part that is accepted, in standard deviations of a point."""
 LARGEST_EMPTY = 0.15
 """Greatest share of a part that may be where the second sight saw nothing."""
 LEAST_SURE = 0.5
@@ -64,7 +64,7 @@ class Open:
 
     @classmethod
     def of(cls, first: Sight, second: Sight, stayed: np.ndarray) -> Open:
-        """All that neither camera hides if `stayed` (4, 4) leads from the first world to the second."""
+        """Points that neither camera hides, where `stayed` (4, 4) leads from the first world to the second."""
         mine, theirs = np.ones(len(first.inner), bool), np.ones(len(second.inner), bool)
         if second.eye is not None:
             mine = ~second.eye.hides(transforms.apply(stayed, first.inner.points))

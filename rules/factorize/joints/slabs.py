@@ -14,7 +14,7 @@ from dextera_build.geometry.solids import Solid
 from ..measured import Measurements
 from ..shapes import evidence as evidence_of
 from ..shapes.evidence import Evidence
-from ..shapes.families import panels
+from ..shapes.families import open_box, panels
 from ..shapes.families.box import LARGEST_M, upright
 from ..shapes.families.names import HYPOTHESES
 from ..shapes.hypotheses import Finished
@@ -50,7 +50,7 @@ LARGEST_SIGMA_M = 0.01
 LEAST_SCORE = 0.88
 """Least score of a body that is taken; see `scoring.judge`."""
 LEAST_MESH = 0.8
-"""Least score of a mesh whose crease is believed where no slabs were fitted: others are slabs for want of better."""
+"""Least score of a mesh whose crease counts where no slabs were fitted; a worse one is two slabs by default."""
 GUESSED_STEPS = 30.0
 """Standard deviation of a parameter of which the view tells nothing, in its finite-difference steps."""
 
@@ -193,13 +193,7 @@ def _walls(p: np.ndarray) -> tuple[np.ndarray, ...]:
     base, lid = panels.slabs(p[:9])
     if len(p) <= 9:
         return base.vertices, lid.vertices
-    outer, inner = _rings(p)
-    level = outer[0] + [0.0, 0.0, inner[1, 0, 2]]
-    pieces = [np.concatenate([outer[0], level])]
-    for k in range(4):
-        pair = [k, (k + 1) % 4]
-        pieces.append(np.concatenate([level[pair], outer[1, pair], inner[0, pair], inner[1, pair]]))
-    return *pieces, lid.vertices
+    return *open_box.between(*_rings(p)), lid.vertices
 
 
 def _doubt(model: Model, evidence: Evidence, p: np.ndarray) -> tuple[float, float]:

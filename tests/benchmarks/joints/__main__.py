@@ -119,7 +119,7 @@ def compared(truth: Joint, body: Body) -> Found | None:
 
 
 def matched(truths: tuple[Joint, ...], body: Body) -> list[Found | None]:
-    """What was found of each true joint, nearest pairs first: a found joint stands for one true joint alone."""
+    """The found joint of each true one, nearest pairs first, each used once."""
     pairs = [(judged(t, f), k, n) for k, t in enumerate(truths) for n, f in enumerate(body.joints)]
     found: dict[int, Found] = {}
     taken: set[int] = set()

@@ -119,8 +119,17 @@ def _rounded(half: np.ndarray, radius: float, z: float) -> np.ndarray:
 
 
 def walls(p: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Corner points (V, 3) of exact convex pieces: the floor, and a slab between two corners of the outline each."""
-    outer, inner = rings(p)
+    """Corner points (V, 3) of exact convex pieces; see `between`."""
+    return between(*rings(p))
+
+
+def between(outer: np.ndarray, inner: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Corner points (V, 3) of convex pieces: the floor, and a slab between two corners of the outline each.
+
+    Args:
+        outer: (2, N, 3) rings of the outside, base and rim.
+        inner: (2, N, 3) rings of the cavity, rim and floor, whose edges are parallel to those of `outer`.
+    """
     part = inner[1, 0, 2] / outer[1, 0, 2]
     level = outer[0] * (1.0 - part) + outer[1] * part
     skin, lining = np.stack([level, outer[1]]), inner
