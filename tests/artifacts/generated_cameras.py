@@ -12,14 +12,15 @@ from scipy.spatial.transform import Rotation
 
 from dextera_build.artifacts.base import File
 from dextera_build.artifacts.calibration import Board, Calibration
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
+from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt, Lens
 from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.panorama import Panorama
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.rig import Rig
+from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.artifacts.stream import Channel, Joints, Stream
 from dextera_build.artifacts.track import Track
 from dextera_build.artifacts.trajectory import Trajectory
@@ -168,6 +169,24 @@ def _joints(draw: Draw) -> dict[str, Any]:
     }
 
 
+def _robot_views(draw: Draw) -> dict[str, Any]:
+    names = draw(st.lists(FRAMES, min_size=1, max_size=3, unique=True))
+    random, count = np.random.default_rng(draw(st.integers(0, 1000))), len(names)
+    camera = Camera(width=4, height=3, fx=7.0, fy=7.5, cx=1.25, cy=1.75)
+    pixels = random.integers(0, 256, (3, 4, 3), dtype=np.uint8)
+    measured = draw(st.none() | st.just(Measured(depth=DepthImage(depth=np.full((3, 4), 0.5, np.float32)))))
+    capture = Capture(photograph=Photograph(rgb=Image(pixels=pixels), camera=camera), measured=measured)
+    joints = Joints(names=("j1", "j2"), stamps=np.arange(float(count)), positions=random.normal(size=(count, 2)))
+    poses = np.hstack([random.normal(size=(count, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))])
+    known = draw(st.sampled_from([{"joints": joints}, {"effectors": poses}, {"joints": joints, "effectors": poses}]))
+    return {
+        "captures": dict.fromkeys(names, capture),
+        "mount": draw(st.sampled_from(["eye_on_base", "eye_in_hand"])),
+        "board": draw(st.none() | st.just(Board(kind="apriltag", square_m=0.048, dictionary="36h11"))),
+        "skew_s": draw(st.none() | st.just(random.uniform(0, 0.02, count))),
+    } | known
+
+
 def _stream(draw: Draw) -> dict[str, Any]:
     channel = Channel(topic=draw(FRAMES), kind="std_msgs/msg/String", encoding="cdr", count=draw(SIZES))
     return {"file": File(data=draw(st.binary(max_size=9))), "channels": (channel,), "start_ns": 1, "end_ns": 2}
@@ -201,6 +220,7 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Rig: _rig,
     Calibration: _calibration,
     Joints: _joints,
+    RobotViews: _robot_views,
     Stream: _stream,
     Video: _video,
     MaskTrack: _mask_track,

@@ -1,0 +1,71 @@
+"""A calibration capture: pictures of a robot at rest in several poses, and how it stood in each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from dextera_build.artifacts.base import Array, Artifact
+from dextera_build.artifacts.calibration import Board
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.stream import Joints
+from dextera_build.errors import ArtifactError
+
+
+class RobotViews(Artifact):
+    """Pictures of a robot at rest in several poses, with its joint positions or its effector's poses in each.
+
+    Rows of all arrays are in the order of `captures`.
+    """
+
+    captures: dict[str, Capture] = Field(min_length=1)
+    """Name of a picture -> the picture, with depth where it was measured."""
+    mount: Literal["eye_on_base", "eye_in_hand"]
+    """As in `Calibration`: a camera beside the robot, or on its hand."""
+    joints: Joints | None = None
+    """Joint positions at the times of the pictures, (K, J); None: only the effector's poses are known."""
+    effectors: Annotated[np.ndarray, Array("K 7", "float64", unit="m", frame="base")] | None = None
+    """T_base_effector as the robot's controller states it: position, and unit quaternion w x y z."""
+    effector_frame: str = "effector"
+    """Part of the robot that `effectors` are poses of: a link or frame of its model."""
+    board: Board | None = None
+    """What is on the effector, or in front of the camera on it; None: nothing."""
+    skew_s: Annotated[np.ndarray, Array("K", "float64", unit="s")] | None = None
+    """Time from each picture to the nearest joint measurement; None: not recorded over time."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.joints is None and self.effectors is None:
+            raise ArtifactError(
+                "RobotViews: neither joint positions nor poses of the effector are known",
+                code="DXB-A527",
+                hint="record `/joint_states`, or write the controller's T_base_ee beside each picture",
+            )
+        count = len(self.captures)
+        rows = {
+            "joints": None if self.joints is None else len(self.joints.positions),
+            "effectors": None if self.effectors is None else len(self.effectors),
+            "skew_s": None if self.skew_s is None else len(self.skew_s),
+        }
+        for name, length in rows.items():
+            if length not in (None, count):
+                raise ArtifactError(
+                    f"RobotViews.{name}: {length} rows for {count} pictures",
+                    code="DXB-A528",
+                    hint="give one row per picture, in the order of the pictures",
+                )
+        return self
+
+    def facts(self) -> Iterator[str]:
+        """Number of pictures, mount, joints, depth and skew."""
+        yield f"{len(self.captures)} pictures"
+        yield self.mount
+        if self.joints is not None:
+            yield f"{len(self.joints.names)} joints"
+        measured = sum(each.measured is not None for each in self.captures.values())
+        yield f"depth on {measured}" if measured else "no depth"
+        if self.skew_s is not None:
+            yield f"skew up to {1000 * float(self.skew_s.max()):.0f} ms"
