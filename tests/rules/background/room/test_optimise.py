@@ -88,7 +88,7 @@ def test_gsplat_is_refused_without_a_gpu(tmp_path: Path, views: Views) -> None:
     assert caught.value.code == "DXB-E301"
 
 
-def small() -> Trained:
+def small(device: str) -> Trained:
     draw = np.random.default_rng(1)
     turns = draw.normal(size=(30, 4))
     given = Gaussians(
@@ -98,19 +98,30 @@ def small() -> Trained:
         draw.uniform(0.2, 0.95, 30),
         0.4 * draw.normal(size=(30, 4, 3)),
     )
-    return opened(given, "cpu", 1)
+    return opened(given, device, 1)
 
 
 def test_gsplat_is_asked_in_its_own_conventions(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "gsplat", tiny_gsplat)
-    given = small()
+    check_renders_and_fits("cpu")
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="gsplat needs a GPU with CUDA")
+def test_gsplat_renders_as_the_dense_renderer() -> None:
+    pytest.importorskip("gsplat", reason="gsplat is not installed: extra `gsplat`")
+    check_renders_and_fits("cuda")
+
+
+def check_renders_and_fits(device: str) -> None:
+    given = small(device)
     eye = Camera(K, cameras.look_at(np.array([0.2, -1.0, 0.5]), np.zeros(3)), (24, 32))
-    wanted = dense_splats.render(*(each.double() for each in given), k=K, pose=eye.world_from_camera, size=eye.size)
+    parts = (each.cpu().double() for each in given)
+    wanted = dense_splats.render(*parts, k=K, pose=eye.world_from_camera, size=eye.size)
     made = compose_gsplat.rendered(given, eye)
     assert made[0].shape == (24, 32, 3)
     for found, reference in zip(made, wanted, strict=True):
-        assert np.allclose(found.flatten(), reference.flatten(), atol=1e-5)
-    target = Target(eye, torch.tensor(0.5).expand(24, 32, 3), None)
+        assert np.allclose(found.cpu().flatten(), reference.flatten(), atol=1e-5)
+    target = Target(eye, torch.tensor(0.5, device=device).expand(24, 32, 3), None)
     fitted = fit(given, [target], compose_gsplat.rendered, Settings(20, pixel_m=0.02, mean_step=0.05, anchor=0.0))
     near, far = ((compose_gsplat.rendered(each, eye)[0] - 0.5).abs().mean() for each in (fitted, given))
     assert near < 0.95 * far
