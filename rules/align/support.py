@@ -46,7 +46,7 @@ class SupportOptions(Options):
     """Extent of a support that was not measured, in heights of the camera above it."""
 
 
-@rule(version=4)
+@rule(version=5)
 def support(
     ctx: Context,
     photograph: Photograph,

@@ -14,8 +14,9 @@ SAMPLES = 8000
 GATE = 3.0
 LEVEL_M = 0.008
 """Maximum mean distance of a surface cell from the plane [m]."""
-CLEARLY = 0.1
-"""A picture is turned if an upright camera would see less than this part of what a turned one sees."""
+CLEARLY = 0.25
+"""A picture is turned if what an upright camera would see weighs less than this part of what a turned one sees. Of 21
+real photographs, turned by quarters, the true side had at least 20 times the weight of any other."""
 
 
 @dataclass(frozen=True)
@@ -112,11 +113,14 @@ def quarter_turns(found: list[Surface], smallest_m2: float) -> int:
     """Counter-clockwise quarter turns after which the picture shows a support as an upright camera does.
 
     A wall beside a table cannot be told from a table that a turned camera shows, so the picture counts as upright
-    unless it shows ten times more of a support if turned.
+    unless a turned one shows a support that weighs four times more: the larger in the picture and the nearer, the more,
+    since walls and floors are farther from the camera than the table that it was pointed at.
     """
-    best = [choose(found, smallest_m2, turns) for turns in range(4)]
-    scores = [0.0 if surface is None else _score(surface, turns) for turns, surface in enumerate(best)]
-    return int(np.argmax(scores)) if scores[0] < CLEARLY * max(scores) else 0
+    weights = []
+    for turns in range(4):
+        surface = choose(found, smallest_m2, turns)
+        weights.append(0.0 if surface is None else _score(surface, turns) / surface.plane[1] ** 2)
+    return int(np.argmax(weights)) if weights[0] < CLEARLY * max(weights) else 0
 
 
 def carries(surface: Surface, points: np.ndarray, valid: np.ndarray) -> bool:

@@ -16,7 +16,8 @@ Dxb = Callable[..., Answer]
 
 @pytest.fixture(scope="module")
 def project(tmp_path_factory: pytest.TempPathFactory) -> Space:
-    made = Space(tmp_path_factory.mktemp("project"))
+    # In a folder of its own: tests read all that is beside it.
+    made = Space(tmp_path_factory.mktemp("hostile") / "project")
     made.write("dxb.toml", 'cache = "cache"\n')
     for name, text in RULES.items():
         made.write(f"rules/{name}", text.lstrip())
