@@ -9,14 +9,17 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
 from dextera_build.artifacts.identity import parse
 
+if TYPE_CHECKING:
+    from dextera_build.artifacts.motion import Motion
+
 Get = Callable[[str], bytes]
-Kind: TypeAlias = Literal["array", "number", "bytes", "value", "added", "removed", "type"]
+Kind: TypeAlias = Literal["array", "number", "pose", "bytes", "value", "added", "removed", "type"]
 _WIDE = 60
 
 
@@ -34,6 +37,8 @@ class Difference:
     changed: int = 0
     """How many numbers differ."""
     total: int = 0
+    motion: Motion | None = None
+    """Of two poses."""
 
     @property
     def field(self) -> str:
@@ -42,6 +47,8 @@ class Difference:
 
     def __str__(self) -> str:
         """The change in one line."""
+        if self.motion is not None:
+            return str(self.motion)
         if self.largest is None:
             return {"added": self.new, "removed": self.old}.get(self.kind, f"{self.old} -> {self.new}")
         if self.kind == "number":
@@ -57,6 +64,10 @@ def differences(old: str, new: str, get: Get) -> list[Difference]:
         path, before, after = stack.pop()
         if before == after and _spelled(before) == _spelled(after):
             continue
+        motion = _motion(before, after, get)
+        if motion is not None:
+            found.append(Difference(path, "pose", "", "", motion.distance_m, 1, 1, motion))
+            continue
         inner = _inside(path, before, after, get)
         if inner is None:
             found.append(_differ(path, before, after, get))
@@ -65,6 +76,20 @@ def differences(old: str, new: str, get: Get) -> list[Difference]:
     return [difference for difference in found if difference.changed or difference.largest is None]
 
 
+def _motion(old: Any, new: Any, get: Get) -> Motion | None:
+    """The motion between two poses of the same frames, if their matrices differ."""
+    if not _tag(old) == _tag(new) == "$ref":
+        return None
+    kinds = [parse(json.loads(get(side["$ref"]))["artifact"])[0] for side in (old, new)]
+    if kinds[0] != kinds[1] or kinds[0] not in _POSES:
+        return None
+    from dextera_build.artifacts import motion
+
+    found = motion.between(*(motion.KINDS[kinds[0]].decode(side["$ref"], get) for side in (old, new)))
+    return found if found is not None and (found.distance_m or found.angle_deg) else None
+
+
+_POSES = ("Pose", "Similarity")
 _GONE = object()
 _Triples: TypeAlias = list[tuple[str, Any, Any]]
 

@@ -43,10 +43,11 @@ class Row:
 
     def to_json(self) -> dict[str, Any]:
         """As plain data."""
-        found = {"kind": self.kind, "name": self.name, "change": self.change}
+        found: dict[str, Any] = {"kind": self.kind, "name": self.name, "change": self.change}
         if self.output is None or self.output.largest is None:
             return found
-        return found | {"largest": self.output.largest, "changed": self.output.changed, "total": self.output.total}
+        found |= {"largest": self.output.largest, "changed": self.output.changed, "total": self.output.total}
+        return found if self.output.motion is None else found | {"motion": self.output.motion.to_json()}
 
 
 def rows(store: Store, old: Side, new: Side) -> list[Row]:

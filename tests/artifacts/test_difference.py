@@ -14,7 +14,9 @@ from hypothesis.extra import numpy as arrays
 from dextera_build import digest
 from dextera_build.artifacts.base import Array, Artifact, Collection, File, Value
 from dextera_build.artifacts.difference import by_field, differences
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.table import Column, Table
+from dextera_build.geometry import transforms
 
 
 class Inner(Value):
@@ -143,3 +145,29 @@ def test_a_table_is_compared_row_by_row(compare):
 def test_rows_of_one_name_are_compared_by_their_place(compare):
     found = compare(table(("mug", 1.0), ("mug", 2.0)), table(("mug", 1.0), ("mug", 3.0)))
     assert [d.path for d in found] == ["rows[1].height"]
+
+
+def test_a_pose_that_moved_is_told_by_distance_and_angle_with_their_intervals(compare):
+    turn = np.radians(1.0)
+    moved = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    spread = np.diag([1e-6, 4e-6, 9e-6, 1e-8, 1e-8, 4e-8])
+    old = Pose(parent="base", child="camera", matrix=np.eye(4), covariance=spread)
+    new = old.model_copy(update={"matrix": transforms.rigid(moved, np.array([0.02, 0.0, 0.0]))})
+    (found,) = compare(old, new)
+    assert (found.kind, found.path, found.largest) == ("pose", "", pytest.approx(0.02))
+    motion = found.motion
+    assert motion.frames == "T_base_camera"
+    assert motion.angle_deg == pytest.approx(1.0)
+    # Both values vary by 1 mm along x and by 2e-4 rad about z.
+    assert motion.distance_interval_m == pytest.approx((0.02 - 1.96 * 2**0.5 * 1e-3, 0.02 + 1.96 * 2**0.5 * 1e-3))
+    assert np.subtract(*motion.angle_interval_deg[::-1]) == pytest.approx(2 * 1.96 * 2**0.5 * np.degrees(2e-4))
+    assert str(found) == "T_base_camera moved by 20 mm [17.2, 22.8] and 1 deg [0.968, 1.03]"
+
+
+def test_poses_that_did_not_move_or_changed_their_frames_are_compared_field_by_field(compare):
+    still = Pose(parent="base", child="camera", matrix=np.eye(4), stamp=1.0)
+    assert [each.path for each in compare(still, still.model_copy(update={"stamp": 2.0}))] == ["stamp"]
+    assert [each.path for each in compare(still, still.model_copy(update={"parent": "world"}))] == ["parent"]
+    far = transforms.rigid(np.eye(3), np.array([0.0, 0.0, 0.5]))
+    (found,) = compare(still, still.model_copy(update={"matrix": far}))
+    assert str(found) == "T_base_camera moved by 500 mm and 0 deg"

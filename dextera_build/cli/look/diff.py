@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from itertools import islice
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from dextera_build.cli import options, table
@@ -40,6 +41,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "key or an output; a single recipe or node: its last two runs",
     )
     parser.add_argument("new", metavar="B", nargs="?", help="the other operand")
+    parser.add_argument(
+        "--picture",
+        metavar="FILE.svg",
+        type=Path,
+        help="draw by how much poses moved, with their 95 %% intervals, into this file",
+    )
     options.project_arguments(parser)
     options.json_argument(parser)
 
@@ -50,25 +57,27 @@ def run(args: argparse.Namespace) -> int:
     store = reading(project)
     old, new = _pair(project, store, args.old, args.new)
     if isinstance(old, Side) and isinstance(new, Side):
-        return _print({"": compare.rows(store, old, new)}, (old.name, new.name), as_json=args.json)
+        return _print({"": compare.rows(store, old, new)}, (old.name, new.name), args)
     if isinstance(old, Side) or isinstance(new, Side):
         raise UsageError(
             "a run cannot be compared with a result",
             code="DXB-U164",
             hint="name two runs, or two results: `dxb diff 0141:NODE 0142:NODE`",
         )
-    return _print(compare.run_rows(store, old[1], new[1]), (old[0], new[0]), as_json=args.json)
+    return _print(compare.run_rows(store, old[1], new[1]), (old[0], new[0]), args)
 
 
-def _print(found: Mapping[str, Sequence[Row]], names: tuple[str, str], *, as_json: bool) -> int:
+def _print(found: Mapping[str, Sequence[Row]], names: tuple[str, str], args: argparse.Namespace) -> int:
+    if args.picture is not None:
+        _draw(found, names, args.picture)
     plain = [{"node": node, "rows": [row.to_json() for row in rows]} for node, rows in found.items() if rows]
     cells = [
         ({"node": node} if node else {}) | {"kind": row.kind, "name": row.name, "change": row.change}
         for node, rows in found.items()
         for row in rows[:_MOST]
     ]
-    table.give({"old": names[0], "new": names[1], "differences": plain}, as_json=as_json, cells=cells)
-    if as_json:
+    table.give({"old": names[0], "new": names[1], "differences": plain}, as_json=args.json, cells=cells)
+    if args.json:
         return 0
     for node, rows in found.items():
         if len(rows) > _MOST:
@@ -76,6 +85,22 @@ def _print(found: Mapping[str, Sequence[Row]], names: tuple[str, str], *, as_jso
     if not any(found.values()):
         print(f"{names[0]} and {names[1]} are equal", file=sys.stderr)
     return 0
+
+
+def _draw(found: Mapping[str, Sequence[Row]], names: tuple[str, str], path: Path) -> None:
+    from dextera_build.report import moves
+
+    moved = {
+        " ".join(part for part in (node, row.name if row.name != "type" else "") if part): row.output.motion
+        for node, rows in found.items()
+        for row in rows
+        if row.output is not None and row.output.motion is not None
+    }
+    if not moved:
+        print(f"no pose differs between {names[0]} and {names[1]}: {path} is not written", file=sys.stderr)
+        return
+    path.write_text(moves.svg(f"Poses that moved from {names[0]} to {names[1]}", moved) + "\n")
+    print(f"{path}: {len(moved)} poses", file=sys.stderr)
 
 
 def _pair(project: Project, store: Store, old: str, new: str | None) -> tuple[Side | _Run, Side | _Run]:
