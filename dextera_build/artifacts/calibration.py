@@ -35,9 +35,10 @@ class Board(Value):
     rows: PositiveInt = 1
     """The same along y."""
     square_m: PositiveFloat
-    """Side of a square, or of a marker where there are no squares [m]."""
+    """Side of a square; of a marker where there is only one; of a marker and one gap in a grid of markers [m]."""
     marker_m: float = 0.0
-    """Side of a ChArUco board's markers [m]."""
+    """Side of the markers in the squares of a ChArUco board; for a grid of markers, where `square_m` is a marker with the
+    gap beside it [m]. 0: a single marker of side `square_m`."""
     dictionary: str = ""
     """Family of the markers: `DICT_5X5_100`, `36h11`."""
 
