@@ -37,8 +37,8 @@ class Board(Value):
     square_m: PositiveFloat
     """Side of a square; of a marker where there is only one; of a marker and one gap in a grid of markers [m]."""
     marker_m: float = 0.0
-    """Side of the markers in the squares of a ChArUco board; for a grid of markers, where `square_m` is a marker with the
-    gap beside it [m]. 0: a single marker of side `square_m`."""
+    """Side of the markers of a ChArUco board, or of a grid, whose `square_m` is a marker with a gap [m]; 0 for a single
+    marker, whose side is `square_m`."""
     dictionary: str = ""
     """Family of the markers: `DICT_5X5_100`, `36h11`."""
 
