@@ -150,12 +150,12 @@ def _depth(
     source = f"the unit of `{name}`"
     if name.endswith(".npy"):
         depth = metres(ctx, data, name)
-        _check_depth(ctx, depth, name, options)
+        check_depth(ctx, depth, name, options)
     else:
         scale, bits = depth_scale(ctx, facts), bits_of(ctx, data, name)
         values = counts(ctx, data, name)
         depth = np.where(values == SATURATED, 0.0, values * scale).astype(np.float32)
-        _check_depth(ctx, depth, name, options, bits)
+        check_depth(ctx, depth, name, options, bits)
         if doubted:
             doubts.of_steps(ctx, values, scale, name, bits)
         source = f"`depth_scale_m` {scale:g}"
@@ -166,7 +166,10 @@ def _depth(
     return depth
 
 
-def _check_depth(ctx: Context, depth: np.ndarray, name: str, options: DepthOptions, bits: int = 16) -> None:
+def check_depth(
+    ctx: Context, depth: np.ndarray, name: str, options: DepthOptions, bits: int = 16, *, stream: bool = False
+) -> None:
+    """Refuse depth (H, W) [m] of a file, or of a recording's topic, that is no depth or in another unit."""
     bad = int((~np.isfinite(depth)).sum())
     if bad:
         ctx.fail(
@@ -192,7 +195,7 @@ def _check_depth(ctx: Context, depth: np.ndarray, name: str, options: DepthOptio
             median=f"{middle:.4g} m",
             believed=f"{options.nearest_m:g} to {options.farthest_m:g} m",
             **({"bits": "8, which hold 255 depths at most"} if bits == 8 else {}),
-            hint=_unit_hint(name, bits),
+            hint="a 16 bit count is a millimetre; metres are 32 bit" if stream else _unit_hint(name, bits),
         )
 
 

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from pathlib import PurePosixPath
 
-import numpy as np
-
 from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.errors import listing
-from dextera_build.geometry import poses, transforms
 from dextera_build.rule import Context, rule
 
 from ..facts import NAME, read
 from ..taken import DepthOptions, Lenses, take
-from . import stood, target
-
-STILL_M, STILL_RAD = 1e-3, 2e-3
-"""Poses of an effector that has not moved."""
+from . import agreement, moved, stood, target
+from .moved import doubt_poses
+from .seen import doubt_pictures
 
 
 class RobotViewsOptions(DepthOptions):
@@ -27,14 +24,19 @@ class RobotViewsOptions(DepthOptions):
     """Link or frame of the robot's model that `T_base_ee` is the pose of; empty: as `effector_frame` in the file."""
 
 
-@rule(version=1, packages=("numpy", "pillow"))
-def robot_views(ctx: Context, folder: Folder, *, options: RobotViewsOptions) -> RobotViews:
+@rule(version=1, packages=("mujoco", "numpy", "pillow"))
+def robot_views(
+    ctx: Context, folder: Folder, robot: RobotModel | None = None, *, options: RobotViewsOptions
+) -> RobotViews:
     """Return the pictures that `views` in `capture.json` names, with the robot's poses and joint positions.
 
     `capture.json` contains the intrinsics and `depth_scale_m` as for `capture.folder`; `setup`, `eye-to-hand` or
     `eye-in-hand`; `target`, the board; and `views`, each with `rgb`, `depth` if there is some, and `T_base_ee`
     (`t_m` [m] with `rotvec_rad` or `quat_wxyz`), or `joints` (name -> position [rad, m]), or both. `stamp_s` and
     `skew_s` [s] are optional. The pictures of one folder are of one camera.
+
+    Joint positions are put in the order of `robot` and checked against it: names, limits, and the poses, if both are
+    given.
     """
     if NAME not in folder.files:
         ctx.fail(f"`{NAME}` is missing in the capture", here=listing(folder.files), hint="`dxb new capture` writes one")
@@ -43,7 +45,14 @@ def robot_views(ctx: Context, folder: Folder, *, options: RobotViewsOptions) -> 
     board = target.board_of(ctx, facts, mount)
     views = stood.views_of(ctx, facts, folder)
     effectors, joints = stood.effectors_of(ctx, views), stood.joints_of(ctx, views)
-    _doubt_poses(ctx, effectors, None if joints is None else joints.positions)
+    if robot is not None and joints is not None:
+        joints = agreement.in_model_order(ctx, joints, robot, {})
+    frame = options.effector_frame or str(facts.get("effector_frame") or "effector")
+    if robot is not None and joints is not None and effectors is not None:
+        moved.check_poses(ctx, robot, joints, effectors, frame)
+    doubt_poses(
+        ctx, effectors, None if joints is None else joints.positions, [f"views[{n}]" for n in range(len(views))]
+    )
     lenses, captures, doubted = Lenses(ctx, folder, facts), {}, True
     for number, view in enumerate(views):
         names = (view.picture, view.depth)
@@ -56,12 +65,13 @@ def robot_views(ctx: Context, folder: Folder, *, options: RobotViewsOptions) -> 
             pictures=listing(view.picture for view in views),
             hint="give them different names",
         )
+    doubt_pictures(ctx, {name: each.photograph.rgb.pixels for name, each in captures.items()})
     found = RobotViews(
         captures=captures,
         mount=mount,
         joints=joints,
         effectors=effectors,
-        effector_frame=options.effector_frame or str(facts.get("effector_frame") or "effector"),
+        effector_frame=frame,
         board=board,
         skew_s=stood.skews_of(ctx, views),
     )
@@ -73,25 +83,3 @@ def robot_views(ctx: Context, folder: Folder, *, options: RobotViewsOptions) -> 
 def _label(path: str) -> str:
     """`rgb_1` of `pictures/rgb_1.png`."""
     return PurePosixPath(path).stem
-
-
-def _doubt_poses(ctx: Context, effectors: np.ndarray | None, joints: np.ndarray | None) -> None:
-    """Warn of captures that determine nothing: one pose, or a robot that did not move."""
-    rows = effectors if effectors is not None else joints
-    assert rows is not None
-    if len(rows) == 1:
-        ctx.warn("there is one pose only: a hand-eye calibration needs at least 3, turned about different axes")
-        return
-    same = [number for number in range(1, len(rows)) if _same(rows[number - 1], rows[number], effectors is not None)]
-    if same:
-        ctx.warn(
-            f"the robot stands as in the view before in {listing(f'views[{number}]' for number in same)}: was its pose "
-            "recorded anew for each picture?"
-        )
-
-
-def _same(before: np.ndarray, now: np.ndarray, placed: bool) -> bool:
-    if not placed:
-        return bool(np.abs(now - before).max() < STILL_M)
-    moved = transforms.invert(poses.to_matrix(before)) @ poses.to_matrix(now)
-    return bool(np.linalg.norm(moved[:3, 3]) < STILL_M and transforms.angle(moved[:3, :3]) < STILL_RAD)

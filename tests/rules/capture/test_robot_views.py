@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from dextera_build.artifacts.base import Folder
@@ -211,3 +212,42 @@ def test_real_captures_are_read(runner, name, mount, kind):
     assert (len(found.captures), found.mount, found.board.kind) == (8, mount, kind)
     np.testing.assert_allclose(np.linalg.norm(found.effectors[:, 3:], axis=1), 1.0)
     assert not runner.outcome.warnings
+
+
+def textured(number: int) -> np.ndarray:
+    random = np.random.default_rng(number)
+    board = np.kron(random.integers(0, 2, (12, 16)), np.ones((4, 4))) * 170 + 40
+    return np.repeat((board + random.normal(0, 2, board.shape)).astype(np.uint8)[..., None], 3, axis=2)
+
+
+def pictured(**changed: np.ndarray) -> Folder:
+    """Three sharp pictures, some of them replaced."""
+    pictures = {f"rgb_{n}": textured(n) for n in range(3)} | changed
+    return folder(facts(), **{f"{name}__png": png(pixels) for name, pixels in pictures.items()})
+
+
+def test_blurred_and_dark_pictures_are_flagged(runner):
+    runner.run("capture.robot_views", folder=pictured())
+    assert not runner.outcome.warnings
+    swept = np.stack([ndimage.uniform_filter1d(textured(1)[..., n].astype(float), 9, axis=1) for n in range(3)], axis=2)
+    runner.run("capture.robot_views", folder=pictured(rgb_1=swept.astype(np.uint8)))
+    (warning,) = runner.outcome.warnings
+    assert "blurred" in warning
+    assert "rgb_1 (" in warning
+    runner.run("capture.robot_views", folder=pictured(rgb_2=(textured(2) * 0.15).astype(np.uint8)))
+    (warning,) = runner.outcome.warnings
+    assert warning.startswith("rgb_2: too dark")
+
+
+@pytest.mark.parametrize("name", ["franka_eye_to_hand", "franka_eye_in_hand"])
+def test_a_blurred_picture_of_a_real_capture_is_flagged(runner, name):
+    if not (REAL / name).is_dir():
+        pytest.skip(f"needs shared/captures/{name}")
+    cv2 = pytest.importorskip("cv2")
+    files = {path.name: path.read_bytes() for path in (REAL / name).iterdir()}
+    pixels = cv2.imdecode(np.frombuffer(files["rgb_3.png"], np.uint8), cv2.IMREAD_COLOR)
+    files["rgb_3.png"] = cv2.imencode(".png", cv2.GaussianBlur(pixels, (0, 0), 2.0))[1].tobytes()
+    runner.run("capture.robot_views", folder=Folder(files=files))
+    (warning,) = runner.outcome.warnings
+    assert "rgb_3 (" in warning
+    assert warning.count("rgb_") == 1
