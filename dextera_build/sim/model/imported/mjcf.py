@@ -40,10 +40,6 @@ def read(path: str, files: Mapping[str, bytes], folder: Path, whole: bool = Fals
     found = Source(spec)
     _name_all(spec)
     _take_files(spec, path, files)
-    try:
-        model = spec.compile()
-    except ValueError as error:
-        raise wrong(f"`{path}` does not compile", MuJoCo=str(error).strip()) from None
     for joint in spec.joints:
         if joint.type not in _MOVING:
             kind = "free" if joint.type == mujoco.mjtJoint.mjJNT_FREE else "a ball"
@@ -51,6 +47,10 @@ def read(path: str, files: Mapping[str, bytes], folder: Path, whole: bool = Fals
                 f"joint `{joint.name}` of body `{joint.parent.name}` is {kind}",
                 hint="name a body below it as `root`" if kind == "free" else "a robot has hinges and slides",
             )
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise wrong(f"`{path}` does not compile", MuJoCo=str(error).strip()) from None
     _state_inertias(spec, model)
     _read_drives(spec, model, found)
     _read_couplings(spec, found)

@@ -87,7 +87,22 @@ class _Reader:
                 self._add_joint(below, joint, element)
                 waiting.append((below, child))
         self._check_mimics()
+        self._check_masses(children)
         return self._found
+
+    def _check_masses(self, children: Mapping[str, list[tuple[str, str]]]) -> None:
+        """Refuse links that move but weigh nothing, also with all that is fixed to them."""
+        for name, joint in self._joints.items():
+            if joint.get("type") == "fixed":
+                continue
+            links = [child for group in children.values() for each, child in group if each == name]
+            for link in links:
+                links += [child for each, child in children[link] if self._joints[each].get("type") == "fixed"]
+            if not any(self._spec.body(link).mass > 0 for link in links):
+                raise wrong(
+                    f"link `{links[0]}` moves by joint `{name}`, but has no mass",
+                    hint="add <inertial> with mass and inertia to the link",
+                )
 
     def _tree(self) -> dict[str, list[tuple[str, str]]]:
         """Link -> its joints and their children; refused if it is no tree."""
