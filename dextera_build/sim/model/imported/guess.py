@@ -15,12 +15,14 @@ _FINGERS = {
     "middle": r"middle|(^|_)mf(_|$)",
     "ring": r"ring|(^|_)rf(_|$)",
     "little": r"little|pinky|(^|_)lf(_|$)",
-    "left": r"left|inner",
-    "right": r"right|outer",
+    "inner": r"inner",
+    "outer": r"outer",
+    "left": r"left",
+    "right": r"right",
 }
 """Finger -> names of its links."""
-FEWEST = 3
-"""Joints of a chain that is an arm."""
+FEWEST = 5
+"""Joints of a chain that is an arm; fingers have up to four."""
 
 
 @dataclass
@@ -45,6 +47,9 @@ def roles(source: Source, root: str) -> Guess:
     for number, arm in enumerate(long):
         side = next((side for side in ("left", "right") if side in arm.name.lower()), str(number + 1))
         _arm(arm, root, f"{side}_", found)
+    # Tasks for one hand ask for frames without a side.
+    last = "right_" if any(role.startswith("right_") for role in found.frames) else f"{len(long)}_"
+    found.frames |= {role.removeprefix(last): link for role, link in found.frames.items() if role.startswith(last)}
     return found
 
 
@@ -60,9 +65,11 @@ def _arm(top: Any, root: str, side: str, found: Guess) -> None:
         found.frames[f"{side}flange"] = _flange(top) or _named(palm.parent, root)
     for number, finger in enumerate(_branches(palm)):
         tip = _last(finger)
-        name = next((name for name, form in _FINGERS.items() if re.search(form, tip.name, re.IGNORECASE)), "")
-        role = f"tip_{side}{name or number + 1}"
-        found.frames[role if role not in found.frames else f"tip_{side}{number + 1}"] = _named(tip, root)
+        # In `openarm_left_ee_outer_finger`, `left` is the arm.
+        own = re.sub(side.rstrip("_"), "", tip.name, flags=re.IGNORECASE) if side else tip.name
+        name = next((name for name, form in _FINGERS.items() if re.search(form, own, re.IGNORECASE)), "")
+        role = f"{side}tip_{name or number + 1}"
+        found.frames[role if role not in found.frames else f"{side}tip_{number + 1}"] = _named(tip, root)
 
 
 def _named(body: Any, root: str) -> str:
