@@ -20,10 +20,19 @@ SHARE = 0.02
 DEGREE = float(np.pi / 180)
 
 
-def in_model_order(ctx: Context, joints: Joints, robot: RobotModel, names: Mapping[str, str]) -> Joints:
-    """The columns of the robot's joints in its order; `names`: recorded -> model's name.
+def in_model_order(
+    ctx: Context, joints: Joints, robot: RobotModel, names: Mapping[str, str], *, timed: bool = True
+) -> Joints:
+    """The columns of the robot's joints in its order.
 
     All joints of the arm must be there; of the hand all or none.
+
+    Args:
+        ctx: Context for errors and warnings.
+        joints: As recorded.
+        robot: The model.
+        names: Recorded name -> the model's.
+        timed: Whether the stamps follow a motion, so that speeds mean something.
     """
     unknown = [name for name in names if name not in joints.names]
     if unknown:
@@ -47,7 +56,7 @@ def in_model_order(ctx: Context, joints: Joints, robot: RobotModel, names: Mappi
         positions=np.ascontiguousarray(joints.positions[:, columns]),
         velocities=None if joints.velocities is None else np.ascontiguousarray(joints.velocities[:, columns]),
     )
-    _check_values(ctx, found, wanted)
+    _check_values(ctx, found, wanted, timed)
     return found
 
 
@@ -76,14 +85,15 @@ class _Outside(NamedTuple):
         return bool((self.shares > SHARE).any())
 
 
-def _check_values(ctx: Context, joints: Joints, wanted: Sequence[RobotJoint]) -> None:
+def _check_values(ctx: Context, joints: Joints, wanted: Sequence[RobotJoint], timed: bool) -> None:
     """Refuse positions that the robot cannot have, with what explains them."""
     positions = joints.positions
     if not np.isfinite(positions).all():
         row, column = np.argwhere(~np.isfinite(positions))[0]
         ctx.fail(f"the position of `{joints.names[column]}` is not a number at {joints.stamps[row]:.3f} s")
     lower, upper = (np.array([getattr(joint, side) for joint in wanted]) for side in ("lower", "upper"))
-    outside, fast = _outside(positions, lower, upper), _too_fast(joints, wanted)
+    outside = _outside(positions, lower, upper)
+    fast = _too_fast(joints, wanted) if timed else None
     if not outside and fast is None:
         return
     facts: dict[str, object] = {}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import PurePosixPath
 
+from pydantic import Field
+
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.robot_views import RobotViews
@@ -22,6 +24,8 @@ class RobotViewsOptions(DepthOptions):
 
     effector_frame: str = ""
     """Link or frame of the robot's model that `T_base_ee` is the pose of; empty: as `effector_frame` in the file."""
+    names: dict[str, str] = Field(default_factory=dict)
+    """Joint as in the file -> joint of `robot`, where the names differ."""
 
 
 @rule(version=1, packages=("mujoco", "numpy", "pillow"))
@@ -46,7 +50,7 @@ def robot_views(
     views = stood.views_of(ctx, facts, folder)
     effectors, joints = stood.effectors_of(ctx, views), stood.joints_of(ctx, views)
     if robot is not None and joints is not None:
-        joints = agreement.in_model_order(ctx, joints, robot, {})
+        joints = agreement.in_model_order(ctx, joints, robot, options.names, timed=False)
     frame = options.effector_frame or str(facts.get("effector_frame") or "effector")
     if robot is not None and joints is not None and effectors is not None:
         moved.check_poses(ctx, robot, joints, effectors, frame)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +12,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from dextera_build.artifacts.base import File
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.image import png
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.ros import messages
 from dextera_build.artifacts.ros.recording import Recording, packed
@@ -20,6 +23,7 @@ from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from rules.capture.robot.moved import places
 from tests.rules.capture.bags import Bag
+from tests.rules.simulate.robot_files import arm
 
 START = 1.7e9
 CAMERA = Camera(width=96, height=72, fx=90.0, fy=90.0, cx=47.5, cy=35.5)
@@ -351,3 +355,70 @@ def test_depth_of_another_camera_is_refused(tmp_path):
     stream = runner.run("capture.bag", file=File.of(bag.write()))
     with pytest.raises(RuleError, match="is not registered to the pictures"):
         runner.run("capture.recorded_views", stream=stream, options={"depth": depth, "clock_offset_s": OFFSET})
+
+
+def folder_of(robot: RobotModel, positions: np.ndarray, names: tuple[str, ...] = NAMES, **pose: object) -> Folder:
+    """A capture folder with joints, and the poses that the true postures give."""
+    views = []
+    for number, (row, place) in enumerate(zip(positions, poses_of(robot, states_at(POSTURES)), strict=True)):
+        effector = {"t_m": place[:3].tolist(), "quat_wxyz": place[3:].tolist()}
+        view = {
+            "rgb": f"rgb_{number}.png",
+            "T_base_ee": effector,
+            "joints": dict(zip(names, row.tolist(), strict=True)),
+        }
+        views.append(view)
+    facts = {**CAMERA.model_dump(), "setup": "eye-to-hand", "effector_frame": "flange", "views": views, **pose}
+    random = np.random.default_rng(3)
+    pictures = {f"rgb_{n}.png": png(picture(row, random)) for n, row in enumerate(POSTURES)}
+    return Folder(files={"capture.json": json.dumps(facts).encode(), **pictures})
+
+
+def states_at(positions: np.ndarray) -> Joints:
+    return Joints(names=NAMES, stamps=np.arange(float(len(positions))), positions=positions)
+
+
+@pytest.mark.parametrize(
+    ("change", "names", "says"),
+    [
+        (lambda rows: rows, NAMES, ""),
+        (lambda rows: rows[:, ::-1], NAMES[::-1], ""),
+        (np.degrees, NAMES, "they fit as degrees"),
+        (lambda rows: rows[:, [1, 0, 2]], NAMES, "another order"),
+        (lambda rows: rows * [1, 1, -1], NAMES, "not those of this robot"),
+        (lambda rows: rows * [-1, 1, 1], NAMES, "sign of `a` changed"),
+        (lambda rows: rows, ("a", "b", "d"), "lack 1 joints of the robot, `c` first"),
+    ],
+)
+def test_joints_of_a_folder_are_checked_against_the_robot(robot, tmp_path, change, names, says):
+    runner, folder = RuleRunner(tmp_path), folder_of(robot, change(POSTURES), names)
+    if not says:
+        found = runner.run("capture.robot_views", folder=folder, robot=robot)
+        assert found.joints.names == NAMES
+        np.testing.assert_allclose(found.joints.positions, POSTURES)
+        return
+    with pytest.raises(RuleError, match=re.escape(says)):
+        runner.run("capture.robot_views", folder=folder, robot=robot)
+
+
+def test_states_of_another_moment_do_not_give_the_poses(robot, tmp_path):
+    """Joints and poses of a folder that were not read at the same time."""
+    with pytest.raises(RuleError, match="do not give the recorded poses"):
+        RuleRunner(tmp_path).run(
+            "capture.robot_views", folder=folder_of(robot, np.roll(POSTURES, 1, axis=0)), robot=robot
+        )
+
+
+def test_millimetres_of_a_sliding_joint_are_refused(tmp_path):
+    parts = [{"file": "arm_description/urdf/arm.urdf"}]
+    model = RuleRunner(tmp_path / "robot").run("simulate.imported_robot", files=arm(), options={"parts": parts})
+    names = tuple(joint.name for joint in model.joints)
+    rows = np.array([[0.1, 0.2, 0.01], [0.4, 0.9, 0.02], [-0.5, 1.2, 0.035]]) * [1, 1, 1000]
+    views = [
+        {"rgb": f"rgb_{n}.png", "joints": dict(zip(names, row.tolist(), strict=True))} for n, row in enumerate(rows)
+    ]
+    facts = {**CAMERA.model_dump(), "setup": "eye-to-hand", "views": views}
+    pictures = {f"rgb_{n}.png": png(picture(POSTURES[n], np.random.default_rng(0))) for n in range(3)}
+    folder = Folder(files={"capture.json": json.dumps(facts).encode(), **pictures})
+    with pytest.raises(RuleError, match="grip would fit as millimetres"):
+        RuleRunner(tmp_path).run("capture.robot_views", folder=folder, robot=model)
