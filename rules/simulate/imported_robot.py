@@ -142,7 +142,8 @@ def _tell(
         pairs = listing(f"{one} and {other}" for one, other in touching)
         ctx.warn(f"these links touch at home, so they never do: {pairs}")
     hand = sum(joint.group == "hand" for joint in model.joints)
-    more = [f"{len(model.followers)} followers"] if model.followers else []
+    count = len(model.followers)
+    more = [f"{count} follower{'s' if count > 1 else ''}"] if count else []
     more += [f"{len(fixed)} fixed"] if fixed else []
     counts = ", ".join([f"{len(model.joints)} joints ({hand} of the hand)", *more, f"{len(model.links)} links"])
     ctx.say(f"{counts}, {mass:.1f} kg")
