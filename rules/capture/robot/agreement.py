@@ -17,6 +17,8 @@ SLACK = 0.03
 """By how much measurements may exceed a limit [rad or m]."""
 SHARE = 0.02
 """Part of the measurements that may."""
+TURNS = 4 * float(np.pi)
+"""More than two turns are hardly radians [rad]."""
 DEGREE = float(np.pi / 180)
 
 
@@ -58,6 +60,17 @@ def in_model_order(
     )
     _check_values(ctx, found, wanted, timed)
     return found
+
+
+def doubt_units(ctx: Context, joints: Joints) -> None:
+    """Warn of positions that hardly are radians, where no model says what is possible."""
+    top = np.abs(joints.positions).max(axis=0, initial=0.0)
+    worst = int(top.argmax())
+    if top[worst] > TURNS:
+        ctx.warn(
+            f"`{joints.names[worst]}` is at up to {top[worst]:.4g}: is that in degrees, or in millimetres? With "
+            "`robot`, joint positions are checked against its model"
+        )
 
 
 def _refuse_names(ctx: Context, joints: Joints, robot: RobotModel, missing: Sequence[str]) -> None:

@@ -109,7 +109,9 @@ def views(
     """
     seen = topics.of_camera(ctx, stream, where.image, where.depth, where.camera_info)
     joints = _in_order(states.joints(topics.of_joints(ctx, states, options.joints)))
-    if robot is not None:
+    if robot is None:
+        agreement.doubt_units(ctx, joints)
+    else:
         joints = agreement.in_model_order(ctx, joints, robot, options.names)
     stamps = stream.stamps(seen.image)[:, 0]
     offset = clock.offset(ctx, stream, seen.image, joints, options.clock_offset_s, options.reach_s)

@@ -49,7 +49,9 @@ def robot_views(
     board = target.board_of(ctx, facts, mount)
     views = stood.views_of(ctx, facts, folder)
     effectors, joints = stood.effectors_of(ctx, views), stood.joints_of(ctx, views)
-    if robot is not None and joints is not None:
+    if joints is not None and robot is None:
+        agreement.doubt_units(ctx, joints)
+    elif joints is not None and robot is not None:
         joints = agreement.in_model_order(ctx, joints, robot, options.names, timed=False)
     frame = options.effector_frame or str(facts.get("effector_frame") or "effector")
     if robot is not None and joints is not None and effectors is not None:

@@ -422,3 +422,11 @@ def test_millimetres_of_a_sliding_joint_are_refused(tmp_path):
     folder = Folder(files={"capture.json": json.dumps(facts).encode(), **pictures})
     with pytest.raises(RuleError, match="grip would fit as millimetres"):
         RuleRunner(tmp_path).run("capture.robot_views", folder=folder, robot=model)
+
+
+def test_degrees_are_flagged_without_a_model_too(camera_only, tmp_path):
+    runner = RuleRunner(tmp_path)
+    degrees = separate(tmp_path, states(positions=np.degrees(states().positions)))
+    options = {"clock_offset_s": OFFSET, "still_rad_s": 0.6}
+    runner.run("capture.recorded_views", stream=camera_only, states=degrees, options=options)
+    assert any("is that in degrees" in each for each in runner.outcome.warnings)

@@ -83,7 +83,7 @@ HAND = """<mujoco model="hand">
       </body>
     </body>
   </worldbody>
-  <equality><joint joint1="two" joint2="one" polycoef="5 0.7 0 0 0"/></equality>
+  <equality><joint joint1="two" joint2="one" polycoef="0.1 0.7 0 0 0"/></equality>
   <actuator><position class="finger" name="drive" joint="one" forcerange="-0.9 0.9" forcelimited="true"/></actuator>
   <keyframe><key name="open" qpos="0.2 0.3"/></keyframe>
 </mujoco>

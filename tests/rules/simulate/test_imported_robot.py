@@ -14,9 +14,10 @@ import pytest
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError
+from dextera_build.sim.model import compose
 from dextera_build.sim.model import robot as robots
 from dextera_build.testing import RuleRunner
-from tests.rules.simulate.robot_files import ARM, CORNERS, HAND, arm, both, cube_text, hand
+from tests.rules.simulate.robot_files import ARM, CORNERS, HAND, arm, both, cube, cube_text, hand
 
 URDF = "arm_description/urdf/arm.urdf"
 SPEEDS = {"velocity_rad_s": 2.0, "effort_nm": 5.0}
@@ -193,7 +194,7 @@ def test_an_mjcf_in_degrees_is_the_same_robot(tmp_path):
     np.testing.assert_allclose([joint.lower, joint.upper], limits["one"])
     assert (joint.effort, joint.velocity, joint.home) == (0.9, 6.0, 0.2)
     (follower,) = model.followers
-    assert (follower.leader, follower.ratio, follower.offset) == ("one", 0.7, 5.0)
+    assert (follower.leader, follower.ratio, follower.offset) == ("one", 0.7, 0.1)
     assert ours.actuator_gainprm[0, 0] == 2.5
     assert ours.actuator_biasprm[0, 2] == -0.05
     data = {name: mujoco.MjData(each) for name, each in (("ours", ours), ("theirs", theirs))}
@@ -284,7 +285,7 @@ def test_a_link_that_moves_needs_a_mass(tmp_path):
     [
         (HAND.replace('<joint name="one" class="finger"/>', '<joint name="one" type="ball"/>'), "is a ball"),
         (HAND.replace('<body name="palm" pos="0.3 0 0" euler="0 0 90">', '<body name="palm"><freejoint/>'), "is free"),
-        (HAND.replace('polycoef="5 0.7 0 0 0"', 'polycoef="0 1 0.2 0 0"'), "by a curve"),
+        (HAND.replace('polycoef="0.1 0.7 0 0 0"', 'polycoef="0 1 0.2 0 0"'), "by a curve"),
         (
             HAND.replace("<equality>", '<equality><connect body1="two" body2="palm" anchor="0 0 0"/>'),
             "close a loop",
@@ -305,3 +306,21 @@ def test_names_of_parts_must_differ(tmp_path):
     error = refused(tmp_path, both(), parts=parts)
     assert "`flange` carries a part" in error.message
     assert "tool0" in error.facts["links"]
+
+
+def test_it_stands_in_a_scene_and_holds_its_home(tmp_path):
+    """A scene adds the robot with its meshes, and its actuators carry it."""
+    parts = [{"file": f"arm/{URDF}"}, {"file": "hand/hand.xml", "prefix": "h_", "on": "tool0"}]
+    home = {"shoulder": 0.4, "elbow": 0.8}
+    model = made(tmp_path, both(), parts=parts, hand=["h_palm"], velocity_rad_s=3.0, home_rad=home)
+    scene = """<mujoco><option integrator="implicitfast" jacobian="dense"/><compiler meshdir="assets"/>
+      <asset><mesh name="c" file="cube.stl"/></asset>
+      <worldbody><geom type="plane" size="1 1 .1"/><geom type="mesh" mesh="c" pos="1 0 0"/></worldbody></mujoco>"""
+    whole = compose.with_robot(Folder(files={"scene.xml": scene.encode(), "assets/cube.stl": cube()}), model, np.eye(4))
+    compiled_scene = compose.load(whole, "scene.xml").compile()
+    data = mujoco.MjData(compiled_scene)
+    mujoco.mj_resetDataKeyframe(compiled_scene, data, 0)
+    for _ in range(500):
+        mujoco.mj_step(compiled_scene, data)
+    for name, position in model.home.items():
+        assert data.joint(f"robot/{name}").qpos[0] == pytest.approx(position, abs=2e-3)
