@@ -17,7 +17,7 @@ from dextera_build.rule import Context
 if TYPE_CHECKING:
     from dextera_build.sim.model.imported.assembly import Frame, Placed
 
-    from .imported_robot import PartOptions
+    from .imported_options import PartOptions
 
 WORLD = "world"
 """Root that stands for everything in an MJCF."""

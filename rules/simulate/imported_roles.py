@@ -16,7 +16,7 @@ from dextera_build.rule import Context
 if TYPE_CHECKING:
     from dextera_build.sim.model.imported.assembly import Placed, Plan
 
-    from .imported_robot import ImportedRobotOptions
+    from .imported_options import ImportedRobotOptions
 
 
 @dataclass

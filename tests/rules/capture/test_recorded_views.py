@@ -2,129 +2,35 @@
 
 from __future__ import annotations
 
-import functools
-import json
-import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy import ndimage
 
-from dextera_build.artifacts.base import File, Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import png
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.ros import messages
-from dextera_build.artifacts.ros.recording import Recording, packed
 from dextera_build.artifacts.stream import Joints, Stream
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
-from rules.capture.robot.moved import places
 from tests.rules.capture.bags import Bag
-from tests.rules.simulate.robot_files import arm
-
-START = 1.7e9
-CAMERA = Camera(width=96, height=72, fx=90.0, fy=90.0, cx=47.5, cy=35.5)
-NAMES = ("a", "b", "c")
-POSTURES = np.array(
-    [[0.1, 0.4, 0.2], [0.7, 0.9, -0.3], [-0.6, 1.3, 0.5], [1.2, 0.2, 0.9], [-1.1, 1.0, -0.8], [0.4, 1.8, 1.1]]
+from tests.rules.capture.moving_robot import (
+    CAMERA,
+    LENGTH,
+    NAMES,
+    OFFSET,
+    POSTURES,
+    START,
+    frames,
+    recording,
+    states,
+    three_hinges,
 )
-"""Where the robot rests; the limits of its joints differ, so that no other order fits."""
-LIMITS = {"a": (-1.4, 1.4), "b": (0.1, 2.4), "c": (-0.9, 1.2)}
-OFFSET = 0.16
-"""How far the robot's clock is ahead of the camera's [s]."""
-
-
-def postures(times: np.ndarray) -> np.ndarray:
-    """(N, 3) joint positions at times since the start: rests of 1 s, and motions of 0.7 to 1.2 s."""
-    found = np.repeat(POSTURES[:1], len(times), axis=0)
-    start = 1.0
-    for number in range(1, len(POSTURES)):
-        length = 0.7 + 0.1 * number
-        part = np.clip((times - start) / length, 0.0, 1.0)[:, None]
-        found = found + (part * part * (3 - 2 * part)) * (POSTURES[number] - POSTURES[number - 1])
-        start += length + 1.0
-    return found
-
-
-LENGTH = 1.0 + sum(0.7 + 0.1 * n for n in range(1, 6)) + 5.0
-
-
-@functools.cache
-def backdrop() -> np.ndarray:
-    random = np.random.default_rng(0)
-    return np.clip(ndimage.gaussian_filter(random.normal(0, 1, (300, 400)), 2) * 400 + 120, 0, 255)
-
-
-def picture(posture: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """A textured patch that moves with the joints before a texture that does not."""
-    found = backdrop()[:72, :96].copy()
-    column, row = int(30 + 14 * posture[0] + 6 * posture[2]), int(10 + 12 * posture[1])
-    found[row : row + 24, column : column + 24] = backdrop()[200 : 200 + 24, 200 : 200 + 24][:, ::-1]
-    noisy = found + random.normal(0, 2.0, found.shape)
-    return np.repeat(np.clip(noisy, 0, 255).astype(np.uint8)[..., None], 3, axis=2)
-
-
-def states(**changes: Any) -> Joints:
-    """Joint states at 100 Hz on the robot's clock."""
-    random = np.random.default_rng(1)
-    times = np.arange(0.0, LENGTH, 0.01)
-    positions = postures(times) + random.normal(0, 1e-4, (len(times), 3))
-    found = {"names": NAMES, "stamps": START + OFFSET + times, "positions": positions, **changes}
-    return Joints(**found)
-
-
-@functools.cache
-def frames(rate: float = 30.0) -> dict[float, np.ndarray]:
-    """Pictures on the camera's clock."""
-    random = np.random.default_rng(2)
-    times = np.arange(0.02, LENGTH - 0.02, 1 / rate)
-    return {START + float(time): picture(row, random) for time, row in zip(times, postures(times), strict=True)}
-
-
-def recording(path: Path, joints: Joints | None, more: dict[str, Camera] | None = None, rate: float = 30.0) -> Stream:
-    """An MCAP recording with one camera per name."""
-    with path.open("wb") as out, Recording(out) as file:
-        for name, camera in {"/camera": CAMERA, **(more or {})}.items():
-            stamp = round(START * 1e9)
-            file.send(f"{name}/camera_info", "sensor_msgs/CameraInfo", stamp, messages.camera_info(stamp, "c", camera))
-            for time, pixels in frames(rate).items():
-                stamp = round(time * 1e9)
-                message = messages.compressed_image(stamp, "c", "png", packed(pixels, "png"))
-                file.send(f"{name}/color/compressed", "sensor_msgs/CompressedImage", stamp, message)
-        if joints is not None:
-            for time, row in zip(joints.stamps, joints.positions, strict=True):
-                stamp = round(float(time) * 1e9)
-                file.send(
-                    "/joint_states", "sensor_msgs/JointState", stamp, messages.joint_state(stamp, joints.names, row)
-                )
-    return Stream.load(path)
 
 
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
-    """Three hinges about different axes."""
-    axes = {"a": (0, 0, 1), "b": (0, 1, 0), "c": (1, 0, 0)}
-    piece = {"shape": "box", "half_m": (0.02, 0.02, 0.08), "colour": "grey"}
-    matter = {"mass_kg": 1.0, "centre_m": (0, 0, 0), "inertia_kgm2": (0.01, 0.01, 0.01), "pieces": [piece]}
-    motor = {"velocity_rad_s": 3.0, "effort_nm": 50, "stiffness_nm_rad": 100, "damping_nms_rad": 10}
-    links = [{"name": "base", **matter}]
-    for name, axis in axes.items():
-        low, high = LIMITS[name]
-        joint = {"name": name, "axis": axis, "lower_rad": low, "upper_rad": high, "home_rad": 0.2, **motor}
-        links.append({"name": f"link_{name}", "at_m": (0.05, 0, 0.2), "joint": joint, **matter})
-    options = {
-        "name": "three",
-        "source": "the test",
-        "colours": {"grey": (0.5, 0.5, 0.5)},
-        "chains": [{"group": "arm", "mounts": [{}], "links": links}],
-        "frames": {"flange": {"link": "link_c", "at_m": (0, 0, 0.1)}},
-    }
-    runner = RuleRunner(tmp_path_factory.mktemp("robot"))
-    model: RobotModel = runner.run("simulate.robot", options=options)
-    return model
+    return three_hinges(tmp_path_factory.mktemp("robot"))
 
 
 @pytest.fixture(scope="module")
@@ -271,40 +177,6 @@ def test_one_posture_is_flagged(camera_only, tmp_path):
     assert any("one pose only" in each for each in runner.outcome.warnings)
 
 
-def poses_of(robot: RobotModel, joints: Joints) -> np.ndarray:
-    """Poses of the flange, with a tool and a base elsewhere."""
-    return places(robot, joints.names, joints.positions, "flange")
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (lambda rows: rows, ""),
-        (lambda rows: rows[:, [0, 2, 1]], "`b` and `c` swapped"),
-        (lambda rows: rows * [-1, 1, 1], "sign of `a` changed"),
-    ],
-)
-def test_joints_that_do_not_give_the_recorded_poses_are_refused(robot, tmp_path, change, says):
-    """Where limits tell nothing, poses do."""
-    from rules.capture.robot import moved
-
-    joints = Joints(names=NAMES, stamps=np.arange(6.0), positions=POSTURES)
-    wrong = joints.model_copy(update={"positions": np.ascontiguousarray(change(POSTURES))})
-    recorded = poses_of(robot, joints)
-
-    class Refusing:
-        def fail(self, message: str, **facts: Any) -> None:
-            raise RuleError(message, code="DXB-B202", facts=facts)
-
-    if not says:
-        moved.check_poses(Refusing(), robot, wrong, recorded, "flange")
-        return
-    with pytest.raises(RuleError) as caught:
-        moved.check_poses(Refusing(), robot, wrong, recorded, "flange")
-    assert says in caught.value.message
-    assert "deg in the median over 15 pairs" in caught.value.facts["turns"]
-
-
 def test_several_cameras_come_out_of_one_recording(tmp_path, robot):
     other = CAMERA.model_copy(update={"fx": 80.0, "fy": 80.0})
     stream = recording(tmp_path / "two.mcap", states(), {"/wrist": other})
@@ -355,73 +227,6 @@ def test_depth_of_another_camera_is_refused(tmp_path):
     stream = runner.run("capture.bag", file=File.of(bag.write()))
     with pytest.raises(RuleError, match="is not registered to the pictures"):
         runner.run("capture.recorded_views", stream=stream, options={"depth": depth, "clock_offset_s": OFFSET})
-
-
-def folder_of(robot: RobotModel, positions: np.ndarray, names: tuple[str, ...] = NAMES, **pose: object) -> Folder:
-    """A capture folder with joints, and the poses that the true postures give."""
-    views = []
-    for number, (row, place) in enumerate(zip(positions, poses_of(robot, states_at(POSTURES)), strict=True)):
-        effector = {"t_m": place[:3].tolist(), "quat_wxyz": place[3:].tolist()}
-        view = {
-            "rgb": f"rgb_{number}.png",
-            "T_base_ee": effector,
-            "joints": dict(zip(names, row.tolist(), strict=True)),
-        }
-        views.append(view)
-    facts = {**CAMERA.model_dump(), "setup": "eye-to-hand", "effector_frame": "flange", "views": views, **pose}
-    random = np.random.default_rng(3)
-    pictures = {f"rgb_{n}.png": png(picture(row, random)) for n, row in enumerate(POSTURES)}
-    return Folder(files={"capture.json": json.dumps(facts).encode(), **pictures})
-
-
-def states_at(positions: np.ndarray) -> Joints:
-    return Joints(names=NAMES, stamps=np.arange(float(len(positions))), positions=positions)
-
-
-@pytest.mark.parametrize(
-    ("change", "names", "says"),
-    [
-        (lambda rows: rows, NAMES, ""),
-        (lambda rows: rows[:, ::-1], NAMES[::-1], ""),
-        (np.degrees, NAMES, "they fit as degrees"),
-        (lambda rows: rows[:, [1, 0, 2]], NAMES, "another order"),
-        (lambda rows: rows * [1, 1, -1], NAMES, "not those of this robot"),
-        (lambda rows: rows * [-1, 1, 1], NAMES, "sign of `a` changed"),
-        (lambda rows: rows, ("a", "b", "d"), "lack 1 joints of the robot, `c` first"),
-    ],
-)
-def test_joints_of_a_folder_are_checked_against_the_robot(robot, tmp_path, change, names, says):
-    runner, folder = RuleRunner(tmp_path), folder_of(robot, change(POSTURES), names)
-    if not says:
-        found = runner.run("capture.robot_views", folder=folder, robot=robot)
-        assert found.joints.names == NAMES
-        np.testing.assert_allclose(found.joints.positions, POSTURES)
-        return
-    with pytest.raises(RuleError, match=re.escape(says)):
-        runner.run("capture.robot_views", folder=folder, robot=robot)
-
-
-def test_states_of_another_moment_do_not_give_the_poses(robot, tmp_path):
-    """Joints and poses of a folder that were not read at the same time."""
-    with pytest.raises(RuleError, match="do not give the recorded poses"):
-        RuleRunner(tmp_path).run(
-            "capture.robot_views", folder=folder_of(robot, np.roll(POSTURES, 1, axis=0)), robot=robot
-        )
-
-
-def test_millimetres_of_a_sliding_joint_are_refused(tmp_path):
-    parts = [{"file": "arm_description/urdf/arm.urdf"}]
-    model = RuleRunner(tmp_path / "robot").run("simulate.imported_robot", files=arm(), options={"parts": parts})
-    names = tuple(joint.name for joint in model.joints)
-    rows = np.array([[0.1, 0.2, 0.01], [0.4, 0.9, 0.02], [-0.5, 1.2, 0.035]]) * [1, 1, 1000]
-    views = [
-        {"rgb": f"rgb_{n}.png", "joints": dict(zip(names, row.tolist(), strict=True))} for n, row in enumerate(rows)
-    ]
-    facts = {**CAMERA.model_dump(), "setup": "eye-to-hand", "views": views}
-    pictures = {f"rgb_{n}.png": png(picture(POSTURES[n], np.random.default_rng(0))) for n in range(3)}
-    folder = Folder(files={"capture.json": json.dumps(facts).encode(), **pictures})
-    with pytest.raises(RuleError, match="grip would fit as millimetres"):
-        RuleRunner(tmp_path).run("capture.robot_views", folder=folder, robot=model)
 
 
 def test_degrees_are_flagged_without_a_model_too(camera_only, tmp_path):
