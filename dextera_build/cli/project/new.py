@@ -1,14 +1,15 @@
-"""`dxb new`: a recipe, a rule or a backend to start from; the elements or a mask of a photograph to edit."""
+"""`dxb new`: a recipe, rule, backend, capture or robot to start from; what is in a photograph; a board to print."""
 
 from __future__ import annotations
 
 import argparse
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from dextera_build.cli import options
-from dextera_build.cli.project import new_backend, new_seen
+from dextera_build.cli.project import new_backend, new_board, new_capture, new_robot, new_seen
 from dextera_build.errors import UsageError
 from dextera_build.project.project import Project
 
@@ -52,11 +53,13 @@ _NAMES = {
     "backend": (r"[a-z0-9_]+\.[a-z0-9_]+=[a-z0-9_]+", "factorize.my_rule=my_backend"),
 }
 """Kind -> the pattern of its names, and an example."""
+_MADE = {"board": new_board.run, "capture": new_capture.run, "robot": new_robot.run}
+"""Kind -> writes its files."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("kind", choices=(*_NAMES, *new_seen.KINDS), help="kind of file")
+    parser.add_argument("kind", choices=(*_NAMES, *new_seen.KINDS, *_MADE), help="kind of file")
     parser.add_argument(
         "--kind",
         dest="backend_kind",
@@ -65,25 +68,24 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "name",
+        nargs="?",
         help="twin/my_scene, factorize.my_rule, or factorize.my_rule=my_backend; of a scene or a mask, the recipe of "
-        "its photograph",
+        "its photograph; of a capture, its folder; of a robot, its URDF or MJCF; of a board, its pattern (charuco)",
     )
     parser.add_argument("object", nargs="?", help="of a mask, the object: blue_mug")
-    parser.add_argument("-o", "--out", metavar="FILE", help="of a scene (scene.yaml) or a mask (masks/OBJECT.png)")
+    parser.add_argument(
+        "-o", "--out", metavar="FILE", help="of a scene (scene.yaml), a mask (masks/OBJECT.png), a board or a robot"
+    )
+    new_board.arguments(parser)
     options.project_arguments(parser)
     options.request_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths."""
-    if args.kind in new_seen.KINDS:
-        return new_seen.run(args)
-    if args.object or args.out or options.added(args):
-        raise UsageError(
-            f"a {args.kind} takes its name and nothing else",
-            code="DXB-U215",
-            hint=f"`dxb new {args.kind} {args.name}`; `-o`, an object and changes to a recipe are for scenes and masks",
-        )
+    made = _made_elsewhere(args)
+    if made is not None:
+        return made(args)
     form, example = _NAMES[args.kind]
     if not re.fullmatch(form, args.name):
         raise UsageError(f"`{args.name}` is not a valid name; one looks like `{example}`", code="DXB-U192")
@@ -99,6 +101,27 @@ def run(args: argparse.Namespace) -> int:
     if note:
         print(f"note: {note}", file=sys.stderr)
     return 0
+
+
+def _made_elsewhere(args: argparse.Namespace) -> Callable[[argparse.Namespace], int] | None:
+    """What writes files of this kind, if it is none of `_NAMES`; wrong arguments are refused."""
+    if args.kind != "board" and new_board.given(args):
+        raise UsageError(
+            f"a {args.kind} has no paper and no squares", code="DXB-U217", hint="only `dxb new board` takes them"
+        )
+    if args.kind in _MADE:
+        return _MADE[args.kind]
+    if not args.name:
+        raise UsageError(f"a {args.kind} takes a name", code="DXB-U192", hint=f"`dxb new {args.kind} NAME`")
+    if args.kind in new_seen.KINDS:
+        return new_seen.run
+    if args.object or args.out or options.added(args):
+        raise UsageError(
+            f"a {args.kind} takes its name and nothing else",
+            code="DXB-U215",
+            hint=f"`dxb new {args.kind} {args.name}`; `-o`, an object and changes to a recipe are for scenes and masks",
+        )
+    return None
 
 
 def _files(project: Project, kind: str, named: str, backend_kind: str | None) -> tuple[dict[Path, str], str]:

@@ -1,0 +1,83 @@
+"""simulate.imported_robot: a robot out of URDF and MJCF files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.errors import listing
+from dextera_build.rule import Context, rule
+
+from . import imported_parts
+from .imported_options import ImportedRobotOptions
+from .robot import grips_of
+
+if TYPE_CHECKING:
+    from dextera_build.sim.model.imported.assembly import Placed
+
+
+@rule(version=1, packages=("mujoco",))
+def imported_robot(ctx: Context, files: Folder, *, options: ImportedRobotOptions) -> RobotModel:
+    """Return the robot of one file, or of an arm's and a hand's, with the roles that the options give.
+
+    Names, kinematics, inertias, limits and meshes are those of the files; a mesh is searched by its relative path, and
+    by `package://` anywhere in `files`. Joints that a file couples (`mimic`, `<equality><joint>`) follow their leaders.
+    Position actuators take the file's gains, or 12 times the largest torque per radian.
+    """
+    from dextera_build.sim.model.imported import assembly
+    from dextera_build.sim.render import portrait
+
+    from .imported_roles import roles
+
+    if not options.parts:
+        here = listing(imported_parts.descriptions(files)) or "none"
+        ctx.fail("no file is named", here=here, hint="`parts: [{file: robot.urdf}]`")
+    place = ctx.scratch / "files"
+    for path, data in files.files.items():
+        (place / path).parent.mkdir(parents=True, exist_ok=True)
+        (place / path).write_bytes(data)
+    parts = [imported_parts.part(ctx, files, place, part, number) for number, part in enumerate(options.parts)]
+    imported_parts.check_names(ctx, parts)
+    sites, wanted = imported_parts.sites(parts), [imported_parts.Places(part) for part in parts]
+    spec = assembly.attached(parts, options.name)
+    found = roles(ctx, spec, parts, sites, options)
+    folder, touching = assembly.finished(spec, found.plan)
+    model = RobotModel(
+        model=folder,
+        joints=found.joints,
+        links=found.links,
+        frames={role: role for role in options.frames},
+        source=options.source,
+        grips=grips_of(ctx, options.grips, found.joints),
+        followers=found.followers,
+    )
+    imported_parts.check_places(ctx, model, parts, wanted, found.plan.fixed)
+    mass = sum(each.mass for each in wanted)
+    ctx.metric("mass", mass, "kg")
+    _tell(ctx, model, parts, found.plan.fixed, touching, mass)
+    ctx.preview(portrait.of_robot(model.model, model.followed(model.home)), "at home")
+    return model
+
+
+def _tell(
+    ctx: Context,
+    model: RobotModel,
+    parts: list[Placed],
+    fixed: Mapping[str, float],
+    touching: list[tuple[str, str]],
+    mass: float,
+) -> None:
+    for part in parts:
+        if part.source.dropped:
+            ctx.warn(f"left out, because a robot model has none: {listing(part.source.dropped)}")
+    if touching:
+        pairs = listing(f"{one} and {other}" for one, other in touching)
+        ctx.warn(f"these links touch at home, so they never do: {pairs}")
+    hand = sum(joint.group == "hand" for joint in model.joints)
+    count = len(model.followers)
+    more = [f"{count} follower{'s' if count > 1 else ''}"] if count else []
+    more += [f"{len(fixed)} fixed"] if fixed else []
+    counts = ", ".join([f"{len(model.joints)} joints ({hand} of the hand)", *more, f"{len(model.links)} links"])
+    ctx.say(f"{counts}, {mass:.1f} kg")
