@@ -11,9 +11,11 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import NonNegativeInt, model_validator
 
+from dextera_build.artifacts import camera_info
 from dextera_build.artifacts.base import Array, Artifact, File, Value
-from dextera_build.artifacts.formats import suffix_among
+from dextera_build.artifacts.formats import suffix_among, unreadable
 from dextera_build.artifacts.image import png, smaller
+from dextera_build.artifacts.intrinsics import Intrinsics
 from dextera_build.artifacts.ros import messages, reading
 from dextera_build.artifacts.ros.recording import Recording, packed
 from dextera_build.artifacts.stamped import unit
@@ -22,6 +24,7 @@ from dextera_build.errors import ArtifactError, listing
 from dextera_build.geometry.plot import COLOURS, Line, plot
 
 JOINTS, POSES = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
+CAMERA = "sensor_msgs/msg/CameraInfo"
 PICTURES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
 
 
@@ -208,6 +211,31 @@ class Stream(Artifact):
         """
         for time, each in self._read(topic, PICTURES, start, end):
             yield reading.stamp(each, time) / reading.SECOND, reading.pixels(each, topic)
+
+    def depths(
+        self, topic: str, start: float | None = None, end: float | None = None
+    ) -> Iterator[tuple[float, np.ndarray]]:
+        """Pairs of a header's time [s] and depth (H, W) float32 [m], 0 where nothing was measured, read one by one.
+
+        Raises:
+            ArtifactError: There is no such topic, or a picture is damaged or no depth.
+        """
+        for time, each in self._read(topic, PICTURES[1:], start, end):
+            yield reading.stamp(each, time) / reading.SECOND, reading.depth(each, topic)
+
+    def camera(self, topic: str) -> Intrinsics:
+        """The camera of the first `sensor_msgs/CameraInfo` of a topic.
+
+        Raises:
+            ArtifactError: There is no such topic, or its numbers make no camera.
+        """
+        _, each = next(self._read(topic, (CAMERA,), None, None))
+        names = ("width", "height", "distortion_model", "d", "k")
+        facts = {name: getattr(each, name) for name in names}
+        try:
+            return camera_info.of(facts | {name: [float(x) for x in facts[name]] for name in ("d", "k")})
+        except ValueError as error:
+            raise unreadable(topic, "camera_info", error) from None
 
     def duration_s(self) -> float:
         """Time from the first to the last message [s]."""

@@ -19,6 +19,7 @@ from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.panorama import Panorama
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.rgbd_video import RgbdVideo
 from dextera_build.artifacts.rig import Rig
 from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.artifacts.stream import Channel, Joints, Stream
@@ -199,6 +200,22 @@ def _video(draw: Draw) -> dict[str, Any]:
     return _size(draw) | {"file": file, "stamps": 0.1 * np.arange(count), "is_key": is_key}
 
 
+def _rgbd_video(draw: Draw) -> dict[str, Any]:
+    count, size = draw(st.integers(1, 4)), _size(draw)
+    random = np.random.default_rng(draw(st.integers(0, 1000)))
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3] = Rotation.random(count, random_state=random).as_matrix()
+    poses[:, :3, 3] = random.normal(size=(count, 3))
+    return {
+        "file": File(data=draw(st.binary(max_size=9))),
+        "camera": Camera(**size, **{name: draw(LENGTHS) for name in ("fx", "fy", "cx", "cy")}),
+        "stamps": np.cumsum(random.uniform(0.01, 1, count)),
+        "depth_scale_m": draw(st.floats(1e-4, 1e-2)),
+        "poses": draw(st.none() | st.just(poses)),
+        "frame": draw(FRAMES),
+    }
+
+
 def _mask_track(draw: Draw) -> dict[str, Any]:
     names = tuple(draw(st.lists(FRAMES, min_size=1, max_size=3, unique=True)))
     random, count = np.random.default_rng(draw(st.integers(0, 1000))), draw(st.integers(1, 4))
@@ -224,4 +241,5 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Stream: _stream,
     Video: _video,
     MaskTrack: _mask_track,
+    RgbdVideo: _rgbd_video,
 }

@@ -16,6 +16,8 @@ from dextera_build.artifacts.formats import unreadable
 from dextera_build.errors import ArtifactError
 
 SECOND = 1_000_000_000
+_SATURATED = 65535
+"""Counts of depth that many drivers write for missing returns."""
 _ENCODINGS = {"rgb8": (3, [0, 1, 2]), "bgr8": (3, [2, 1, 0]), "rgba8": (4, [0, 1, 2]), "bgra8": (4, [2, 1, 0])}
 """Encoding of `sensor_msgs/Image` -> bytes per pixel, and where red, green and blue are among them."""
 
@@ -131,6 +133,28 @@ def pixels(message: Any, topic: str) -> np.ndarray:
         raise unreadable(topic, "a picture", f"`{message.encoding}` is not one of mono8, {', '.join(_ENCODINGS)}")
     size, order = _ENCODINGS[message.encoding]
     return np.ascontiguousarray(_rows(message, topic, size)[..., order])
+
+
+def depth(message: Any, topic: str) -> np.ndarray:
+    """Depth (H, W) float32 [m], 0 where nothing was measured, of a `sensor_msgs/Image` as REP 118 defines it.
+
+    `16UC1` and `mono16` count millimetres, `32FC1` are metres with NaN or infinity where nothing was measured.
+
+    Raises:
+        ArtifactError: It is damaged, or of another encoding.
+    """
+    kind = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}.get(str(message.encoding))
+    if kind is None:
+        raise unreadable(topic, "a depth picture", f"`{message.encoding}` is not one of 16UC1, mono16, 32FC1")
+    size = 2 if kind == "u2" else 4
+    data, used = np.frombuffer(bytes(message.data), np.uint8), message.width * size
+    if message.step < used or len(data) < message.height * message.step:
+        raise unreadable(topic, "a depth picture", f"{len(data):,} bytes are not {message.height} rows")
+    rows = np.ascontiguousarray(data[: message.height * message.step].reshape(message.height, -1)[:, :used])
+    values = rows.view(f"{'>' if message.is_bigendian else '<'}{kind}").astype(np.float32)
+    if size == 2:
+        return np.where(values < _SATURATED, values * np.float32(0.001), 0).astype(np.float32)
+    return np.where(np.isfinite(values) & (values > 0), values, 0).astype(np.float32)
 
 
 def _rows(message: Any, topic: str, size: int) -> np.ndarray:
