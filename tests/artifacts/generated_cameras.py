@@ -24,6 +24,7 @@ from dextera_build.artifacts.rig import Rig
 from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.artifacts.stream import Channel, Joints, Stream
 from dextera_build.artifacts.track import Track
+from dextera_build.artifacts.tracking import Tracking
 from dextera_build.artifacts.trajectory import Trajectory
 from dextera_build.artifacts.video import Video
 from dextera_build.artifacts.views import Views, encoded
@@ -216,6 +217,16 @@ def _rgbd_video(draw: Draw) -> dict[str, Any]:
     }
 
 
+def _tracking(draw: Draw) -> dict[str, Any]:
+    first, joints = _track(draw), _joints(draw)
+    names = draw(st.lists(FRAMES, min_size=1, max_size=3, unique=True))
+    count = len(first["stamps"])
+    columns = {"names": joints["names"], "stamps": first["stamps"]}
+    held = Joints(**columns, positions=np.zeros((count, len(joints["names"]))))
+    tracks = {name: Track(**first | {"child": name}) for name in names}
+    return {"tracks": tracks, "joints": {names[0]: held} if draw(st.booleans()) else {}}
+
+
 def _mask_track(draw: Draw) -> dict[str, Any]:
     names = tuple(draw(st.lists(FRAMES, min_size=1, max_size=3, unique=True)))
     random, count = np.random.default_rng(draw(st.integers(0, 1000))), draw(st.integers(1, 4))
@@ -242,4 +253,5 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Video: _video,
     MaskTrack: _mask_track,
     RgbdVideo: _rgbd_video,
+    Tracking: _tracking,
 }

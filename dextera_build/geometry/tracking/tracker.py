@@ -1,0 +1,175 @@
+"""Frame-to-model tracking of several objects, one frame after the other, for recordings and live cameras alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.geometry import transforms
+from dextera_build.geometry.tracking import camera_motion, judge, search
+from dextera_build.geometry.tracking.frame import Frame
+from dextera_build.geometry.tracking.judge import Gate
+from dextera_build.geometry.tracking.model import Model, State
+from dextera_build.geometry.tracking.thing import Thing, Tracked
+
+
+FOLLOWED = Gate()
+FOUND = Gate(agreement=0.8, visible=0.25, pixels=200.0, correlation=0.5, outline=0.55, odds=0.0)
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """How a tracker decides."""
+
+    gate: Gate = FOLLOWED
+    """When a pose that follows from the frame before counts as measured."""
+    found: Gate = FOUND
+    """When a pose that was searched for does."""
+    patience_s: float = 0.5
+    """Time without a measurement after which an object is lost [s]."""
+    hidden_s: float = 3.0
+    """The same for an object that stood still and that something hides [s]."""
+    mask_overlap: float = 0.4
+    """Part of the object's pixels inside the given mask below which the pose is doubted."""
+    strikes: int = 3
+    """Frames in a row with a doubted pose after which it is searched again."""
+
+
+class Tracker:
+    """Poses of known objects in the frame of a camera.
+
+    Args:
+        models: Name -> object.
+        k: (3, 3) intrinsics [px], OpenCV convention.
+        tuning: How it decides.
+    """
+
+    def __init__(self, models: Mapping[str, Model], k: np.ndarray, tuning: Tuning | None = None) -> None:
+        self._k, self._tuning = np.asarray(k, np.float64), tuning or Tuning()
+        self.things = {name: Thing(number, model) for number, (name, model) in enumerate(models.items())}
+        self._last: Frame | None = None
+
+    def start(self, poses: Mapping[str, np.ndarray], joints: Mapping[str, np.ndarray] | None = None) -> None:
+        """State where objects are in the next frame.
+
+        Args:
+            poses: Name -> T_camera_object (4, 4) [m].
+            joints: Name -> positions (J,) [rad or m]; those of the body where it is left out.
+        """
+        for name, pose in poses.items():
+            thing = self.things[name]
+            at = (joints or {}).get(name, thing.model.at_rest)
+            thing.begin(State(np.asarray(pose, np.float64), np.asarray(at, np.float64)))
+
+    def step(
+        self,
+        rgb: np.ndarray,
+        depth: np.ndarray,
+        stamp: float,
+        *,
+        masks: Mapping[str, np.ndarray] | None = None,
+        moved: np.ndarray | None = None,
+    ) -> dict[str, Tracked]:
+        """Track all objects into a new frame.
+
+        Args:
+            rgb: (H, W, 3) uint8 sRGB.
+            depth: (H, W) image-plane z [m], registered to `rgb`; 0 where nothing was measured.
+            stamp: Time [s], later than before.
+            masks: Name -> (H, W) bool, where a video segmentation sees the object; an empty one says nothing.
+            moved: T_now_before (4, 4) of the camera frames, if the camera's motion is known; otherwise it is estimated.
+
+        Returns:
+            Name -> what is known of the object now.
+        """
+        frame = Frame(np.ascontiguousarray(rgb), np.asarray(depth, np.float32), self._k, float(stamp))
+        ways, camera = self._camera(frame, moved)
+        order = sorted(self.things.values(), key=lambda thing: (thing.status == "lost", thing.distance))
+        failed = []
+        for thing in order:
+            mask = None if masks is None else masks.get(self._name(thing))
+            if not self._follow(thing, frame, ways, camera, mask):
+                failed.append((thing, mask))
+        for thing, mask in failed:
+            self._search(thing, frame, camera, mask)
+        self._last = frame
+        return {name: thing.told(frame.stamp) for name, thing in self.things.items()}
+
+    def _name(self, thing: Thing) -> str:
+        return next(name for name, each in self.things.items() if each is thing)
+
+    def _camera(self, frame: Frame, moved: np.ndarray | None) -> tuple[camera_motion.Ways | None, np.ndarray | None]:
+        """Flow from the last frame, and T_now_before of the scene; None where it is not known."""
+        if self._last is None:
+            return None, None
+        known = [thing.cast for thing in self.things.values() if thing.cast is not None and thing.status == "tracked"]
+        extra = np.concatenate([np.zeros((0, 2)), *(search.textured(self._last, cast) for cast in known)])
+        ways = camera_motion.flow(self._last, frame, extra)
+        if moved is not None:
+            return ways, np.asarray(moved, np.float64)
+        ignored = self._last.owner >= 0
+        found = camera_motion.motion(self._last, frame, ways, ignored)
+        if found is None:
+            far = camera_motion.matched(self._last, frame)
+            # Most of the scene may be the objects themselves, and they may all stand.
+            found = camera_motion.motion(self._last, frame, far, ignored)
+            found = camera_motion.motion(self._last, frame, far, np.zeros_like(ignored)) if found is None else found
+        return ways, found
+
+    def _follow(
+        self,
+        thing: Thing,
+        frame: Frame,
+        ways: camera_motion.Ways | None,
+        camera: np.ndarray | None,
+        mask: np.ndarray | None,
+    ) -> bool:
+        """Track one object from the frame before; whether that succeeded."""
+        if thing.state is None:
+            return False
+        fresh = not thing.colours.known
+        candidates = thing.predictions(frame, ways, camera)
+        ranked = sorted(candidates, key=lambda state: -self._score(thing, frame, state))
+        gate = self._tuning.found if thing.status == "lost" else self._tuning.gate
+        for state in ranked[: 2 if len(ranked) > 1 else 1]:
+            if thing.measure(frame, state, gate, camera, fresh=fresh) and not self._doubted(thing, frame, mask):
+                return True
+        thing.carry(frame, candidates[0], camera, self._tuning.patience_s, self._tuning.hidden_s)
+        return False
+
+    def _score(self, thing: Thing, frame: Frame, state: State) -> float:
+        return judge.look(thing.model, frame, state, thing.colours, thing.number, rays=250)[0].score
+
+    def _doubted(self, thing: Thing, frame: Frame, mask: np.ndarray | None) -> bool:
+        """Whether the given mask has been elsewhere for several frames; then the object counts as lost."""
+        if mask is None or not mask.any() or thing.cast is None:
+            return False
+        shown = frame.owner == thing.number
+        overlap = float((shown & mask).sum() / max(int(shown.sum()), 1))
+        thing.strikes = thing.strikes + 1 if overlap < self._tuning.mask_overlap else 0
+        if thing.strikes < self._tuning.strikes:
+            return False
+        frame.owner[shown] = -1
+        thing.lose("its mask is elsewhere")
+        return True
+
+    def _search(self, thing: Thing, frame: Frame, camera: np.ndarray | None, mask: np.ndarray | None) -> None:
+        """Look for an object around its last pose and in the whole picture."""
+        if thing.state is None or not thing.colours.known:
+            return
+        if thing.status == "predicted" and thing.explained:
+            return  # something hides it where it was: to look elsewhere finds things that look like it
+        found = search.places(thing.model, frame, thing.colours, thing.number, mask)
+        last = thing.state.pose
+        middle = transforms.apply(last, thing.model.centre[None])[0]
+        turns = thing.orientations(camera)
+        wide = thing.turn(len(search.spread()), 12)
+        states = search.hypotheses(thing.model, [middle, *found], turns, thing.state.joints)
+        states += search.hypotheses(
+            thing.model, found[:2], [search.spread()[number] for number in wide], thing.state.joints
+        )
+        for state in search.best(thing.model, frame, states, thing.colours, thing.number, 3):
+            if thing.measure(frame, state, self._tuning.found, camera, again=True):
+                return
