@@ -82,26 +82,32 @@ def motion(first: Frame, second: Frame, ways: Ways, ignored: np.ndarray) -> np.n
     way = np.linalg.norm(ways.after[fits] - ways.before[fits], axis=1)
     if np.median(way) < STILL_PX and (way < 3 * STILL_PX).mean() > 0.6:
         return np.eye(4)
-    return _consensus(source, target)
+    return consensus(source, target)
 
 
-def _consensus(source: np.ndarray, target: np.ndarray) -> np.ndarray | None:
-    limit = 0.006 + 3.0 * planes.depth_sigma(np.maximum(source[:, 2], target[:, 2]))
+def consensus(source: np.ndarray, target: np.ndarray, fewest: int = FEWEST) -> np.ndarray | None:
+    """The rigid motion (4, 4) that most pairs of points (N, 3) agree with, by three-point RANSAC; None without one.
+
+    Args:
+        source: Points [m].
+        target: The same points in the frame of a depth camera [m].
+        fewest: Pairs that must agree.
+    """
+    limit = 0.006 + 3.0 * planes.depth_sigma(target[:, 2])
     random = np.random.default_rng(0)  # equal frames give equal answers
-    picks = random.integers(0, len(source), (_TRIALS, 3))
     best, most = np.zeros(len(source), bool), 0
-    for pick in picks:
+    for pick in random.integers(0, len(source), (_TRIALS, 3)):
         guess = transforms.umeyama(source[pick], target[pick], with_scale=False)[1]
         near = np.linalg.norm(transforms.apply(guess, source) - target, axis=1) < limit
         if near.sum() > most:
             best, most = near, int(near.sum())
-    if most < FEWEST or most < 0.25 * len(source):
+    if most < fewest or most < 0.25 * len(source):
         return None
     found = np.eye(4)
     for _ in range(3):
         found = transforms.umeyama(source[best], target[best], with_scale=False)[1]
         best = np.linalg.norm(transforms.apply(found, source) - target, axis=1) < limit
-        if best.sum() < FEWEST:
+        if best.sum() < fewest:
             return None
     return found
 

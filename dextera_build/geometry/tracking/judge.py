@@ -22,10 +22,10 @@ class Gate:
 
     agreement: float = 0.7
     """Least part of the pixels with depth that show the model, of those where it is not hidden."""
-    visible: float = 0.12
+    visible: float = 0.18
     """Least part of the model's pixels, hidden ones included, that show it."""
     pixels: float = 120.0
-    """Least number of pixels that show it."""
+    """Least number of pixels whose depth shows it."""
     correlation: float = 0.35
     """Least correlation of brightness with an earlier view, where the object has a texture."""
     outline: float = 0.45
@@ -43,7 +43,7 @@ class Verdict:
     agreement: float  # of the unhidden pixels with depth, the part that shows the model
     visible: float  # of the model's pixels, the part that shows it
     hidden: float  # the part that something nearer hides, or that is outside the picture
-    pixels: float  # pixels that show it
+    pixels: float  # pixels whose depth shows it
     odds: float  # mean log-likelihood ratio of the colours there
 
     @property
@@ -72,6 +72,7 @@ def look(
     agree = (z > 0) & (np.abs(z - own) < limit) & ~others
     before, behind = ((z > 0) & (z < own - limit)) | others, (z > own + limit) & ~others
     odds = colours.odds()[bins(frame.rgb[rows, columns])]
+    measured = float(agree.sum())
     # Without depth, colours tell: dark and shining surfaces return none.
     agree |= (z == 0) & (odds > 0.5) & ~others
     count, whole = len(z), _whole(model, state, frame, cast)
@@ -81,7 +82,7 @@ def look(
             agreement=shown / max(shown + float(behind.sum()), 1.0),
             visible=shown / whole,
             hidden=(float(before.sum()) + whole - count) / whole,
-            pixels=shown * cast.stride**2,
+            pixels=measured * cast.stride**2,
             odds=float(odds[agree].mean()) if colours.known and agree.any() else 0.0,
         ),
         cast,

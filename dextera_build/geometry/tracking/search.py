@@ -132,6 +132,16 @@ def hypotheses(model: Model, at: Sequence[np.ndarray], turns: Sequence[np.ndarra
     return [State(transforms.rigid(turn, place - turn @ model.centre), joints) for place in at for turn in turns]
 
 
+def around(place: np.ndarray) -> list[np.ndarray]:
+    """Places (3,) on a grid around one: 3 cm apart across, 5 cm along the line of sight."""
+    ahead = place / np.linalg.norm(place)
+    right = np.cross([0.0, 1.0, 0.0], ahead)
+    right /= np.linalg.norm(right)
+    down = np.cross(ahead, right)
+    steps = (-0.06, -0.03, 0.0, 0.03, 0.06)
+    return [place + x * right + y * down + z * ahead for z in (-0.05, 0.0, 0.05) for y in steps for x in steps]
+
+
 def spread(count: int = TURNS) -> list[np.ndarray]:
     """Orientations (3, 3) spread evenly."""
     return list(spread_rotations(count))

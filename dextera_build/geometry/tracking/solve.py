@@ -12,10 +12,13 @@ from dextera_build.geometry.tracking.colours import Colours
 from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.model import Model, State
 
-PRIOR = np.array([0.05, 0.05, 0.05, 0.35, 0.35, 0.35])
-"""Standard deviation of a prediction [m, rad]: what no term determines stays as predicted."""
-JOINT_PRIOR = 0.3
+PRIOR = np.array([0.03, 0.03, 0.03, 0.06, 0.06, 0.06])
+"""Standard deviation of a prediction [m, rad] beside terms whose errors are dependent: what none of them determines
+stays as predicted, such as the turn of a round thing about its axis."""
+JOINT_PRIOR = 0.1
 """Standard deviation of a predicted joint position [rad or m]."""
+UNKNOWN = np.array([1.0, 1.0, 1.0, 1.8, 1.8, 1.8])
+"""Standard deviation that is stated of what no term determines [m, rad]; 1.8 rad is any turn."""
 DEPENDENT = 6.0
 """Measurements per independent one: noise of depth is correlated over some pixels, and so are errors of the mesh."""
 FLOOR = np.array([0.001, 0.001, 0.001, 0.006, 0.006, 0.006])
@@ -42,6 +45,8 @@ class Stage:
 
 COARSE = Stage((0.03, 0.02, 0.015), 14)
 FINE = Stage((0.012, 0.010, 0.008), 7)
+ALIKE = 0.2
+"""Correlation of brightness with an earlier view from which its differences count."""
 POINTS = 350
 """Places on a model that are compared with the depth."""
 
@@ -84,9 +89,11 @@ def fit(
                 rows.append(terms.outline(frame, border, edge, seen))
             if look is not None:
                 found, score = terms.brightness(frame, terms.Placed.of(model, now, look.spots), look)
-                rows.append(found)
+                # Where it looks otherwise, slopes of a fine print lead nowhere.
+                rows += [found] if score > ALIKE else []
             now, normal = _step(model, now, start, rows, sigma)
-    covariance = DEPENDENT * np.linalg.inv(normal)
+    free = np.append(UNKNOWN, np.full(len(model.joints), UNKNOWN[5]))
+    covariance = np.linalg.inv((normal - np.diag(sigma**-2.0)) / DEPENDENT + np.diag(free**-2.0))
     covariance[np.diag_indices(6)] += FLOOR**2
     return Fit(State(motions.proper(now.pose), now.joints), covariance[:size, :size], score, _placed_well(seen))
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from dextera_build.geometry import transforms
-from dextera_build.geometry.tracking import camera_motion, judge, motions, search, solve, terms
+from dextera_build.geometry.tracking import camera_motion, judge, landmarks, motions, search, solve, terms
 from dextera_build.geometry.tracking.colours import Colours, bins
 from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.judge import Gate, Verdict
@@ -19,6 +19,8 @@ LOOKS = 24
 """Earlier views that are kept."""
 APART = np.cos(np.radians(20.0))
 """Cosine of the angle between the directions of two of them."""
+PATTERN = 12.0
+"""Standard deviation of brightness from which an object has a texture, 0..255."""
 STILL_M = 0.004
 """Way of its corners up to which an object stands still [m]."""
 STILL_FRAMES = 5
@@ -66,6 +68,7 @@ class Thing:
         self._velocity = np.zeros(6)
         self._covariance = np.eye(6 + len(model.joints))
         self._looks: list[terms.Look] = []
+        self.landmarks: list[landmarks.Landmarks] = []
         self._seen_at = -np.inf
         self._stamp = -np.inf
         self._verdict: Verdict = judge.LOST
@@ -82,6 +85,11 @@ class Thing:
     def still(self) -> bool:
         """Whether it has stood for some frames."""
         return self._count >= STILL_FRAMES
+
+    @property
+    def _textured(self) -> bool:
+        """Whether it has a print or a pattern by which views can be told apart."""
+        return any(float(look.grey.std()) > PATTERN for look in self._looks)
 
     @property
     def explained(self) -> bool:
@@ -112,11 +120,10 @@ class Thing:
             found += [] if by_flow is None else [by_flow]
         return found
 
-    def orientations(self, camera: np.ndarray | None) -> list[np.ndarray]:
+    def orientations(self) -> list[np.ndarray]:
         """Rotations (3, 3) R_camera_object that are likely when it is found again."""
         assert self.state is not None
-        base = np.eye(4) if camera is None else camera
-        last = (base @ self.state.pose)[:3, :3]
+        last = self.state.pose[:3, :3]
         axis = last[:, 2]
         return [motions.rotation(axis * angle) @ last for angle in np.radians([0.0, 45.0, -45.0, 90.0, -90.0, 180.0])]
 
@@ -146,6 +153,9 @@ class Thing:
             return False
         verdict, cast = judge.look(self.model, frame, fit.state, self.colours, self.number)
         why = judge.passes(fit, verdict, gate)
+        if again and not why and np.isnan(fit.correlation) and self._textured:
+            # A printed box fits its place turned by 180 degrees, too.
+            why = "from there its texture has not been seen"
         if why:
             self._verdict, self._why = verdict, why
             return False
@@ -255,7 +265,7 @@ class Thing:
         towards = _towards(self.state, self.model)
         if len(self._looks) >= LOOKS or any(float(look.towards @ towards) > APART for look in self._looks):
             return
-        cast = self.model.cast(self.state, frame.k, frame.shape, 700)
+        cast = self.model.cast(self.state, frame.k, frame.shape)
         if cast is None or cast.drawn.sum() < 40:
             return
         spots = terms.Spots.of(cast, 250)
@@ -268,6 +278,8 @@ class Thing:
         kept = terms.Spots(spots.points[good], spots.normals[good], spots.link[good])
         grey = frame.smooth[rows[good], columns[good]].astype(np.float64)
         self._looks.append(terms.Look(kept, grey, towards))
+        known = landmarks.of(frame, cast)
+        self.landmarks += [] if known is None else [known]
 
 
 def _towards(state: State, model: Model) -> np.ndarray:

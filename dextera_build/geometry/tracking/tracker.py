@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.geometry import transforms
-from dextera_build.geometry.tracking import camera_motion, judge, search
+from dextera_build.geometry.tracking import camera_motion, judge, landmarks, search
 from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.judge import Gate
 from dextera_build.geometry.tracking.model import Model, State
 from dextera_build.geometry.tracking.thing import Thing, Tracked
-
 
 FOLLOWED = Gate()
 FOUND = Gate(agreement=0.8, visible=0.25, pixels=200.0, correlation=0.5, outline=0.55, odds=0.0)
@@ -50,6 +49,7 @@ class Tracker:
         self._k, self._tuning = np.asarray(k, np.float64), tuning or Tuning()
         self.things = {name: Thing(number, model) for number, (name, model) in enumerate(models.items())}
         self._last: Frame | None = None
+        self._features: landmarks.Features | None = None
 
     def start(self, poses: Mapping[str, np.ndarray], joints: Mapping[str, np.ndarray] | None = None) -> None:
         """State where objects are in the next frame.
@@ -87,7 +87,7 @@ class Tracker:
         frame = Frame(np.ascontiguousarray(rgb), np.asarray(depth, np.float32), self._k, float(stamp))
         ways, camera = self._camera(frame, moved)
         order = sorted(self.things.values(), key=lambda thing: (thing.status == "lost", thing.distance))
-        failed = []
+        failed, self._features = [], None
         for thing in order:
             mask = None if masks is None else masks.get(self._name(thing))
             if not self._follow(thing, frame, ways, camera, mask):
@@ -155,21 +155,33 @@ class Tracker:
         thing.lose("its mask is elsewhere")
         return True
 
+    def _recognised(self, thing: Thing, frame: Frame) -> list[State]:
+        """States by the features of a print, the best first."""
+        if not thing.landmarks:
+            return []
+        self._features = landmarks.features(frame) if self._features is None else self._features
+        states = (landmarks.found(each, frame, self._features, thing.model.at_rest) for each in thing.landmarks)
+        known = [state for state in states if state is not None]
+        return list(search.best(thing.model, frame, known, thing.colours, thing.number, 2))
+
     def _search(self, thing: Thing, frame: Frame, camera: np.ndarray | None, mask: np.ndarray | None) -> None:
         """Look for an object around its last pose and in the whole picture."""
         if thing.state is None or not thing.colours.known:
             return
         if thing.status == "predicted" and thing.explained:
             return  # something hides it where it was: to look elsewhere finds things that look like it
-        found = search.places(thing.model, frame, thing.colours, thing.number, mask)
-        last = thing.state.pose
-        middle = transforms.apply(last, thing.model.centre[None])[0]
-        turns = thing.orientations(camera)
-        wide = thing.turn(len(search.spread()), 12)
-        states = search.hypotheses(thing.model, [middle, *found], turns, thing.state.joints)
-        states += search.hypotheses(
-            thing.model, found[:2], [search.spread()[number] for number in wide], thing.state.joints
-        )
-        for state in search.best(thing.model, frame, states, thing.colours, thing.number, 3):
+        model, joints = thing.model, thing.state.joints
+        middle = transforms.apply(thing.state.pose, model.centre[None])[0]
+        for state in self._recognised(thing, frame):
             if thing.measure(frame, state, self._tuning.found, camera, again=True):
                 return
+        turns = thing.orientations()
+        near = search.hypotheses(model, search.around(middle), turns[:1], joints)
+        near += search.hypotheses(model, [middle], turns[1:], joints)
+        found = search.places(model, frame, thing.colours, thing.number, mask)
+        wide = [search.spread()[number] for number in thing.turn(search.TURNS, 12)]
+        far = search.hypotheses(model, found, turns, joints) + search.hypotheses(model, found[:2], wide, joints)
+        for states in (near, far):
+            for state in search.best(model, frame, states, thing.colours, thing.number, 2):
+                if thing.measure(frame, state, self._tuning.found, camera, again=True):
+                    return
