@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import cache
 
 import numpy as np
 
@@ -142,6 +143,7 @@ def around(place: np.ndarray) -> list[np.ndarray]:
     return [place + x * right + y * down + z * ahead for z in (-0.05, 0.0, 0.05) for y in steps for x in steps]
 
 
+@cache
 def spread(count: int = TURNS) -> list[np.ndarray]:
     """Orientations (3, 3) spread evenly."""
     return list(spread_rotations(count))

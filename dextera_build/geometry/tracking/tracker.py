@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,10 +132,11 @@ class Tracker:
         fresh = not thing.colours.known
         candidates = thing.predictions(frame, ways, camera)
         ranked = sorted(candidates, key=lambda state: -self._score(thing, frame, state))
-        gate = self._tuning.found if thing.status == "lost" else self._tuning.gate
+        again = thing.status == "lost"
+        gate = self._tuning.found if again else self._tuning.gate
         for state in ranked[: 2 if len(ranked) > 1 else 1]:
-            if thing.measure(frame, state, gate, camera, fresh=fresh) and not self._doubted(thing, frame, mask):
-                return True
+            if thing.measure(frame, state, gate, camera, fresh=fresh, again=again):
+                return not self._doubted(thing, frame, mask)
         thing.carry(frame, candidates[0], camera, self._tuning.patience_s, self._tuning.hidden_s)
         return False
 
@@ -144,16 +145,21 @@ class Tracker:
 
     def _doubted(self, thing: Thing, frame: Frame, mask: np.ndarray | None) -> bool:
         """Whether the given mask has been elsewhere for several frames; then the object counts as lost."""
-        if mask is None or not mask.any() or thing.cast is None:
-            return False
-        shown = frame.owner == thing.number
-        overlap = float((shown & mask).sum() / max(int(shown.sum()), 1))
-        thing.strikes = thing.strikes + 1 if overlap < self._tuning.mask_overlap else 0
+        thing.strikes = thing.strikes + 1 if self._elsewhere(thing, frame, mask) else 0
         if thing.strikes < self._tuning.strikes:
             return False
-        frame.owner[shown] = -1
-        thing.lose("its mask is elsewhere")
+        self._give_up(thing, frame)
         return True
+
+    def _elsewhere(self, thing: Thing, frame: Frame, mask: np.ndarray | None) -> bool:
+        if mask is None or not mask.any():
+            return False
+        shown = frame.owner == thing.number
+        return float((shown & mask).sum() / max(int(shown.sum()), 1)) < self._tuning.mask_overlap
+
+    def _give_up(self, thing: Thing, frame: Frame) -> None:
+        frame.owner[frame.owner == thing.number] = -1
+        thing.lose("its mask is elsewhere")
 
     def _recognised(self, thing: Thing, frame: Frame) -> list[State]:
         """States by the features of a print, the best first."""
@@ -165,23 +171,29 @@ class Tracker:
         return list(search.best(thing.model, frame, known, thing.colours, thing.number, 2))
 
     def _search(self, thing: Thing, frame: Frame, camera: np.ndarray | None, mask: np.ndarray | None) -> None:
-        """Look for an object around its last pose and in the whole picture."""
+        """Look for an object by its print, around its last pose and in the whole picture."""
         if thing.state is None or not thing.colours.known:
             return
         if thing.status == "predicted" and thing.explained:
             return  # something hides it where it was: to look elsewhere finds things that look like it
+        for states in (self._recognised(thing, frame), *self._places(thing, frame, mask)):
+            for state in states:
+                if not thing.measure(frame, state, self._tuning.found, camera, again=True):
+                    continue
+                if not self._elsewhere(thing, frame, mask):
+                    return
+                self._give_up(thing, frame)
+
+    def _places(self, thing: Thing, frame: Frame, mask: np.ndarray | None) -> Iterator[list[State]]:
+        """The best states around the last pose, then those in the whole picture."""
+        assert thing.state is not None
         model, joints = thing.model, thing.state.joints
         middle = transforms.apply(thing.state.pose, model.centre[None])[0]
-        for state in self._recognised(thing, frame):
-            if thing.measure(frame, state, self._tuning.found, camera, again=True):
-                return
         turns = thing.orientations()
         near = search.hypotheses(model, search.around(middle), turns[:1], joints)
         near += search.hypotheses(model, [middle], turns[1:], joints)
+        yield list(search.best(model, frame, near, thing.colours, thing.number, 2))
         found = search.places(model, frame, thing.colours, thing.number, mask)
         wide = [search.spread()[number] for number in thing.turn(search.TURNS, 12)]
         far = search.hypotheses(model, found, turns, joints) + search.hypotheses(model, found[:2], wide, joints)
-        for states in (near, far):
-            for state in search.best(model, frame, states, thing.colours, thing.number, 2):
-                if thing.measure(frame, state, self._tuning.found, camera, again=True):
-                    return
+        yield list(search.best(model, frame, far, thing.colours, thing.number, 2))

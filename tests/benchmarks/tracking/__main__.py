@@ -71,13 +71,13 @@ def seen(sequence: Sequence, keep: Path | None) -> Iterator[tuple[RgbdFrame, np.
 
 def summary(rows: list[Row], sequence: Sequence | None) -> str:
     """Recalls, the worst tracked pose, the longest search, and the drift of what rests."""
-    round_ = {name for name in sequences.ROUND}
+    symmetric = sequences.ROUND
     whole = [row for row in rows if row.seen >= VISIBLE]
     half = [row for row in rows if HALF <= row.seen < VISIBLE]
     told = [
         f"visible {len(whole)}: ADD-S {_recall([r.adds for r in whole], 0.02)} {_recall([r.adds for r in whole], 0.01)}"
     ]
-    sided = [row.add for row in whole if row.name not in round_]
+    sided = [row.add for row in whole if row.name not in symmetric]
     if sided:
         told.append(f"ADD {_recall(sided, 0.02)} {_recall(sided, 0.01)}")
     if half:
