@@ -30,6 +30,8 @@ class Gate:
     """Least correlation of brightness with an earlier view, where the object has a texture."""
     outline: float = 0.45
     """Least part of the unhidden outline that is seen within 4 px."""
+    sharp: float = 0.0
+    """Least part of the unhidden outline that is seen there clearly."""
     odds: float = -0.3
     """Least mean log-likelihood ratio of the object's colours where it is seen."""
     sigma_m: float = 0.012
@@ -42,17 +44,20 @@ class Verdict:
 
     agreement: float  # of the unhidden pixels with depth, the part that shows the model
     visible: float  # of the model's pixels, the part that shows it
-    hidden: float  # the part that something nearer hides, or that is outside the picture
+    hidden: float  # the part that something nearer hides
+    outside: float  # the part that is outside the picture
     pixels: float  # pixels whose depth shows it
     odds: float  # mean log-likelihood ratio of the colours there
 
     @property
     def score(self) -> float:
         """For comparing poses; higher is better."""
-        return self.visible * (1.0 + 0.3 * self.odds) - 1.5 * (1.0 - self.agreement) * (1.0 - self.hidden)
+        return self.visible * (1.0 + 0.3 * self.odds) - 1.5 * (1.0 - self.agreement) * (
+            1.0 - self.hidden - self.outside
+        )
 
 
-LOST = Verdict(0.0, 0.0, 1.0, 0.0, 0.0)
+LOST = Verdict(0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 """Of a pose that is outside the picture."""
 
 
@@ -81,7 +86,8 @@ def look(
         Verdict(
             agreement=shown / max(shown + float(behind.sum()), 1.0),
             visible=shown / whole,
-            hidden=(float(before.sum()) + whole - count) / whole,
+            hidden=float(before.sum()) / whole,
+            outside=(whole - count) / whole,
             pixels=measured * cast.stride**2,
             odds=float(odds[agree].mean()) if colours.known and agree.any() else 0.0,
         ),
@@ -97,6 +103,7 @@ def passes(fit: Fit, verdict: Verdict, gate: Gate) -> str:
         "something else is seen behind it": verdict.agreement < gate.agreement,
         "its texture does not agree": fit.correlation < gate.correlation,
         "its outline is elsewhere": fit.outline < gate.outline,
+        "its outline is not seen": fit.sharp < gate.sharp,
         "its colours are not seen": verdict.odds < gate.odds,
         "its position is not determined": spread > gate.sigma_m,
     }

@@ -33,6 +33,7 @@ class Fit:
     covariance: np.ndarray  # (6 + J, 6 + J) of a twist and the joints
     correlation: float  # of brightness with an earlier view; NaN if there is none or no texture
     outline: float  # part of the outline that is where it is expected; NaN if none is seen
+    sharp: float  # part of the outline that is seen there clearly; NaN if none is
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,8 @@ COARSE = Stage((0.03, 0.02, 0.015), 14)
 FINE = Stage((0.012, 0.010, 0.008), 7)
 ALIKE = 0.2
 """Correlation of brightness with an earlier view from which its differences count."""
+CLEAR_PX = 3.0
+"""Standard deviation of the place of an outline below which it is seen; equal colours on both sides give 4.3 [px]."""
 POINTS = 350
 """Places on a model that are compared with the depth."""
 
@@ -95,14 +98,16 @@ def fit(
     free = np.append(UNKNOWN, np.full(len(model.joints), UNKNOWN[5]))
     covariance = np.linalg.inv((normal - np.diag(sigma**-2.0)) / DEPENDENT + np.diag(free**-2.0))
     covariance[np.diag_indices(6)] += FLOOR**2
-    return Fit(State(motions.proper(now.pose), now.joints), covariance[:size, :size], score, _placed_well(seen))
+    return Fit(State(motions.proper(now.pose), now.joints), covariance[:size, :size], score, *_placed_well(seen))
 
 
-def _placed_well(seen: terms.Seen | None) -> float:
+def _placed_well(seen: terms.Seen | None) -> tuple[float, float]:
+    """Parts of the outline that are within 4 px, and of those that are told clearly."""
     if seen is None or np.isfinite(seen.offset).sum() < 8:
-        return np.nan
+        return np.nan, np.nan
     known = np.isfinite(seen.offset)
-    return float((np.abs(seen.offset[known]) < 4.0).mean())
+    near = np.abs(seen.offset[known]) < 4.0
+    return float(near.mean()), float((near & (seen.sigma[known] < CLEAR_PX)).mean())
 
 
 def _step(

@@ -21,6 +21,10 @@ APART = np.cos(np.radians(20.0))
 """Cosine of the angle between the directions of two of them."""
 PATTERN = 12.0
 """Standard deviation of brightness from which an object has a texture, 0..255."""
+ALIKE = 0.5
+"""Part of the usual log-likelihood ratio of its colours that something found must have."""
+WHOLE = 0.6
+"""Part of an object that must be seen to find it by shape and colour alone."""
 STILL_M = 0.004
 """Way of its corners up to which an object stands still [m]."""
 STILL_FRAMES = 5
@@ -74,7 +78,7 @@ class Thing:
         self._verdict: Verdict = judge.LOST
         self._why = "it has not been seen"
         self._mean, self._count = np.eye(4), 0
-        self._offset = 0
+        self._offset, self._odds = 0, 0.0
 
     @property
     def distance(self) -> float:
@@ -87,13 +91,13 @@ class Thing:
         return self._count >= STILL_FRAMES
 
     @property
-    def _textured(self) -> bool:
+    def textured(self) -> bool:
         """Whether it has a print or a pattern by which views can be told apart."""
         return any(float(look.grey.std()) > PATTERN for look in self._looks)
 
     @property
     def explained(self) -> bool:
-        """Whether something nearer, or the border of the picture, explains that it is not seen."""
+        """Whether something nearer explains that it is not seen."""
         return self._verdict.hidden > 0.5 and self._verdict.agreement > 0.3
 
     def begin(self, state: State) -> None:
@@ -153,20 +157,30 @@ class Thing:
             return False
         verdict, cast = judge.look(self.model, frame, fit.state, self.colours, self.number)
         why = judge.passes(fit, verdict, gate)
-        if again and not why and np.isnan(fit.correlation) and self._textured:
-            # A printed box fits its place turned by 180 degrees, too.
-            why = "from there its texture has not been seen"
+        why = why or (self._doubt(fit, verdict) if again else "")
         if why:
             self._verdict, self._why = verdict, why
             return False
         self._take(frame, fit, camera, again=again)
         self.status, self._verdict, self._why, self.cast = "tracked", verdict, "", cast
+        self._odds = verdict.odds if not self._odds else 0.95 * self._odds + 0.05 * verdict.odds
         self._claim(frame)
         if verdict.visible > 0.3:
             self._learn(frame, fit.state, 0.05)
         if verdict.visible > 0.4 and not again:
             self._remember(frame)
         return True
+
+    def _doubt(self, fit: solve.Fit, verdict: Verdict) -> str:
+        """Why something that was found is perhaps not this object, in words; empty if it is."""
+        if verdict.odds < ALIKE * self._odds:
+            return "its colours are hardly seen"
+        if not np.isnan(fit.correlation):
+            return ""
+        # Shape alone: a printed box fits its place turned by half, and a part of a plane fits any other.
+        if self.textured:
+            return "from there its texture has not been seen"
+        return "" if verdict.visible >= WHOLE else "too little of it is seen"
 
     def carry(self, frame: Frame, state: State, camera: np.ndarray | None, patience_s: float, hidden_s: float) -> None:
         """Go on without a measurement: at rest, or with falling speed; lost after a while."""

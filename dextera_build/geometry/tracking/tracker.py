@@ -15,7 +15,7 @@ from dextera_build.geometry.tracking.model import Model, State
 from dextera_build.geometry.tracking.thing import Thing, Tracked
 
 FOLLOWED = Gate()
-FOUND = Gate(agreement=0.8, visible=0.25, pixels=200.0, correlation=0.5, outline=0.55, odds=0.0)
+FOUND = Gate(agreement=0.8, visible=0.4, pixels=200.0, correlation=0.5, outline=0.55, sharp=0.5, odds=0.2)
 
 
 @dataclass(frozen=True)
