@@ -6,6 +6,7 @@ visible (three quarters or more of them) and half hidden (from 30 %), the parts 
 a pose after it was to be seen again; the largest ADD-S of a pose that was called `tracked`; processor time per frame,
 and that of Open3D's ICP from the last pose in the same loop. Symmetric objects have no ADD. Frames are 640 x 480 at
 30 Hz with the noise of `capture.sensor`; poses start at the true ones. `--keep` stores rendered frames for another run.
+`--rate 15`, `--noise 2` and `--shift 2` make frames worse: fewer, noisier, with the depth 2 px beside the colours.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from dextera_build.artifacts.rgbd_video import RgbdFrame, RgbdVideo
 from dextera_build.statistics import wilson
 from tests.benchmarks.tracking import judged, sequences, things
 from tests.benchmarks.tracking.judged import HALF, VISIBLE, Row
-from tests.benchmarks.tracking.scene import CAMERA, Sequence, frames
+from tests.benchmarks.tracking.scene import CAMERA, Sequence, Strain, frames
 
 RESTING = "rest"
 
@@ -33,13 +34,17 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("names", nargs="*")
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--no-icp", action="store_true")
+    parser.add_argument("--rate", type=float)
+    parser.add_argument("--noise", type=float, default=1.0)
+    parser.add_argument("--shift", type=int, default=0)
     chosen = parser.parse_args(arguments)
+    strain = Strain(chosen.rate, chosen.noise, chosen.shift)
     with tempfile.TemporaryDirectory() as scratch:
         meshes = things.foreign(Path(scratch), sequences.NAMES)
     every = {each.name: each for each in sequences.every(meshes)}
     rows: list[Row] = []
     for name in chosen.names or every:
-        made, times = judged.judge(every[name], seen(every[name], chosen.keep), icp=not chosen.no_icp)
+        made, times = judged.judge(every[name], seen(every[name], chosen.keep, strain), icp=not chosen.no_icp)
         rows += made
         line = f"{summary(made, every[name])}  {1e3 * times.tracker:4.0f} ms, ICP {1e3 * times.icp:4.0f} ms"
         print(f"{name:16s} {line}", flush=True)
@@ -47,25 +52,26 @@ def main(arguments: list[str]) -> None:
     print(covered(rows))
 
 
-def seen(sequence: Sequence, keep: Path | None) -> Iterator[tuple[RgbdFrame, np.ndarray]]:
+def seen(sequence: Sequence, keep: Path | None, strain: Strain) -> Iterator[tuple[RgbdFrame, np.ndarray]]:
     """Frames with their labels, rendered or as they were kept."""
     still = sequence.name == RESTING
     if keep is None:
-        yield from frames(sequence, still=still)
+        yield from frames(sequence, still=still, strain=strain)
         return
     keep.mkdir(parents=True, exist_ok=True)
-    film, labels = keep / f"{sequence.name}.zip", keep / f"{sequence.name}.npz"
+    film, labels = keep / f"{sequence.name}.film.zip", keep / f"{sequence.name}.npz"
     if not labels.exists():
         shown: list[np.ndarray] = []
 
         def noted() -> Iterator[RgbdFrame]:
-            for frame, label in frames(sequence, still=still):
+            for frame, label in frames(sequence, still=still, strain=strain):
                 shown.append(label.astype(np.uint8))
                 yield frame
 
-        RgbdVideo.write(film, CAMERA, noted(), depth_scale_m=0.001).save(keep / f"{sequence.name}.film.zip")
+        RgbdVideo.write(keep / "raw.zip", CAMERA, noted(), depth_scale_m=0.001).save(film)
+        (keep / "raw.zip").unlink()
         np.savez_compressed(labels, labels=np.stack(shown))
-    video = RgbdVideo.load(keep / f"{sequence.name}.film.zip")
+    video = RgbdVideo.load(film)
     yield from zip(video.frames(), np.load(labels)["labels"], strict=True)
 
 

@@ -62,7 +62,7 @@ def judge(sequence: Sequence, frames: Iterable[tuple[RgbdFrame, np.ndarray]], ic
             tracker.start(
                 {name: each.pose for name, each in truth.items()}, {n: each.joints for n, each in truth.items()}
             )
-            rivals = {name: Icp(points[name][0], truth[name].pose, CAMERA.matrix()) for name in actors} if icp else {}
+            rivals = {name: _rival(actors[name], each.pose) for name, each in truth.items()} if icp else {}
         begin = time.process_time()
         found = tracker.step(frame.rgb, frame.depth, frame.stamp)
         middle = time.process_time()
@@ -87,6 +87,11 @@ def _row(
     joint = float(np.abs(found.joints - truth.joints).max()) if len(truth.joints) else np.nan
     sigma = found.covariance if there and found.covariance is not None else np.full((6, 6), np.nan)
     return Row(sequence, name, stamp, found.status, seen, add, adds, deviation, sigma, theirs, joint)
+
+
+def _rival(actor: Actor, start: np.ndarray) -> Icp:
+    mesh = next(iter(actor.links.values()))
+    return Icp(mesh.vertices, mesh.faces, start, CAMERA.matrix())
 
 
 def _points(actor: Actor) -> tuple[np.ndarray, np.ndarray]:

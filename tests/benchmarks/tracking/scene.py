@@ -56,6 +56,18 @@ class Sequence:
     rate: float = RATE
 
 
+@dataclass(frozen=True)
+class Strain:
+    """What makes frames worse than those of a good camera."""
+
+    rate: float | None = None
+    """Frames per second instead of those of the sequence [Hz]."""
+    noise: float = 1.0
+    """Factor of the noise of depth and colour."""
+    shift_px: int = 0
+    """By how much the depth lies to the right of the colours [px]."""
+
+
 def table() -> Mesh:
     """A wooden table top [m] in the plane z = 0 with a grain."""
     return plane(1.6, 1.2, wood(0), np.eye(4))
@@ -121,22 +133,29 @@ def render(sequence: Sequence, time: float, scenery: list[Mesh]) -> tuple[np.nda
     return np.clip(colour * light[..., None], 0, 1), seen.depth, labels
 
 
-def frames(sequence: Sequence, seed: int = 0, still: bool = False) -> Iterator[tuple[RgbdFrame, np.ndarray]]:
+def frames(
+    sequence: Sequence, seed: int = 0, still: bool = False, strain: Strain | None = None
+) -> Iterator[tuple[RgbdFrame, np.ndarray]]:
     """Frames as a depth camera measures them, and the true labels (H, W).
 
     Args:
         sequence: What happens.
         seed: Of the noise.
         still: Whether nothing moves, so that one render serves all frames.
+        strain: What makes them worse.
     """
+    strain = strain or Strain()
+    rate = strain.rate or sequence.rate
+    deeper = DEPTH.model_copy(update={"subpixel_px": DEPTH.subpixel_px * strain.noise})
+    colours = ColourNoiseOptions(sigma=ColourNoiseOptions().sigma * strain.noise)
     scenery, drawn = surroundings(), None
-    for number in range(round(sequence.seconds * sequence.rate)):
-        time = number / sequence.rate
+    for number in range(round(sequence.seconds * rate)):
+        time = number / rate
         random = np.random.default_rng((seed, number))
         drawn = render(sequence, time, scenery) if drawn is None or not still else drawn
         rgb, depth, labels = drawn
-        measured = measure_depth(depth, rgb, CAMERA.matrix(), DEPTH, random)
-        yield RgbdFrame(time, measure_colour(_soft(rgb), ColourNoiseOptions(), random), measured), labels
+        measured = np.roll(measure_depth(depth, rgb, CAMERA.matrix(), deeper, random), strain.shift_px, axis=1)
+        yield RgbdFrame(time, measure_colour(_soft(rgb), colours, random), measured), labels
 
 
 def _soft(rgb: np.ndarray) -> np.ndarray:
