@@ -12,7 +12,7 @@ from dextera_build.geometry.tracking.colours import Colours
 from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.model import Model, State
 
-PRIOR = np.array([0.03, 0.03, 0.03, 0.06, 0.06, 0.06])
+PRIOR = np.array([0.03, 0.03, 0.03, 0.03, 0.03, 0.03])
 """Standard deviation of a prediction [m, rad] beside terms whose errors are dependent: what none of them determines
 stays as predicted, such as the turn of a round thing about its axis."""
 JOINT_PRIOR = 0.1
