@@ -95,12 +95,10 @@ def consensus(source: np.ndarray, target: np.ndarray, fewest: int = FEWEST) -> n
     """
     limit = 0.006 + 3.0 * planes.depth_sigma(target[:, 2])
     random = np.random.default_rng(0)  # equal frames give equal answers
-    best, most = np.zeros(len(source), bool), 0
-    for pick in random.integers(0, len(source), (_TRIALS, 3)):
-        guess = transforms.umeyama(source[pick], target[pick], with_scale=False)[1]
-        near = np.linalg.norm(transforms.apply(guess, source) - target, axis=1) < limit
-        if near.sum() > most:
-            best, most = near, int(near.sum())
+    turns, shifts = _of_triples(source, target, random.integers(0, len(source), (_TRIALS, 3)))
+    apart = np.linalg.norm(source @ turns.swapaxes(1, 2) + shifts[:, None] - target, axis=2) < limit
+    counts = apart.sum(axis=1)
+    best, most = apart[int(counts.argmax())], int(counts.max())
     if most < fewest or most < 0.25 * len(source):
         return None
     found = np.eye(4)
@@ -110,6 +108,16 @@ def consensus(source: np.ndarray, target: np.ndarray, fewest: int = FEWEST) -> n
         if best.sum() < fewest:
             return None
     return found
+
+
+def _of_triples(source: np.ndarray, target: np.ndarray, picks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (T, 3, 3) and translations (T, 3) that lay three points each (T, 3) on their partners (Kabsch)."""
+    one, other = source[picks], target[picks]
+    middle, there = one.mean(axis=1), other.mean(axis=1)
+    u, _, vt = np.linalg.svd(np.einsum("tni,tnj->tij", other - there[:, None], one - middle[:, None]))
+    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
+    turns = u @ vt
+    return turns, there - np.einsum("tij,tj->ti", turns, middle)
 
 
 def _corners(frame: Frame) -> np.ndarray:

@@ -131,10 +131,12 @@ class Tracker:
             return False
         fresh = not thing.colours.known
         candidates = thing.predictions(frame, ways, camera)
-        ranked = sorted(candidates, key=lambda state: -self._score(thing, frame, state))
+        ranked = candidates
+        if len(candidates) > 1:
+            ranked = sorted(candidates, key=lambda state: -self._score(thing, frame, state))
         again = thing.status == "lost"
         gate = self._tuning.found if again else self._tuning.gate
-        for state in ranked[: 2 if len(ranked) > 1 else 1]:
+        for state in ranked[:2]:
             if thing.measure(frame, state, gate, camera, fresh=fresh, again=again):
                 return not self._doubted(thing, frame, mask)
         thing.carry(frame, candidates[0], camera, self._tuning.patience_s, self._tuning.hidden_s)

@@ -155,5 +155,5 @@ def every(meshes: Mapping[str, Mesh]) -> list[Sequence]:
         Sequence("lid", {"chest": chest}, _camera(), 4.0),
         made("crossing", {"can": _crossing(-1.0, 0.10), "macaroni_and_cheese": _crossing(1.0, -0.05)}),
         made("camera", before_camera, _orbit, 5.0),
-        made("rest", resting, seconds=60.0),
+        replace(made("rest", resting, seconds=60.0), rate=5.0),
     ]
