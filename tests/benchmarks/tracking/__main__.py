@@ -5,7 +5,8 @@ visible (three quarters or more of them) and half hidden (from 30 %), the parts 
 1 cm, with the 95 % interval of Wilson as if frames were independent, which they are not; how long an object was without
 a pose after it was to be seen again; the largest ADD-S of a pose that was called `tracked`; processor time per frame,
 and that of Open3D's ICP from the last pose in the same loop. Symmetric objects have no ADD. Frames are 640 x 480 at
-30 Hz (`rest`: 5 Hz) with the noise of `capture.sensor`; poses start at the true ones. `--keep` stores rendered frames for another run.
+30 Hz (`rest`: 5 Hz) with the noise of `capture.sensor`; poses start at the true ones. `--keep` stores rendered frames
+for another run.
 `--rate 15`, `--noise 2` and `--shift 2` make frames worse: fewer, noisier, with the depth 2 px beside the colours.
 """
 
