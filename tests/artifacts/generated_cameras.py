@@ -19,10 +19,12 @@ from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.panorama import Panorama
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.rgbd_video import RgbdVideo
 from dextera_build.artifacts.rig import Rig
 from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.artifacts.stream import Channel, Joints, Stream
 from dextera_build.artifacts.track import Track
+from dextera_build.artifacts.tracking import Tracking
 from dextera_build.artifacts.trajectory import Trajectory
 from dextera_build.artifacts.video import Video
 from dextera_build.artifacts.views import Views, encoded
@@ -199,6 +201,32 @@ def _video(draw: Draw) -> dict[str, Any]:
     return _size(draw) | {"file": file, "stamps": 0.1 * np.arange(count), "is_key": is_key}
 
 
+def _rgbd_video(draw: Draw) -> dict[str, Any]:
+    count, size = draw(st.integers(1, 4)), _size(draw)
+    random = np.random.default_rng(draw(st.integers(0, 1000)))
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3] = Rotation.random(count, random_state=random).as_matrix()
+    poses[:, :3, 3] = random.normal(size=(count, 3))
+    return {
+        "file": File(data=draw(st.binary(max_size=9))),
+        "camera": Camera(**size, **{name: draw(LENGTHS) for name in ("fx", "fy", "cx", "cy")}),
+        "stamps": np.cumsum(random.uniform(0.01, 1, count)),
+        "depth_scale_m": draw(st.floats(1e-4, 1e-2)),
+        "poses": draw(st.none() | st.just(poses)),
+        "frame": draw(FRAMES),
+    }
+
+
+def _tracking(draw: Draw) -> dict[str, Any]:
+    first, joints = _track(draw), _joints(draw)
+    names = draw(st.lists(FRAMES, min_size=1, max_size=3, unique=True))
+    count = len(first["stamps"])
+    columns = {"names": joints["names"], "stamps": first["stamps"]}
+    held = Joints(**columns, positions=np.zeros((count, len(joints["names"]))))
+    tracks = {name: Track(**first | {"child": name}) for name in names}
+    return {"tracks": tracks, "joints": {names[0]: held} if draw(st.booleans()) else {}}
+
+
 def _mask_track(draw: Draw) -> dict[str, Any]:
     names = tuple(draw(st.lists(FRAMES, min_size=1, max_size=3, unique=True)))
     random, count = np.random.default_rng(draw(st.integers(0, 1000))), draw(st.integers(1, 4))
@@ -224,4 +252,6 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Stream: _stream,
     Video: _video,
     MaskTrack: _mask_track,
+    RgbdVideo: _rgbd_video,
+    Tracking: _tracking,
 }

@@ -4,6 +4,7 @@ Nothing imports this file: rules are found, not imported.
 """
 
 import rules.align.follow
+import rules.align.follow_deaot
 import rules.align.follow_flow
 import rules.align.follow_sam3_video
 import rules.align.follow_stub
@@ -15,6 +16,10 @@ import rules.align.matches_xfeat
 import rules.align.object
 import rules.align.object_icp
 import rules.align.object_stub
+import rules.align.track.track
+import rules.align.track.track_foundation_pose
+import rules.align.track.track_model
+import rules.align.track.track_stub
 import rules.background.robot
 import rules.background.robot_mujoco
 import rules.background.robot_stub
@@ -142,6 +147,7 @@ import rules.simulate.usd
 import rules.simulate.usd_openusd
 import rules.simulate.usd_stub
 
+align_follow_deaot: rules.align.follow.FollowBackend = rules.align.follow_deaot
 align_follow_flow: rules.align.follow.FollowBackend = rules.align.follow_flow
 align_follow_sam3_video: rules.align.follow.FollowBackend = rules.align.follow_sam3_video
 align_follow_stub: rules.align.follow.FollowBackend = rules.align.follow_stub
@@ -151,6 +157,9 @@ align_matches_stub: rules.align.matches.MatchesBackend = rules.align.matches_stu
 align_matches_xfeat: rules.align.matches.MatchesBackend = rules.align.matches_xfeat
 align_object_icp: rules.align.object.PlacementBackend = rules.align.object_icp
 align_object_stub: rules.align.object.PlacementBackend = rules.align.object_stub
+align_track_foundation_pose: rules.align.track.track.TrackBackend = rules.align.track.track_foundation_pose
+align_track_model: rules.align.track.track.TrackBackend = rules.align.track.track_model
+align_track_stub: rules.align.track.track.TrackBackend = rules.align.track.track_stub
 background_compose_gsplat: rules.background.room.compose.ComposeBackend = rules.background.room.compose_gsplat
 background_compose_points: rules.background.room.compose.ComposeBackend = rules.background.room.compose_points
 background_compose_warp: rules.background.room.compose.ComposeBackend = rules.background.room.compose_warp

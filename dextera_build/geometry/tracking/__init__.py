@@ -1,0 +1,1 @@
+"""Pose tracking of known objects in RGB-D frames."""

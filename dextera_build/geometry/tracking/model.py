@@ -1,0 +1,179 @@
+"""A known object for tracking: its links as ray casting structures, and its joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dextera_build.geometry import cameras, kinematics, transforms
+
+RAYS = 2000
+"""Rays of one cast, about; the box around the object is divided so."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Where an object is."""
+
+    pose: np.ndarray
+    """T_camera_object (4, 4) [m]."""
+    joints: np.ndarray
+    """Positions (J,) [rad or m], in the order of `Model.joints`."""
+
+
+@dataclass(frozen=True)
+class Cast:
+    """A model under one pose as a camera sees it, on a coarse grid of pixels (h, w)."""
+
+    rows: np.ndarray  # (h,) row of each ray [px]
+    columns: np.ndarray  # (w,) column of each ray [px]
+    stride: int  # pixels per ray
+    depth: np.ndarray  # (h, w) image-plane z of the nearest hit [m], inf without one
+    link: np.ndarray  # (h, w) link of the hit, -1 without one
+    points: np.ndarray  # (h, w, 3) hit in the frame of the object with its joints at 0 [m]
+    normals: np.ndarray  # (h, w, 3) of the surface there, towards the camera, in the same frame
+
+    @property
+    def drawn(self) -> np.ndarray:
+        """Rays that meet the model, (h, w) bool."""
+        return self.link >= 0
+
+
+class Model:
+    """An object as a tracker knows it.
+
+    Args:
+        meshes: Link -> vertices (V, 3) [m] and faces (F, 3), in the object frame with every joint at 0.
+        joints: A tree over the links, as `kinematics.link_poses` takes it.
+    """
+
+    def __init__(
+        self,
+        meshes: Mapping[str, tuple[np.ndarray, np.ndarray]],
+        joints: Sequence[kinematics.JointLike] = (),
+    ) -> None:
+        import open3d as o3d
+
+        self._tensor = o3d.core.Tensor
+        self.links, self.joints, self._scenes = dict(meshes), tuple(joints), []
+        for vertices, faces in meshes.values():
+            scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+            scene.add_triangles(
+                o3d.core.Tensor(np.ascontiguousarray(vertices, np.float32)),
+                o3d.core.Tensor(np.ascontiguousarray(faces, np.uint32)),
+            )
+            self._scenes.append(scene)
+        self._names = tuple(meshes)
+        self._hulls = [_outer(vertices) for vertices, _ in meshes.values()]
+        self.chains = self._ancestors()
+        points = np.concatenate(self._hulls)
+        self.centre = (points.min(axis=0) + points.max(axis=0)) / 2
+        self.radius = float(np.linalg.norm(points - self.centre, axis=1).max())
+        self.corners = points
+
+    @property
+    def at_rest(self) -> np.ndarray:
+        """Positions (J,) of the joints as they stand in the body."""
+        return np.array([joint.position for joint in self.joints], np.float64)
+
+    def link_poses(self, positions: np.ndarray) -> np.ndarray:
+        """T_object_link (L, 4, 4) at joint positions (J,)."""
+        if not self.joints:
+            return np.tile(np.eye(4), (len(self._names), 1, 1))
+        given = {joint.name: float(at) for joint, at in zip(self.joints, positions, strict=True)}
+        found = kinematics.link_poses(self, given)
+        return np.stack([found[name] for name in self._names])
+
+    def limited(self, positions: np.ndarray) -> np.ndarray:
+        """The nearest positions (J,) within the joints' limits, where they have some."""
+        low = [getattr(joint, "lower", -np.inf) for joint in self.joints]
+        high = [getattr(joint, "upper", np.inf) for joint in self.joints]
+        return np.asarray(np.clip(positions, low, high))
+
+    def box(self, state: State, k: np.ndarray, shape: tuple[int, ...], margin: float = 0.0) -> np.ndarray | None:
+        """left, top, right, bottom [px] of the model in a picture (H, W), right and bottom excluded; None outside.
+
+        Args:
+            state: Its pose and joints.
+            k: (3, 3) intrinsics [px].
+            shape: Height and width.
+            margin: Added on each side, in parts of the size.
+        """
+        poses = state.pose @ self.link_poses(state.joints)
+        points = np.concatenate([transforms.apply(pose, hull) for pose, hull in zip(poses, self._hulls, strict=True)])
+        if points[:, 2].min() < 0.02:
+            return None
+        pixels = cameras.project(points, k)
+        low, high = pixels.min(axis=0), pixels.max(axis=0)
+        reach = margin * (high - low) + 2.0
+        low, high = np.floor(low - reach), np.ceil(high + reach) + 1
+        found = np.array([max(low[0], 0), max(low[1], 0), min(high[0], shape[1]), min(high[1], shape[0])]).astype(int)
+        return found if found[2] - found[0] > 2 and found[3] - found[1] > 2 else None
+
+    def cast(self, state: State, k: np.ndarray, shape: tuple[int, ...], rays: int = RAYS) -> Cast | None:
+        """Rays through a coarse grid over the model's box; None if it is outside the picture."""
+        box = self.box(state, k, shape)
+        if box is None:
+            return None
+        left, top, right, bottom = (int(each) for each in box)
+        stride = max(1, round(float(np.sqrt((right - left) * (bottom - top) / rays))))
+        rows, columns = np.arange(top + stride // 2, bottom, stride), np.arange(left + stride // 2, right, stride)
+        if not len(rows) or not len(columns):
+            return None
+        ahead = np.ones((len(rows), len(columns), 3))
+        ahead[..., 0] = (columns - k[0, 2]) / k[0, 0]
+        ahead[..., 1] = ((rows - k[1, 2]) / k[1, 1])[:, None]
+        found: Cast | None = None
+        for link, pose in enumerate(state.pose @ self.link_poses(state.joints)):
+            now = self._hit(link, pose, ahead, (rows, columns, stride))
+            found = now if found is None else _nearer(found, now)
+        return found
+
+    def _hit(self, link: int, pose: np.ndarray, ahead: np.ndarray, grid: tuple[np.ndarray, np.ndarray, int]) -> Cast:
+        turn = pose[:3, :3]
+        directions = (ahead @ turn).astype(np.float32)
+        origin = (-pose[:3, 3] @ turn).astype(np.float32)
+        rays = np.concatenate([np.broadcast_to(origin, directions.shape), directions], axis=-1)
+        answer = self._scenes[link].cast_rays(self._tensor(np.ascontiguousarray(rays)))
+        depth = answer["t_hit"].numpy()
+        drawn = np.isfinite(depth)
+        normals = answer["primitive_normals"].numpy()
+        away = (normals * directions).sum(axis=-1) > 0
+        normals = np.where(away[..., None], -normals, normals)
+        points = origin + np.where(drawn, depth, 0)[..., None] * directions
+        return Cast(*grid, depth.astype(np.float64), np.where(drawn, link, -1), points, normals)
+
+    def _ancestors(self) -> np.ndarray:
+        """Whether joint j moves link l, (L, J) bool."""
+        moves = np.zeros((len(self._names), len(self.joints)), bool)
+        above = {joint.child: number for number, joint in enumerate(self.joints)}
+        for row, name in enumerate(self._names):
+            at: Any = name
+            while at in above:
+                moves[row, above[at]] = True
+                at = self.joints[above[at]].parent
+        return moves
+
+
+def _outer(vertices: np.ndarray) -> np.ndarray:
+    """Corners of the convex hull that are farthest along 42 directions."""
+    points = np.asarray(vertices, np.float64)
+    steps = np.stack(np.meshgrid(*3 * [np.linspace(-1, 1, 5)]), axis=-1).reshape(-1, 3)
+    ways = steps[np.abs(steps).max(axis=1) == 1]
+    return np.asarray(points[np.unique((points @ ways.T).argmax(axis=0))])
+
+
+def _nearer(one: Cast, other: Cast) -> Cast:
+    first = one.depth <= other.depth
+    return Cast(
+        one.rows,
+        one.columns,
+        one.stride,
+        np.where(first, one.depth, other.depth),
+        np.where(first, one.link, other.link),
+        np.where(first[..., None], one.points, other.points),
+        np.where(first[..., None], one.normals, other.normals),
+    )

@@ -1,0 +1,128 @@
+"""Gauss-Newton steps over all terms of one object, and the covariance that they leave."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.geometry.tracking import motions, terms
+from dextera_build.geometry.tracking.colours import Colours
+from dextera_build.geometry.tracking.frame import Frame
+from dextera_build.geometry.tracking.model import Model, State
+
+PRIOR = np.array([0.03, 0.03, 0.03, 0.03, 0.03, 0.03])
+"""Standard deviation of a prediction [m, rad] beside terms whose errors are dependent: what none of them determines
+stays as predicted, such as the turn of a round thing about its axis."""
+JOINT_PRIOR = 0.1
+"""Standard deviation of a predicted joint position [rad or m]."""
+UNKNOWN = np.array([1.0, 1.0, 1.0, 1.8, 1.8, 1.8])
+"""Standard deviation that is stated of what no term determines [m, rad]; 1.8 rad is any turn."""
+DEPENDENT = 6.0
+"""Measurements per independent one: noise of depth is correlated over some pixels, and so are errors of the mesh."""
+FLOOR = np.array([0.001, 0.001, 0.001, 0.006, 0.006, 0.006])
+"""Smallest standard deviation that is stated [m, rad]: calibration and mesh are no better."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What the terms say of one object in one frame."""
+
+    state: State
+    covariance: np.ndarray  # (6 + J, 6 + J) of a twist and the joints
+    correlation: float  # of brightness with an earlier view; NaN if there is none or no texture
+    outline: float  # part of the outline that is where it is expected; NaN if none is seen
+    sharp: float  # part of the outline that is seen there clearly; NaN if none is
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One render of the model, and the steps made with it."""
+
+    gates_m: tuple[float, ...]
+    reach_px: int
+
+
+COARSE = Stage((0.03, 0.02, 0.015), 14)
+FINE = Stage((0.012, 0.010, 0.008), 7)
+ALIKE = 0.2
+"""Correlation of brightness with an earlier view from which its differences count."""
+CLEAR_PX = 3.0
+"""Standard deviation of the place of an outline below which it is seen; equal colours on both sides give 4.3 [px]."""
+POINTS = 350
+"""Places on a model that are compared with the depth."""
+
+
+def fit(
+    model: Model,
+    frame: Frame,
+    start: State,
+    colours: Colours,
+    look: terms.Look | None,
+    stages: Sequence[Stage] = (COARSE, FINE),
+    number: int = 0,
+) -> Fit | None:
+    """Refine a state; None if the model is outside the picture, or too little of it is inside.
+
+    Args:
+        model: The object.
+        frame: What is seen.
+        start: The prediction, to which undetermined motions return.
+        colours: Of the object and its surroundings.
+        look: An earlier view of its texture.
+        stages: Coarse to fine.
+        number: Of the object, as in `Frame.owner`.
+    """
+    now, size = start, 6 + len(model.joints)
+    sigma = np.append(PRIOR, np.full(len(model.joints), JOINT_PRIOR))
+    normal, score, seen = np.diag(sigma**-2.0), np.nan, None
+    for stage in stages:
+        cast = model.cast(now, frame.k, frame.shape)
+        if cast is None or cast.drawn.sum() < 20:
+            return None
+        spots = terms.Spots.of(cast, POINTS)
+        edge = terms.Outline.of(cast, frame.shape)
+        for gate in stage.gates_m:
+            placed = terms.Placed.of(model, now, spots)
+            rows = [terms.depth(frame, placed, gate, number)]
+            if colours.known and len(edge.outward):
+                border = terms.Placed.of(model, now, edge.spots)
+                seen = terms.seek(frame, border, edge, colours, stage.reach_px)
+                rows.append(terms.outline(frame, border, edge, seen))
+            if look is not None:
+                found, score = terms.brightness(frame, terms.Placed.of(model, now, look.spots), look)
+                # Where it looks otherwise, slopes of a fine print lead nowhere.
+                rows += [found] if score > ALIKE else []
+            now, normal = _step(model, now, start, rows, sigma)
+    free = np.append(UNKNOWN, np.full(len(model.joints), UNKNOWN[5]))
+    covariance = np.linalg.inv((normal - np.diag(sigma**-2.0)) / DEPENDENT + np.diag(free**-2.0))
+    covariance[np.diag_indices(6)] += FLOOR**2
+    return Fit(State(motions.proper(now.pose), now.joints), covariance[:size, :size], score, *_placed_well(seen))
+
+
+def _placed_well(seen: terms.Seen | None) -> tuple[float, float]:
+    """Parts of the outline that are within 4 px, and of those that are told clearly."""
+    if seen is None or np.isfinite(seen.offset).sum() < 8:
+        return np.nan, np.nan
+    known = np.isfinite(seen.offset)
+    near = np.abs(seen.offset[known]) < 4.0
+    return float(near.mean()), float((near & (seen.sigma[known] < CLEAR_PX)).mean())
+
+
+def _step(
+    model: Model, now: State, start: State, rows: Sequence[terms.Rows], sigma: np.ndarray
+) -> tuple[State, np.ndarray]:
+    """The state after one damped Gauss-Newton step, and the normal matrix."""
+    normal, right = np.diag(sigma**-2.0), np.zeros(len(sigma))
+    for jacobian, off, weight in rows:
+        weighted = jacobian * weight[:, None]
+        normal += weighted.T @ jacobian
+        right += weighted.T @ off
+    away = np.append(motions.between(now.pose, start.pose), start.joints - now.joints)
+    right += away / sigma**2
+    step = np.linalg.solve(normal, right)
+    # A step that leaves the reach of the gates is cut: the next one sees new partners.
+    far, wide = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:6]))
+    step *= min(1.0, 0.04 / max(far, 1e-12), 0.35 / max(wide, 1e-12))
+    return State(motions.moved(now.pose, step[:6]), model.limited(now.joints + step[6:])), normal

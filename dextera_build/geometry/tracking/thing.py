@@ -1,0 +1,311 @@
+"""One tracked object: its state, how it moves, how it looked, and what is said about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dextera_build.geometry import transforms
+from dextera_build.geometry.tracking import camera_motion, judge, landmarks, motions, search, solve, terms
+from dextera_build.geometry.tracking.colours import Colours, bins
+from dextera_build.geometry.tracking.frame import Frame
+from dextera_build.geometry.tracking.judge import Gate, Verdict
+from dextera_build.geometry.tracking.model import Cast, Model, State
+
+Status = Literal["tracked", "predicted", "lost"]
+LOOKS = 24
+"""Earlier views that are kept."""
+APART = np.cos(np.radians(20.0))
+"""Cosine of the angle between the directions of two of them."""
+PATTERN = 12.0
+"""Standard deviation of brightness from which an object has a texture, 0..255."""
+ALIKE = 0.5
+"""Part of the usual log-likelihood ratio of its colours that something found must have."""
+WHOLE = 0.6
+"""Part of an object that must be seen to find it by shape and colour alone."""
+STILL_M = 0.004
+"""Way of its corners up to which an object stands still [m]."""
+STILL_FRAMES = 5
+"""Frames after which a pose is averaged."""
+AVERAGED = 50
+"""Frames over which the pose of a thing that stands is averaged."""
+_SLOWER = 0.7
+_DRIFT = np.diag([0.01, 0.01, 0.01, 0.05, 0.05, 0.05]) ** 2
+"""Covariance that a pose without a measurement gains per frame."""
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """What is known of an object at one time."""
+
+    status: Status
+    pose: np.ndarray | None
+    """T_camera_object (4, 4) [m]; None if it is lost."""
+    covariance: np.ndarray | None
+    """(6, 6) of a twist, see `geometry.uncertainty`; None if it is lost."""
+    joints: np.ndarray
+    """Positions (J,) [rad or m]; the last known ones if it is lost."""
+    joint_sigmas: np.ndarray
+    """Their standard deviations (J,)."""
+    visible: float
+    """Part of it that is seen."""
+    why: str
+    """Why it is not measured; empty if it is."""
+
+
+class Thing:
+    """A tracked object.
+
+    Args:
+        number: Its number, as in `Frame.owner`.
+        model: Its shape.
+    """
+
+    def __init__(self, number: int, model: Model) -> None:
+        self.number, self.model, self.colours = number, model, Colours()
+        self.status: Status = "lost"
+        self.state: State | None = None
+        self.cast: Cast | None = None
+        self.strikes = 0
+        self._velocity = np.zeros(6)
+        self._covariance = np.eye(6 + len(model.joints))
+        self._looks: list[terms.Look] = []
+        self.landmarks: list[landmarks.Landmarks] = []
+        self._seen_at = -np.inf
+        self._stamp = -np.inf
+        self._verdict: Verdict = judge.LOST
+        self._why = "it has not been seen"
+        self._mean, self._count = np.eye(4), 0
+        self._offset, self._odds = 0, 0.0
+
+    @property
+    def distance(self) -> float:
+        """From the camera along its axis [m]."""
+        return np.inf if self.state is None else float(self.state.pose[2, 3])
+
+    @property
+    def still(self) -> bool:
+        """Whether it has stood for some frames."""
+        return self._count >= STILL_FRAMES
+
+    @property
+    def textured(self) -> bool:
+        """Whether it has a print or a pattern by which views can be told apart."""
+        return any(float(look.grey.std()) > PATTERN for look in self._looks)
+
+    @property
+    def explained(self) -> bool:
+        """Whether something nearer explains that it is not seen."""
+        return self._verdict.hidden > 0.5 and self._verdict.agreement > 0.3
+
+    def begin(self, state: State) -> None:
+        """State where it is in the next frame."""
+        self.state, self.status, self._why = state, "predicted", "it has not been seen"
+        self._velocity, self._count = np.zeros(6), 0
+
+    def lose(self, why: str) -> None:
+        """Give up the pose, but keep it as the place to look first."""
+        self.status, self._why, self._count, self.strikes, self.cast = "lost", why, 0, 0, None
+        self._velocity = np.zeros(6)
+
+    def predictions(self, frame: Frame, ways: camera_motion.Ways | None, camera: np.ndarray | None) -> list[State]:
+        """States that may hold now: at rest in the scene, moving on, and as its own points moved."""
+        assert self.state is not None
+        base = np.eye(4) if camera is None else camera
+        resting = State(base @ self.state.pose, self.state.joints)
+        passed = min(frame.stamp - self._stamp, 0.2) if np.isfinite(self._stamp) else 0.0
+        moving = State(base @ motions.moved(self.state.pose, passed * self._velocity), self.state.joints)
+        quick = np.linalg.norm(self._velocity[:3]) > 0.02 or np.linalg.norm(self._velocity[3:]) > 0.1
+        found = [moving, resting] if quick else [resting]
+        if ways is not None and self.cast is not None:
+            by_flow = search.followed(self.model, frame, found[0], self.cast, ways)
+            found += [] if by_flow is None else [by_flow]
+        return found
+
+    def orientations(self) -> list[np.ndarray]:
+        """Rotations (3, 3) R_camera_object that are likely when it is found again."""
+        assert self.state is not None
+        last = self.state.pose[:3, :3]
+        axis = last[:, 2]
+        return [motions.rotation(axis * angle) @ last for angle in np.radians([0.0, 45.0, -45.0, 90.0, -90.0, 180.0])]
+
+    def turn(self, of: int, count: int) -> list[int]:
+        """The next `count` of `of` numbers in turn, so that a long search tries all."""
+        found = [(self._offset + number) % of for number in range(count)]
+        self._offset += count
+        return found
+
+    def measure(
+        self,
+        frame: Frame,
+        start: State,
+        gate: Gate,
+        camera: np.ndarray | None,
+        *,
+        fresh: bool = False,
+        again: bool = False,
+    ) -> bool:
+        """Fit the model to the frame from a start; take the result over if it passes the gate."""
+        if fresh:
+            self._learn(frame, start, 1.0)
+        look = self._look(start)
+        fit = solve.fit(self.model, frame, start, self.colours, look, number=self.number)
+        if fit is None:
+            self._verdict, self._why = judge.LOST, "outside the picture"
+            return False
+        verdict, cast = judge.look(self.model, frame, fit.state, self.colours, self.number)
+        why = judge.passes(fit, verdict, gate)
+        why = why or (self._doubt(fit, verdict) if again else "")
+        if why:
+            self._verdict, self._why = verdict, why
+            return False
+        self._take(frame, fit, camera, again=again)
+        self.status, self._verdict, self._why, self.cast = "tracked", verdict, "", cast
+        self._odds = verdict.odds if not self._odds else 0.95 * self._odds + 0.05 * verdict.odds
+        self._claim(frame)
+        if verdict.visible > 0.3:
+            self._learn(frame, fit.state, 0.05)
+        if verdict.visible > 0.4 and not again:
+            self._remember(frame)
+        return True
+
+    def _doubt(self, fit: solve.Fit, verdict: Verdict) -> str:
+        """Why something that was found is perhaps not this object, in words; empty if it is."""
+        if verdict.odds < ALIKE * self._odds:
+            return "its colours are hardly seen"
+        if not np.isnan(fit.correlation):
+            return ""
+        # Shape alone: a printed box fits its place turned by half, and a part of a plane fits any other.
+        if self.textured:
+            return "from there its texture has not been seen"
+        return "" if verdict.visible >= WHOLE else "too little of it is seen"
+
+    def carry(self, frame: Frame, state: State, camera: np.ndarray | None, patience_s: float, hidden_s: float) -> None:
+        """Go on without a measurement: at rest, or with falling speed; lost after a while."""
+        assert self.state is not None
+        verdict, _ = judge.look(self.model, frame, state, self.colours, self.number)
+        self._verdict = verdict
+        waited = frame.stamp - self._seen_at
+        if (
+            waited > (hidden_s if self.explained and not np.any(self._velocity) else patience_s)
+            or self.status == "lost"
+        ):
+            base = np.eye(4) if camera is None else camera
+            self.state = State(base @ self.state.pose, self.state.joints)
+            self.lose(self._why or "it was not seen for long")
+            self._stamp = frame.stamp
+            return
+        self.status, self.cast, self.state = "predicted", None, state
+        self._velocity *= _SLOWER
+        self._covariance[:6, :6] += _DRIFT
+        self._stamp = frame.stamp
+
+    def told(self, stamp: float) -> Tracked:
+        """What to report."""
+        joints = self.model.at_rest if self.state is None else self.state.joints
+        sigmas = np.sqrt(np.diag(self._covariance)[6:])
+        if self.status == "lost" or self.state is None:
+            return Tracked("lost", None, None, joints, sigmas, 0.0, self._why)
+        return Tracked(
+            self.status, self.state.pose, self._covariance[:6, :6], joints, sigmas, self._verdict.visible, self._why
+        )
+
+    def _take(self, frame: Frame, fit: solve.Fit, camera: np.ndarray | None, *, again: bool) -> None:
+        """Take a measured state over: speed, and the average of a thing that stands before a standing camera."""
+        state = fit.state
+        base = np.eye(4) if camera is None else camera
+        passed = frame.stamp - self._stamp
+        speed = np.zeros(6)
+        if self.state is not None and np.isfinite(passed) and 0 < passed < 0.5 and self.status == "tracked":
+            speed = motions.between(base @ self.state.pose, state.pose) / passed
+        standing = camera is not None and np.array_equal(camera, np.eye(4))
+        near = motions.displacement(self._mean, state.pose, self.model.corners) < STILL_M
+        if standing and near and self._count and not again:
+            self._count = min(self._count + 1, AVERAGED)
+            step = motions.between(self._mean, state.pose) / self._count
+            self._mean = motions.moved(self._mean, step)
+        else:
+            self._mean, self._count = state.pose, 1
+        if self.still:
+            state, speed = State(self._mean, state.joints), np.zeros(6)
+        self._velocity = 0.6 * speed + 0.4 * self._velocity if np.any(speed) else np.zeros(6)
+        self.state, self._covariance = state, fit.covariance
+        self._stamp = self._seen_at = frame.stamp
+
+    def _claim(self, frame: Frame) -> None:
+        """Mark the pixels that show it."""
+        if self.cast is None:
+            return
+        rows, columns = self.cast.rows, self.cast.columns
+        z = frame.depth[np.ix_(rows, columns)]
+        shown = self.cast.drawn & (np.abs(z - self.cast.depth) < 0.015)
+        side = self.cast.stride
+        large = np.repeat(np.repeat(shown, side, axis=0), side, axis=1)
+        top, left = rows[0] - side // 2, columns[0] - side // 2
+        area = frame.owner[top : top + large.shape[0], left : left + large.shape[1]]
+        area[large[: area.shape[0], : area.shape[1]]] = self.number
+
+    def _learn(self, frame: Frame, state: State, rate: float) -> None:
+        """Colours of what shows it, and of what is around it."""
+        cast = self.model.cast(state, frame.k, frame.shape, 1200)
+        box = self.model.box(state, frame.k, frame.shape, margin=0.35)
+        if cast is None or box is None:
+            return
+        z = frame.depth[np.ix_(cast.rows, cast.columns)]
+        shown = cast.drawn & ((z == 0) | (np.abs(z - cast.depth) < 0.012))
+        rows, columns = np.nonzero(shown)
+        inside = bins(frame.rgb[cast.rows[rows], cast.columns[columns]])
+        step = max(1, (box[3] - box[1]) // 40)
+        around = bins(frame.rgb[box[1] : box[3] : step, box[0] : box[2] : step])
+        outside = around[~_drawn_at(cast, np.arange(box[1], box[3], step), np.arange(box[0], box[2], step))]
+        if rate == 1.0:
+            # The whole first picture too, so that search knows what else has these colours.
+            outside = np.concatenate([outside, bins(frame.rgb[4::16, 4::16])[frame.owner[4::16, 4::16] < 0]])
+        self.colours.learn(inside, outside, rate)
+
+    def _look(self, state: State) -> terms.Look | None:
+        """The earlier view from the nearest direction."""
+        if not self._looks:
+            return None
+        towards = _towards(state, self.model)
+        nearest = max(self._looks, key=lambda look: float(look.towards @ towards))
+        return nearest if float(nearest.towards @ towards) > np.cos(np.radians(50.0)) else None
+
+    def _remember(self, frame: Frame) -> None:
+        """Keep how it looks now, if it was not seen from about here."""
+        assert self.state is not None
+        towards = _towards(self.state, self.model)
+        if len(self._looks) >= LOOKS or any(float(look.towards @ towards) > APART for look in self._looks):
+            return
+        cast = self.model.cast(self.state, frame.k, frame.shape)
+        if cast is None or cast.drawn.sum() < 40:
+            return
+        spots = terms.Spots.of(cast, 250)
+        placed = terms.Placed.of(self.model, self.state, spots)
+        rows, columns, inside = frame.nearest(placed.points)
+        z = frame.depth[rows, columns]
+        good = inside & (z > 0) & (np.abs(z - placed.points[:, 2]) < 0.01)
+        if good.sum() < 40:
+            return
+        kept = terms.Spots(spots.points[good], spots.normals[good], spots.link[good])
+        grey = frame.smooth[rows[good], columns[good]].astype(np.float64)
+        self._looks.append(terms.Look(kept, grey, towards))
+        known = landmarks.of(frame, cast)
+        self.landmarks += [] if known is None else [known]
+
+
+def _towards(state: State, model: Model) -> np.ndarray:
+    """Direction (3,) from the object's middle to the camera, in the object frame."""
+    away = transforms.apply(transforms.invert(state.pose), np.zeros((1, 3)))[0] - model.centre
+    return np.asarray(away / np.linalg.norm(away))
+
+
+def _drawn_at(cast: Cast, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Whether the model is drawn at pixels of a grid, (len(rows), len(columns)) bool."""
+    down = (rows - cast.rows[0] + cast.stride // 2) // cast.stride
+    right = (columns - cast.columns[0] + cast.stride // 2) // cast.stride
+    within = ((down >= 0) & (down < len(cast.rows)))[:, None] & ((right >= 0) & (right < len(cast.columns)))[None]
+    drawn = cast.drawn[np.ix_(down.clip(0, len(cast.rows) - 1), right.clip(0, len(cast.columns) - 1))]
+    return np.asarray(within & drawn)

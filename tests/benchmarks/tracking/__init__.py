@@ -1,0 +1,1 @@
+"""Tracked poses, compared with those of rendered sequences: `python -m tests.benchmarks.tracking`."""
