@@ -3,6 +3,9 @@
 Nothing imports this file: rules are found, not imported.
 """
 
+import rules.align.calibration.hand_eye
+import rules.align.calibration.hand_eye_opencv
+import rules.align.calibration.hand_eye_stub
 import rules.align.follow
 import rules.align.follow_flow
 import rules.align.follow_sam3_video
@@ -142,6 +145,8 @@ import rules.simulate.usd
 import rules.simulate.usd_openusd
 import rules.simulate.usd_stub
 
+align_hand_eye_opencv: rules.align.calibration.hand_eye.HandEyeBackend = rules.align.calibration.hand_eye_opencv
+align_hand_eye_stub: rules.align.calibration.hand_eye.HandEyeBackend = rules.align.calibration.hand_eye_stub
 align_follow_flow: rules.align.follow.FollowBackend = rules.align.follow_flow
 align_follow_sam3_video: rules.align.follow.FollowBackend = rules.align.follow_sam3_video
 align_follow_stub: rules.align.follow.FollowBackend = rules.align.follow_stub
