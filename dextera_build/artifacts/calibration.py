@@ -35,9 +35,10 @@ class Board(Value):
     rows: PositiveInt = 1
     """The same along y."""
     square_m: PositiveFloat
-    """Side of a square, or of a marker where there are no squares [m]."""
+    """Side of a square; of a marker where there is only one; of a marker and one gap in a grid of markers [m]."""
     marker_m: float = 0.0
-    """Side of a ChArUco board's markers [m]."""
+    """Side of the markers of a ChArUco board, or of a grid, whose `square_m` is a marker with a gap [m]; 0 for a single
+    marker, whose side is `square_m`."""
     dictionary: str = ""
     """Family of the markers: `DICT_5X5_100`, `36h11`."""
 

@@ -1,4 +1,4 @@
-"""Recordings of a robot and its cameras: MCAP files of ROS 2 messages, read by topic and time."""
+"""Recordings of a robot and its cameras: MCAP files of ROS 2 or Foxglove messages, read by topic and time."""
 
 from __future__ import annotations
 
@@ -11,18 +11,34 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import NonNegativeInt, model_validator
 
+from dextera_build.artifacts import camera_info, lens
 from dextera_build.artifacts.base import Array, Artifact, File, Value
-from dextera_build.artifacts.formats import suffix_among
+from dextera_build.artifacts.formats import suffix_among, unreadable
 from dextera_build.artifacts.image import png, smaller
-from dextera_build.artifacts.ros import messages, reading
+from dextera_build.artifacts.ros import images, messages, reading
 from dextera_build.artifacts.ros.recording import Recording, packed
 from dextera_build.artifacts.stamped import unit
 from dextera_build.artifacts.trajectory import Trajectory
 from dextera_build.errors import ArtifactError, listing
 from dextera_build.geometry.plot import COLOURS, Line, plot
 
-JOINTS, POSES = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
-PICTURES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
+JOINTS = (
+    "sensor_msgs/msg/JointState",
+    "sensor_msgs/JointState",
+    "foxglove.JointStates",
+    "foxglove_msgs/msg/JointStates",
+)
+POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/PoseStamped", "foxglove.PoseInFrame")
+PICTURES = (
+    *("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image", "sensor_msgs/CompressedImage", "sensor_msgs/Image"),
+    *("foxglove.CompressedImage", "foxglove.RawImage"),
+    *("foxglove_msgs/msg/CompressedImage", "foxglove_msgs/msg/RawImage"),
+)
+LENSES = (
+    *("sensor_msgs/msg/CameraInfo", "sensor_msgs/CameraInfo"),
+    *("foxglove.CameraCalibration", "foxglove_msgs/msg/CameraCalibration"),
+)
+"""Types that mean the same, as ROS 2, JSON and Foxglove name them."""
 
 
 class Channel(Value):
@@ -33,7 +49,7 @@ class Channel(Value):
     kind: str
     """Type of its messages, `sensor_msgs/msg/JointState`."""
     encoding: str
-    """Of its messages; `cdr` can be decoded."""
+    """Of its messages; `cdr`, `protobuf` and `json` can be decoded."""
     count: NonNegativeInt
     """Number of messages."""
 
@@ -163,7 +179,7 @@ class Stream(Artifact):
         Raises:
             ArtifactError: There is no such topic, or its joints change.
         """
-        rows = [(reading.stamp(each, time), each) for time, each in self._read(topic, (JOINTS,), start, end)]
+        rows = [(reading.stamp(each, time), each) for time, each in self._read(topic, JOINTS, start, end)]
         names = {tuple(each.name) for _, each in rows}
         if len(names) > 1:
             first, second = sorted(names)[:2]
@@ -189,7 +205,7 @@ class Stream(Artifact):
         Raises:
             ArtifactError: There is no such topic, or no message in that time.
         """
-        rows = [(reading.stamp(each, time), each) for time, each in self._read(topic, (POSES,), start, end)]
+        rows = [(reading.stamp(each, time), each) for time, each in self._read(topic, POSES, start, end)]
         placed = [(each.pose.position, each.pose.orientation) for _, each in rows]
         numbers = [[p.x, p.y, p.z, q.w, q.x, q.y, q.z] for p, q in placed]
         with reading.damage(topic):
@@ -207,7 +223,56 @@ class Stream(Artifact):
             ArtifactError: There is no such topic, or a picture is damaged.
         """
         for time, each in self._read(topic, PICTURES, start, end):
-            yield reading.stamp(each, time) / reading.SECOND, reading.pixels(each, topic)
+            yield reading.stamp(each, time) / reading.SECOND, images.pixels(each, topic)
+
+    def depths(
+        self, topic: str, start: float | None = None, end: float | None = None, scale_m: float = images.MILLIMETRE
+    ) -> Iterator[tuple[float, np.ndarray]]:
+        """Pairs of a header's time [s] and depth (H, W) float32 [m], 0 if not measured, read one by one.
+
+        Args:
+            topic: Topic of images of 16 bit counts or of metres.
+            start: First time of the recording [s].
+            end: First time that is left out [s].
+            scale_m: Metres per count.
+
+        Raises:
+            ArtifactError: There is no such topic, or an image is damaged or no depth.
+        """
+        for time, each in self._read(topic, PICTURES, start, end):
+            yield reading.stamp(each, time) / reading.SECOND, images.depths(each, topic, scale_m)
+
+    def stamps(self, topic: str) -> np.ndarray:
+        """(N, 2) times [s] of a topic's messages: of their headers, and of the recording.
+
+        Raises:
+            ArtifactError: There is no such topic.
+        """
+        kinds = JOINTS + POSES + PICTURES + LENSES
+        rows = [[reading.stamp(each, time), time] for time, each in self._read(topic, kinds, None, None)]
+        return np.array(rows, np.float64).reshape(-1, 2) / reading.SECOND
+
+    def lens(self, topic: str) -> lens.Lens:
+        """The camera that the first message of a topic describes.
+
+        Raises:
+            ArtifactError: There is no such topic or no message, or its numbers make no camera.
+        """
+        for _, each in self._read(topic, LENSES, None, None):
+            names = ("width", "height", "distortion_model", "d", "D", "k", "K")
+            known = {name: _plain(getattr(each, name)) for name in names if hasattr(each, name)}
+            try:
+                return lens.of(camera_info.of(known))
+            except ValueError as error:
+                raise unreadable(topic, "a camera", error) from None
+        raise unreadable(topic, "a camera", "it has no messages")
+
+    def number(self, topic: str) -> float | None:
+        """The first `std_msgs/Float32` or `std_msgs/Float64` of a topic; None if there is none."""
+        kinds = tuple(f"std_msgs/{middle}Float{bits}" for middle in ("msg/", "") for bits in (32, 64))
+        if all(each.topic != topic or each.kind not in kinds for each in self.channels):
+            return None
+        return next((float(each.data) for _, each in self._read(topic, kinds, None, None)), None)
 
     def duration_s(self) -> float:
         """Time from the first to the last message [s]."""
@@ -223,7 +288,7 @@ class Stream(Artifact):
         """Ten seconds of the first joint states, and the first picture beside them."""
         views: list[np.ndarray] = []
         for each in self.channels:
-            if each.kind == JOINTS and each.count and not views:
+            if each.kind in JOINTS and each.count and not views:
                 first = self.joints(each.topic, end=self.start_ns / reading.SECOND + 10)
                 lines = [
                     Line(np.stack([first.stamps, column], axis=1), COLOURS[number % len(COLOURS)])
@@ -283,6 +348,11 @@ def _picture_messages(topic: str, pictures: Pictures) -> Iterator[Message]:
         data = packed(pixels, pictures.form)
         message = messages.compressed_image(time, pictures.frame, pictures.form, data)
         yield time, topic, "sensor_msgs/CompressedImage", message
+
+
+def _plain(value: Any) -> Any:
+    """Arrays of decoders as lists."""
+    return value if isinstance(value, str | int) else [float(each) for each in value]
 
 
 def _column(rows: list[Any], size: int) -> np.ndarray | None:

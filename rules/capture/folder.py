@@ -2,35 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
-from pydantic import PositiveFloat
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
-from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.camera import Capture
 from dextera_build.errors import listing
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, rule
 
-from . import doubts, exif
-from .facts import NAME, depth_scale, read
-from .intrinsics import lens_of
-from .pictures import bits_of, counts, metres, pixels, size
-from .pinhole import Lens, nearest, pinhole, places, smooth
+from .facts import NAME, read
+from .taken import DepthOptions, Lenses, take
 
 RGB = ("rgb.png", "rgb.jpg", "rgb.jpeg")
 DEPTH = ("depth.png", "depth.npy")
-SATURATED = 65535  # written by many drivers for missing returns
 
 
-class FolderOptions(Options):
+class FolderOptions(DepthOptions):
     """Options of capture.folder."""
-
-    nearest_m: PositiveFloat = 0.1
-    """Minimum accepted median depth [m]."""
-    farthest_m: PositiveFloat = 20.0
-    """Maximum accepted median depth [m]."""
 
 
 @rule(version=3, packages=("pillow",))
@@ -46,54 +33,22 @@ def folder(ctx: Context, folder: Folder, *, options: FolderOptions) -> Capture:
     length in the EXIF, with a warning.
     """
     picture = _one_of(ctx, folder, RGB)
-    tags = exif.read(ctx, folder.files[picture], picture)
     facts = read(ctx, folder.files[NAME]) if NAME in folder.files else {}
-    lens = lens_of(ctx, folder, facts, tags)
-    orientation = _orientation(ctx, lens, tags, picture)
-    seen = (lens.width, lens.height)
-    # Everything about the depth is checked before the photograph is decoded.
     name = next((name for name in DEPTH if name in folder.files), None)
     if name is None and "depth_scale_m" in facts:
         _one_of(ctx, folder, DEPTH)
-    if name is not None:
-        _check_same_size(ctx, size(ctx, folder.files[name], name), seen)
-    rgb = exif.upright(pixels(ctx, folder.files[picture], picture, "RGB"), orientation)
-    depth = None if name is None else _depth(ctx, folder.files[name], name, facts, options)
-    camera = lens if isinstance(lens, Camera) else pinhole(lens)
-    if not isinstance(lens, Camera):
-        where = places(lens)
-        rgb, depth = smooth(rgb, where), None if depth is None else nearest(depth, where)
-    doubts.of_camera(ctx, camera)
-    ctx.preview(rgb, "photograph")
-    how = f"{camera.width} x {camera.height} px" + (", turned as its EXIF says" if orientation > 1 else "")
-    photograph = Photograph(rgb=Image(pixels=rgb), camera=camera)
-    if depth is None:
+    found, turned = take(ctx, folder, facts, Lenses(ctx, folder, facts), (picture, name), options)
+    camera = found.photograph.camera
+    ctx.preview(found.photograph.rgb.pixels, "photograph")
+    how = f"{camera.width} x {camera.height} px" + (", turned as its EXIF says" if turned else "")
+    if found.measured is None:
         ctx.say(f"{how}, no depth")
-        return Capture(photograph=photograph)
-    doubts.of_registration(ctx, rgb, depth)
+        return found
+    depth = found.measured.depth.depth
     valid = depth > 0
     share, middle = valid.mean(), np.median(depth[valid])
     ctx.say(f"{how}, depth on {share:.0%} of them, median {middle:.2f} m")
-    return Capture(photograph=photograph, measured=Measured(depth=DepthImage(depth=depth)))
-
-
-def _orientation(ctx: Context, lens: Camera | Lens, tags: exif.Exif, picture: str) -> int:
-    """How the stored picture is turned so that it has the size of the intrinsics, 1 to 8."""
-    wanted = (lens.width, lens.height)
-    if tags.upright_size == wanted:
-        return tags.orientation
-    if tags.size != wanted:
-        ctx.fail(
-            "the intrinsics do not match the image size",
-            capture_json=_spelled(wanted),
-            **{picture: _spelled(tags.upright_size)},
-            hint="write the intrinsics of this resolution; fx, fy, cx and cy scale with the image",
-        )
-    ctx.warn(
-        f"`{picture}` has EXIF orientation {tags.orientation}, but the intrinsics are those of the picture as it is "
-        "stored, so it was not turned"
-    )
-    return 1
+    return found
 
 
 def _one_of(ctx: Context, folder: Folder, names: tuple[str, ...]) -> str:
@@ -106,74 +61,3 @@ def _one_of(ctx: Context, folder: Folder, names: tuple[str, ...]) -> str:
             hint=f"put `{names[0]}` into the capture's folder",
         )
     return present[0]
-
-
-def _check_same_size(ctx: Context, depth: tuple[int, int], rgb: tuple[int, int]) -> None:
-    if depth != rgb:
-        ctx.fail(
-            "the depth image and the photograph differ in size",
-            depth=_spelled(depth),
-            photograph=_spelled(rgb),
-            hint="register the depth to the colour camera before writing the capture",
-        )
-
-
-def _spelled(size: tuple[int, int]) -> str:
-    return f"{size[0]} x {size[1]} px"
-
-
-def _depth(ctx: Context, data: bytes, name: str, facts: Mapping[str, object], options: FolderOptions) -> np.ndarray:
-    """Depth (H, W) float32 [m], checked; 0 if not measured."""
-    source = f"the unit of `{name}`"
-    if name.endswith(".npy"):
-        depth = metres(ctx, data, name)
-        _check_depth(ctx, depth, name, options)
-    else:
-        scale, bits = depth_scale(ctx, facts), bits_of(ctx, data, name)
-        values = counts(ctx, data, name)
-        depth = np.where(values == SATURATED, 0.0, values * scale).astype(np.float32)
-        _check_depth(ctx, depth, name, options, bits)
-        doubts.of_steps(ctx, values, scale, name, bits)
-        source = f"`depth_scale_m` {scale:g}"
-    doubts.of_depth(ctx, depth, source)
-    doubts.of_gaps(ctx, depth)
-    doubts.of_noise(ctx, depth)
-    return depth
-
-
-def _check_depth(ctx: Context, depth: np.ndarray, name: str, options: FolderOptions, bits: int = 16) -> None:
-    bad = int((~np.isfinite(depth)).sum())
-    if bad:
-        ctx.fail(
-            f"`{name}` holds NaN or infinite depth",
-            pixels=f"{bad:,} of {depth.size:,}",
-            hint="write 0 where nothing was measured: `np.nan_to_num(depth, nan=0, posinf=0, neginf=0)`",
-        )
-    if (depth < 0).any():
-        ctx.fail(
-            f"`{name}` holds negative depth", smallest=f"{depth.min():g} m", hint="write 0 where nothing was measured"
-        )
-    valid = depth[depth > 0]
-    if not len(valid):
-        ctx.fail(
-            f"`{name}` holds no valid depth",
-            pixels=f"0 of {depth.size:,}",
-            hint="check that the depth stream was running",
-        )
-    middle = float(np.median(valid))
-    if not options.nearest_m <= middle <= options.farthest_m:
-        ctx.fail(
-            "the depth's unit is not plausible",
-            median=f"{middle:.4g} m",
-            believed=f"{options.nearest_m:g} to {options.farthest_m:g} m",
-            **({"bits": "8, which hold 255 depths at most"} if bits == 8 else {}),
-            hint=_unit_hint(name, bits),
-        )
-
-
-def _unit_hint(name: str, bits: int) -> str:
-    if name.endswith(".npy"):
-        return f"`{name}` holds metres: divide millimetres by 1000"
-    if bits == 8:
-        return f"write `{name}` with 16 bit, as the camera gives it: it was reduced to 8 bit, perhaps for viewing"
-    return f"check `depth_scale_m` in `{NAME}`: metres per count, 0.001 for 16 bit millimetres"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
@@ -205,7 +206,7 @@ def robot(ctx: Context, *, options: RobotOptions) -> RobotModel:
         links=links,
         frames={role: role for role in options.frames},
         source=options.source,
-        grips=_grips(ctx, options, joints),
+        grips=grips_of(ctx, options.grips, joints),
         followers=followers,
     )
     ctx.preview(portrait.of_robot(model.model, model.followed(model.home)), "at home")
@@ -245,9 +246,10 @@ def _inventory(
     return links, tuple(joints.values()), tuple(followers.values())
 
 
-def _grips(ctx: Context, options: RobotOptions, joints: tuple[RobotJoint, ...]) -> dict[str, Grip]:
+def grips_of(ctx: Context, grips: Mapping[str, GripOptions], joints: tuple[RobotJoint, ...]) -> dict[str, Grip]:
+    """The grips, which move joints of the hand within their limits."""
     hand = {joint.name: joint for joint in joints if joint.group == "hand"}
-    for name, grip in options.grips.items():
+    for name, grip in grips.items():
         for joint, position in [*grip.open_rad.items(), *grip.closed_rad.items()]:
             ctx.check(
                 joint in hand, f"grip `{name}` moves `{joint}`, which is not a joint of the hand", joints=listing(hand)
@@ -265,7 +267,7 @@ def _grips(ctx: Context, options: RobotOptions, joints: tuple[RobotJoint, ...]) 
             surface_m=grip.surface_m,
             tip_radius_m=grip.tip_radius_m,
         )
-        for name, grip in options.grips.items()
+        for name, grip in grips.items()
     }
 
 

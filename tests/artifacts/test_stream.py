@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import File
-from dextera_build.artifacts.ros import messages, reading
+from dextera_build.artifacts.ros import images, messages, reading
 from dextera_build.artifacts.ros.recording import Recording
 from dextera_build.artifacts.stream import Joints, Pictures, Stream
 from dextera_build.errors import ArtifactError
@@ -185,7 +185,7 @@ class Raw:
     ],
 )
 def test_raw_pictures_are_red_green_blue(encoding: str, data: bytes, wanted: list[list[int]]) -> None:
-    assert reading.pixels(Raw(encoding, data, len(data)), "/camera").tolist() == [wanted]
+    assert images.pixels(Raw(encoding, data, len(data)), "/camera").tolist() == [wanted]
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,7 @@ def test_raw_pictures_are_red_green_blue(encoding: str, data: bytes, wanted: lis
 )
 def test_other_pictures_are_refused(raw: Raw, why: str) -> None:
     with pytest.raises(ArtifactError, match="cannot be read as a picture") as caught:
-        reading.pixels(raw, "/camera")
+        images.pixels(raw, "/camera")
     assert why in caught.value.facts["why"]
 
 

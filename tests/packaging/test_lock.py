@@ -18,7 +18,7 @@ EXTRAS = PROJECT["project"]["optional-dependencies"]
 NEEDED = [
     *PROJECT["build-system"]["requires"],
     *PROJECT["project"]["dependencies"],
-    *(text for extra in ("twin", "learn", "share", "cloud", "view") for text in EXTRAS[extra]),
+    *(text for extra in ("twin", "learn", "recordings", "share", "cloud", "view") for text in EXTRAS[extra]),
     *(text for group in PROJECT["dependency-groups"].values() for text in group),
 ]
 

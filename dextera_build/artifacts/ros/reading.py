@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -10,14 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-import numpy as np
-
 from dextera_build.artifacts.formats import unreadable
+from dextera_build.artifacts.ros import foxglove
 from dextera_build.errors import ArtifactError
 
 SECOND = 1_000_000_000
-_ENCODINGS = {"rgb8": (3, [0, 1, 2]), "bgr8": (3, [2, 1, 0]), "rgba8": (4, [0, 1, 2]), "bgra8": (4, [2, 1, 0])}
-"""Encoding of `sensor_msgs/Image` -> bytes per pixel, and where red, green and blue are among them."""
 
 
 @dataclass(frozen=True, order=True)
@@ -96,12 +92,12 @@ def messages(
     from mcap.reader import SeekingReader
     from mcap_ros2.decoder import DecoderFactory
 
-    reader = SeekingReader(stream, decoder_factories=[DecoderFactory()])
+    reader = SeekingReader(stream, decoder_factories=[DecoderFactory(), foxglove.Decoders()])  # type: ignore[list-item]
     with damage(name):
-        for _, channel, message, decoded in reader.iter_decoded_messages(
+        for schema, channel, message, decoded in reader.iter_decoded_messages(
             topics=list(topics), starting_at=start, ending_before=end
         ):
-            yield message.log_time, channel.topic, decoded
+            yield message.log_time, channel.topic, foxglove.shaped(schema.name if schema else "", decoded)
 
 
 def stamp(message: Any, received: int) -> int:
@@ -109,33 +105,3 @@ def stamp(message: Any, received: int) -> int:
     header = getattr(message, "header", None)
     found = 0 if header is None else header.stamp.sec * SECOND + header.stamp.nanosec
     return int(found or received)
-
-
-def pixels(message: Any, topic: str) -> np.ndarray:
-    """The picture (H, W, 3) uint8 sRGB of a `sensor_msgs/Image` or `sensor_msgs/CompressedImage`.
-
-    Raises:
-        ArtifactError: It is damaged, or of an encoding that is no 8-bit colour.
-    """
-    if not hasattr(message, "encoding"):
-        from PIL import Image
-
-        try:
-            with Image.open(io.BytesIO(bytes(message.data)), formats=("PNG", "JPEG")) as picture:
-                return np.asarray(picture.convert("RGB"))
-        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-            raise unreadable(topic, "PNG or JPEG", error) from None
-    if message.encoding == "mono8":
-        return np.repeat(_rows(message, topic, 1)[..., :1], 3, axis=2)
-    if message.encoding not in _ENCODINGS:
-        raise unreadable(topic, "a picture", f"`{message.encoding}` is not one of mono8, {', '.join(_ENCODINGS)}")
-    size, order = _ENCODINGS[message.encoding]
-    return np.ascontiguousarray(_rows(message, topic, size)[..., order])
-
-
-def _rows(message: Any, topic: str, size: int) -> np.ndarray:
-    data = np.frombuffer(bytes(message.data), np.uint8)
-    used = message.width * size
-    if message.step < used or len(data) < message.height * message.step:
-        raise unreadable(topic, "a picture", f"{len(data):,} bytes are not {message.height} rows of {message.step}")
-    return data[: message.height * message.step].reshape(message.height, -1)[:, :used].reshape(message.height, -1, size)

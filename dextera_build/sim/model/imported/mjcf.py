@@ -1,0 +1,170 @@
+"""MJCF of others as a source of robots: its bodies, joints and meshes, and what its actuators say."""
+
+from __future__ import annotations
+
+import posixpath
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dextera_build.sim.model.imported import files as meshes
+from dextera_build.sim.model.imported.files import wrong
+from dextera_build.sim.model.imported.precise import precise
+from dextera_build.sim.model.imported.urdf import Source
+
+WHOLE = "world_base"
+"""Name of the body for everything, if a file has several roots."""
+_MOVING = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+def read(path: str, files: Mapping[str, bytes], folder: Path, whole: bool = False) -> Source:
+    """Read the MJCF `path`, whose files lie below `folder`.
+
+    Args:
+        path: Of the file.
+        files: Path -> content.
+        folder: Where they are on disk.
+        whole: Put everything that is fixed to the world into one body, `WHOLE`.
+
+    Raises:
+        RuleError: MuJoCo does not load it, a mesh is missing, or it holds what no robot has.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(str(folder / path))
+    except ValueError as error:
+        raise wrong(f"`{path}` does not load", MuJoCo=str(error).strip()) from None
+    found = Source(spec)
+    _name_all(spec)
+    _take_files(spec, path, files)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise wrong(f"`{path}` does not compile", MuJoCo=str(error).strip()) from None
+    for joint in spec.joints:
+        if joint.type not in _MOVING:
+            kind = "free" if joint.type == mujoco.mjtJoint.mjJNT_FREE else "a ball"
+            raise wrong(
+                f"joint `{joint.name}` of body `{joint.parent.name}` is {kind}",
+                hint="name a body below it as `root`" if kind == "free" else "a robot has hinges and slides",
+            )
+    _state_inertias(spec, model)
+    _read_drives(spec, model, found)
+    _read_couplings(spec, found)
+    if model.nkey:
+        for number in range(model.njnt):
+            found.home[model.joint(number).name] = float(model.key_qpos[0][model.jnt_qposadr[number]])
+    for kind in ("tendons", "flexes", "skins"):
+        count = len(list(getattr(spec, kind)))
+        if count:
+            found.dropped.append(f"{count} {kind}")
+    # Degrees, Euler angles and defaults of the file are resolved, so that its bodies go with those of other files.
+    text = precise(spec.to_xml(), spec.compile())
+    found.spec = mujoco.MjSpec.from_string(_only_bodies(text, whole), assets=dict(spec.assets))
+    return found
+
+
+def _only_bodies(text: str, whole: bool) -> str:
+    """MJCF without settings of the simulation, and with everything in one body if `whole`."""
+    root = ET.fromstring(text)
+    for tag in ("option", "size", "visual", "statistic", "keyframe"):
+        for element in root.findall(tag):
+            root.remove(element)
+    world = root.find("worldbody")
+    if whole and world is not None:
+        children = [each for each in world if each.tag in ("body", "geom", "site")]
+        holder = ET.SubElement(world, "body", name=WHOLE)
+        for each in children:
+            world.remove(each)
+            holder.append(each)
+    return ET.tostring(root, encoding="unicode")
+
+
+def _name_all(spec: Any) -> None:
+    """Give bodies, joints and meshes without a name one, so that all can be told apart."""
+    for kind, elements in (("body", spec.bodies), ("joint", spec.joints)):
+        taken = {each.name for each in elements}
+        for number, each in enumerate(elements):
+            if not each.name:
+                name = f"{kind}_{number}"
+                each.name = name if name not in taken else f"{name}_"
+    for each in spec.meshes:
+        if not each.name and each.file:
+            each.name = Path(each.file).stem
+    for each in spec.textures:
+        if not each.name and each.file:
+            each.name = Path(each.file).stem
+
+
+def _take_files(spec: Any, path: str, files: Mapping[str, bytes]) -> None:
+    """Replace file names by names of assets, so that models from different folders can be joined."""
+    assets: dict[str, bytes] = {}
+    top = posixpath.dirname(path)
+    for kind, below, elements in (("mesh", spec.meshdir, spec.meshes), ("texture", spec.texturedir, spec.textures)):
+        for number, each in enumerate(elements):
+            if not each.file:
+                continue
+            named = posixpath.basename(each.file) if spec.strippath else each.file
+            found = posixpath.normpath(posixpath.join(top, below, named))
+            if found not in files:
+                found = meshes.found(posixpath.join(below, named), path, files)
+            name, data = (
+                (posixpath.basename(found), files[found]) if kind == "texture" else meshes.mesh(found, files[found])
+            )
+            file = f"{kind}_{number}_{name}"
+            each.file, assets[file] = file, data
+    spec.meshdir = spec.texturedir = ""
+    spec.assets = assets
+
+
+def _state_inertias(spec: Any, model: Any) -> None:
+    """Write the inertia that MuJoCo computes by the file's own settings, which do not go with its bodies."""
+    for body in spec.bodies[1:]:
+        known = model.body(body.name)
+        body.explicitinertial, body.fullinertia = True, [np.nan] * 6
+        body.mass, body.ipos = float(known.mass[0]), known.ipos.copy()
+        body.iquat, body.inertia = known.iquat.copy(), known.inertia.copy()
+        body.ialt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+
+
+def _read_drives(spec: Any, model: Any, found: Source) -> None:
+    """Torques and gains of the actuators on joints."""
+    for number in range(model.nu):
+        if model.actuator_trntype[number] != mujoco.mjtTrn.mjTRN_JOINT:
+            found.dropped.append(f"actuator `{model.actuator(number).name}`, which drives no single joint")
+            continue
+        joint = model.joint(int(model.actuator_trnid[number, 0]))
+        gear = abs(float(model.actuator_gear[number, 0])) or 1.0
+        gain, bias = model.actuator_gainprm[number], model.actuator_biasprm[number]
+        position = bias[1] < 0 and np.isclose(bias[1], -gain[0])
+        if model.actuator_forcelimited[number]:
+            found.efforts[joint.name] = gear * float(np.abs(model.actuator_forcerange[number]).max())
+        elif not bias.any() and model.actuator_ctrllimited[number]:
+            found.efforts[joint.name] = gear * float(gain[0] * np.abs(model.actuator_ctrlrange[number]).max())
+        if position:
+            found.gains[joint.name] = (gear * gear * float(gain[0]), gear * gear * max(0.0, float(-bias[2])))
+    for number in range(model.njnt):
+        if model.jnt_actfrclimited[number]:
+            name = model.joint(number).name
+            found.efforts.setdefault(name, float(np.abs(model.jnt_actfrcrange[number]).max()))
+
+
+def _read_couplings(spec: Any, found: Source) -> None:
+    """Joints that follow others by a linear equality; anything that closes a loop is refused."""
+    for each in spec.equalities:
+        if each.type == mujoco.mjtEq.mjEQ_JOINT and each.name2:
+            offset, ratio, *curved = (float(value) for value in each.data[:5])
+            if any(curved):
+                raise wrong(
+                    f"joint `{each.name1}` follows `{each.name2}` by a curve (polycoef {offset:g} {ratio:g} ...)",
+                    hint='approximate it by a line: `polycoef="offset ratio 0 0 0"`',
+                )
+            found.mimics[each.name1] = (each.name2, ratio, offset)
+        elif each.type in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
+            raise wrong(
+                f"`{each.name1}` and `{each.name2}` close a loop",
+                hint="a robot is a tree: replace the closing constraint by joints that follow one (<equality><joint>)",
+            )

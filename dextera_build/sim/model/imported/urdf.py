@@ -1,0 +1,314 @@
+"""URDF (http://wiki.ros.org/urdf/XML) as a `mujoco.MjSpec`, with mimic and COLLADA, which MuJoCo's reader lacks."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dextera_build.errors import listing
+from dextera_build.geometry import quaternions
+from dextera_build.sim.model.imported import files as meshes
+from dextera_build.sim.model.imported.files import wrong
+
+KINDS = ("revolute", "continuous", "prismatic", "fixed")
+
+
+@dataclass
+class Source:
+    """A description that was read."""
+
+    spec: Any
+    """The `mujoco.MjSpec`; its meshes are among `spec.assets`."""
+    mimics: dict[str, tuple[str, float, float]] = field(default_factory=dict)
+    """Joint -> the joint that it follows, ratio and offset [rad or m]."""
+    efforts: dict[str, float] = field(default_factory=dict)
+    """Joint -> largest torque or force [N m or N]."""
+    speeds: dict[str, float] = field(default_factory=dict)
+    """Joint -> largest speed [rad/s or m/s]."""
+    gains: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Joint -> stiffness and damping of its position actuator [N m/rad, N m s/rad]."""
+    home: dict[str, float] = field(default_factory=dict)
+    """Joint -> position in its first keyframe [rad or m]."""
+    dropped: list[str] = field(default_factory=list)
+    """What a robot model has no place for."""
+
+
+def read(path: str, files: Mapping[str, bytes]) -> Source:
+    """Read the URDF `path`.
+
+    Raises:
+        RuleError: It is not valid; the message names the link, the joint or the file.
+    """
+    try:
+        root = ET.fromstring(files[path])
+    except ET.ParseError as error:
+        raise wrong(f"`{path}` is not valid XML", parser=str(error)) from None
+    if b"xacro" in files[path] and any("xacro" in each.tag for each in root.iter()):
+        raise wrong(f"`{path}` is a xacro", hint=f"`xacro {path} > robot.urdf`, and name that file")
+    if root.tag != "robot":
+        raise wrong(f"`{path}` is not URDF", element=f"<{root.tag}>", hint="name a file that begins with <robot>")
+    return _Reader(path, root, files).read()
+
+
+class _Reader:
+    """Builds the model of one file."""
+
+    def __init__(self, path: str, root: ET.Element, files: Mapping[str, bytes]) -> None:
+        self._path, self._root, self._files = path, root, files
+        self._links = _named(path, root.findall("link"), "link")
+        self._joints = _named(path, root.findall("joint"), "joint")
+        self._colours = {
+            each.get("name", ""): _rgba(each) for each in root.findall("material") if each.find("color") is not None
+        }
+        self._spec = mujoco.MjSpec()
+        self._spec.compiler.degree = False
+        self._found = Source(self._spec)
+        self._known: dict[tuple[str, tuple[float, ...]], str] = {}
+
+    def read(self) -> Source:
+        children = self._tree()
+        (top,) = set(self._links) - {child for group in children.values() for _, child in group}
+        body = self._spec.worldbody.add_body(name=top)
+        self._fill(body, top)
+        waiting = [(body, top)]
+        while waiting:
+            parent, name = waiting.pop(0)
+            for joint, child in children[name]:
+                element = self._joints[joint]
+                place, turn = _origin(element)
+                below = parent.add_body(name=child, pos=place, quat=turn)
+                self._fill(below, child)
+                self._add_joint(below, joint, element)
+                waiting.append((below, child))
+        self._check_mimics()
+        return self._found
+
+    def _tree(self) -> dict[str, list[tuple[str, str]]]:
+        """Link -> its joints and their children; refused if it is no tree."""
+        children: dict[str, list[tuple[str, str]]] = {name: [] for name in self._links}
+        above: dict[str, str] = {}
+        for name, joint in self._joints.items():
+            ends = []
+            for end in ("parent", "child"):
+                element = joint.find(end)
+                link = "" if element is None else element.get("link", "")
+                if link not in self._links:
+                    raise wrong(
+                        f"the {end} of joint `{name}` is `{link}`, but no link is called so",
+                        links=listing(self._links, most=40),
+                    )
+                ends.append(link)
+            if ends[1] in above:
+                raise wrong(
+                    f"link `{ends[1]}` hangs on two joints, `{above[ends[1]]}` and `{name}`",
+                    hint="a robot is a tree: leave out the joint that closes the loop",
+                )
+            above[ends[1]] = name
+            children[ends[0]].append((name, ends[1]))
+        tops = [name for name in self._links if name not in above]
+        reached, waiting = set(tops), list(tops)
+        while waiting:
+            below = [child for _, child in children[waiting.pop()]]
+            reached |= set(below)
+            waiting += below
+        if set(self._links) - reached:
+            loop = sorted(set(self._links) - reached)
+            raise wrong("links hang on one another in a circle", links=listing(loop), hint="a robot is a tree")
+        if len(tops) != 1:
+            raise wrong(
+                f"there are {len(tops)} links without a parent", links=listing(tops), hint="join them by joints"
+            )
+        return children
+
+    def _fill(self, body: Any, name: str) -> None:
+        link = self._links[name]
+        self._add_inertia(body, name, link.find("inertial"))
+        for kind in ("visual", "collision"):
+            for element in link.findall(kind):
+                self._add_geom(body, name, element, kind == "collision")
+
+    def _add_inertia(self, body: Any, name: str, element: ET.Element | None) -> None:
+        mass = 0.0 if element is None else _number(element.find("mass"), "value", 0.0)
+        body.explicitinertial = True
+        if element is None or mass == 0.0:
+            body.mass, body.inertia = 0.0, [0.0, 0.0, 0.0]
+            return
+        place, turn = _origin(element)
+        inertia = element.find("inertia")
+        xx, xy, xz, yy, yz, zz = (_number(inertia, key, 0.0) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+        moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+        check_inertia(name, mass, moments)
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        body.mass, body.inertia, body.ipos = mass, moments, place
+        body.iquat = quaternions.from_matrix(quaternions.to_matrix(turn) @ axes)
+
+    def _add_joint(self, body: Any, name: str, element: ET.Element) -> None:
+        kind = element.get("type", "")
+        if kind not in KINDS:
+            raise wrong(
+                f"joint `{name}` is of type `{kind}`",
+                types=listing(KINDS),
+                hint="fix it, or give it a hinge or a slide",
+            )
+        if kind == "fixed":
+            return
+        axis = np.array(_numbers(element.find("axis"), "xyz", (1.0, 0.0, 0.0)))
+        if np.linalg.norm(axis) < 1e-6:
+            raise wrong(f"joint `{name}` has no axis", found=f"{axis}")
+        limit = element.find("limit")
+        slide = kind == "prismatic"
+        made = body.add_joint(
+            name=name,
+            type=mujoco.mjtJoint.mjJNT_SLIDE if slide else mujoco.mjtJoint.mjJNT_HINGE,
+            axis=axis / np.linalg.norm(axis),
+            damping=[_number(element.find("dynamics"), "damping", 0.0), 0, 0],
+            frictionloss=_number(element.find("dynamics"), "friction", 0.0),
+        )
+        if kind != "continuous" and limit is not None and "lower" in limit.attrib and "upper" in limit.attrib:
+            made.range = [_number(limit, "lower", 0.0), _number(limit, "upper", 0.0)]
+            made.limited = True
+        else:
+            made.limited = False
+        for key, found in (("effort", self._found.efforts), ("velocity", self._found.speeds)):
+            value = _number(limit, key, 0.0)
+            if value > 0:
+                found[name] = value
+        mimic = element.find("mimic")
+        if mimic is not None:
+            ratio, offset = _number(mimic, "multiplier", 1.0), _number(mimic, "offset", 0.0)
+            self._found.mimics[name] = (mimic.get("joint", ""), ratio, offset)
+
+    def _check_mimics(self) -> None:
+        for name, (leader, _, _) in self._found.mimics.items():
+            if leader not in self._joints or self._joints[leader].get("type") == "fixed":
+                moving = [each for each, joint in self._joints.items() if joint.get("type") != "fixed"]
+                raise wrong(
+                    f"joint `{name}` mimics `{leader}`, but no joint that moves is called so",
+                    joints=listing(moving, most=40),
+                )
+
+    def _add_geom(self, body: Any, link: str, element: ET.Element, collides: bool) -> None:
+        shape = element.find("geometry")
+        shape = shape[0] if shape is not None and len(shape) else None
+        if shape is None:
+            raise wrong(f"a geometry of link `{link}` is empty")
+        place, turn = _origin(element)
+        geom = body.add_geom(pos=place, quat=turn, density=0.0)
+        if not collides:
+            geom.contype = geom.conaffinity = 0
+        colour = self._colour(element)
+        if colour is not None:
+            geom.rgba = colour
+        if shape.tag == "mesh":
+            geom.type = mujoco.mjtGeom.mjGEOM_MESH
+            geom.meshname = self._mesh(shape)
+        elif shape.tag == "box":
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, [each / 2 for each in _numbers(shape, "size")]
+        elif shape.tag == "sphere":
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [_number(shape, "radius"), 0, 0]
+        elif shape.tag in ("cylinder", "capsule"):
+            kinds = {"cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER, "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE}
+            geom.type = kinds[shape.tag]
+            geom.size = [_number(shape, "radius"), _number(shape, "length") / 2, 0]
+        else:
+            raise wrong(f"link `{link}` has a geometry <{shape.tag}>", shapes="mesh, box, cylinder, capsule, sphere")
+
+    def _mesh(self, shape: ET.Element) -> str:
+        """Name of a mesh, which is added once per file and scale."""
+        path = meshes.found(shape.get("filename", ""), self._path, self._files)
+        scale = tuple(_numbers(shape, "scale", (1.0, 1.0, 1.0)))
+        if (path, scale) not in self._known:
+            file, data = meshes.mesh(path, self._files[path])
+            name = f"mesh_{len(self._known)}"
+            file = f"{name}_{file}"
+            self._known[path, scale] = name
+            self._spec.add_mesh(name=name, file=file, scale=scale)
+            self._spec.assets = {**self._spec.assets, file: data}
+        return self._known[path, scale]
+
+    def _colour(self, element: ET.Element) -> list[float] | None:
+        material = element.find("material")
+        if material is None:
+            return None
+        return _rgba(material) if material.find("color") is not None else self._colours.get(material.get("name", ""))
+
+
+def check_inertia(link: str, mass: float, moments: np.ndarray) -> None:
+    """Refuse moments of inertia that no body has.
+
+    Raises:
+        RuleError: Mass or a moment is not positive, or one moment exceeds the sum of the others.
+    """
+    ordered = np.sort(moments)
+    if mass <= 0 or ordered[0] <= 0:
+        raise wrong(
+            f"link `{link}` has mass {mass:g} kg and principal moments {_listed(ordered)} kg m^2, not all positive",
+            hint="copy them from the drawing, or compute them from the mesh and the mass",
+        )
+    if ordered[2] > (ordered[0] + ordered[1]) * 1.001 + 1e-12:
+        raise wrong(
+            f"link `{link}` has principal moments {_listed(ordered)} kg m^2, which no body has: the largest exceeds "
+            "the sum of the others",
+            hint="are products of inertia missing, or was the unit mixed?",
+        )
+
+
+def _listed(values: np.ndarray) -> str:
+    return " ".join(f"{value:.3g}" for value in values)
+
+
+def _named(path: str, elements: list[ET.Element], kind: str) -> dict[str, ET.Element]:
+    found: dict[str, ET.Element] = {}
+    for element in elements:
+        name = element.get("name", "")
+        if not name or name in found:
+            raise wrong(f"`{path}`: two {kind}s are called `{name}`" if name else f"`{path}`: a {kind} has no name")
+        found[name] = element
+    if not found and kind == "link":
+        raise wrong(f"`{path}` has no links")
+    return found
+
+
+def _origin(element: ET.Element) -> tuple[np.ndarray, np.ndarray]:
+    """Position [m] and quaternion w x y z of a child `origin`."""
+    origin = element.find("origin")
+    place = np.array(_numbers(origin, "xyz", (0.0, 0.0, 0.0)))
+    roll, pitch, yaw = _numbers(origin, "rpy", (0.0, 0.0, 0.0))
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in (roll, pitch, yaw))
+    turn = [
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    ]
+    return place, np.array(turn)
+
+
+def _rgba(material: ET.Element) -> list[float]:
+    return _numbers(material.find("color"), "rgba", (0.6, 0.6, 0.6, 1.0))
+
+
+def _number(element: ET.Element | None, key: str, default: float | None = None) -> float:
+    return _numbers(element, key, None if default is None else (default,))[0]
+
+
+def _numbers(element: ET.Element | None, key: str, default: tuple[float, ...] | None = None) -> list[float]:
+    """Numbers of an attribute."""
+    text = None if element is None else element.get(key)
+    if text is None and default is not None:
+        return list(default)
+    try:
+        found = [float(each) for each in (text or "").split()]
+    except ValueError:
+        found = []
+    counts = {"xyz": 3, "rpy": 3, "size": 3, "scale": 3, "rgba": 4}
+    if len(found) != counts.get(key, 1) or not all(map(math.isfinite, found)):
+        tag = "an element" if element is None else f"<{element.tag}>"
+        raise wrong(f"`{key}` of {tag} must be {counts.get(key, 1)} numbers", found=repr(text))
+    return found

@@ -1,0 +1,138 @@
+"""capture.bag: a ROS bag as a recording: ROS 2 folders and files, ROS 1, RealSense."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from dextera_build.artifacts.base import File, Folder
+from dextera_build.artifacts.stream import JOINTS, LENSES, PICTURES, POSES, Stream
+from dextera_build.errors import RuleError, listing
+from dextera_build.rule import Context, Options, rule
+
+FORMS = {b"#ROSBAG V2.0": "bag.bag", b"SQLite format 3\x00": "bag.db3", b"\x89MCAP0\r\n": "bag.mcap"}
+"""First bytes of a file -> name by which the reader knows its format."""
+KINDS = (*JOINTS, *POSES, *PICTURES, *LENSES, "std_msgs/msg/Float32", "std_msgs/msg/Float64")
+DISTRIBUTION = "ros2_humble"
+"""Whose message definitions the recording has; a bag without any, as SQLite before ROS 2 Iron, is read by them."""
+
+
+class BagOptions(Options):
+    """Options of capture.bag."""
+
+    topics: tuple[str, ...] = ()
+    """Topics to keep; empty: all."""
+
+
+@rule(version=1, packages=("mcap", "mcap-ros2-support", "numpy", "rosbags"))
+def bag(ctx: Context, file: File | Folder, *, options: BagOptions) -> Stream:
+    """Return the joint states, poses, pictures and cameras of a bag as an MCAP recording of ROS 2 messages.
+
+    `file` is a folder of ROS 2 with `metadata.yaml`, a single `.db3` or `.mcap`, or a `.bag` of ROS 1, as RealSense
+    cameras record them. Other messages are left out. Stamps are those of the bag.
+    """
+    source = _placed(ctx, file)
+    found = _converted(ctx, source, _chosen(ctx, source, options.topics))
+    ctx.metric("duration", found.duration_s(), "s")
+    ctx.say(", ".join(found.facts()))
+    return found
+
+
+def _placed(ctx: Context, file: File | Folder) -> Path:
+    """The bag on disk, under a name that tells its format."""
+    if isinstance(file, Folder):
+        file.export(ctx.scratch / "source", "bag")
+        metadata = next(iter(sorted((ctx.scratch / "source").rglob("metadata.yaml"))), None)
+        if metadata is None:
+            ctx.fail(
+                "the folder is not a bag of ROS 2: `metadata.yaml` is missing",
+                here=listing(file.files),
+                hint="copy the whole folder that `ros2 bag record` wrote, or `ros2 bag reindex` it",
+            )
+        return metadata.parent
+    with file.open() as stream:
+        begins = stream.read(16)
+    name = next((name for magic, name in FORMS.items() if begins.startswith(magic)), None)
+    if name is None:
+        ctx.fail(
+            "the file is not a bag",
+            begins=repr(begins),
+            wanted="a `.bag` of ROS 1, a `.db3` or an `.mcap`",
+            hint="give the folder if the bag is one",
+        )
+    path = ctx.scratch / name
+    file.place(path)
+    return path
+
+
+def _chosen(ctx: Context, source: Path, topics: tuple[str, ...]) -> list[str]:
+    """Topics of the bag that are kept."""
+    from rosbags.highlevel import AnyReader
+
+    with _reading(ctx), AnyReader([source], default_typestore=_store()) as reader:
+        known = {each.topic: each.msgtype for each in reader.connections if each.msgcount}
+    usable = [topic for topic, kind in sorted(known.items()) if kind in KINDS]
+    here = listing(f"{topic} ({kind})" for topic, kind in sorted(known.items()))
+    for topic in topics:
+        if topic not in usable:
+            ctx.fail(
+                f"the bag has no joint states, poses, pictures or cameras on topic `{topic}`",
+                topics=here,
+                hint="name another topic, or leave it out of option `topics`",
+            )
+    if not usable:
+        ctx.fail(
+            "the bag has no joint states, poses or pictures",
+            topics=here,
+            hint="record `/joint_states` and the camera's topics",
+        )
+    return list(topics or usable)
+
+
+def _converted(ctx: Context, source: Path, topics: list[str]) -> Stream:
+    """The recording of these topics."""
+    from rosbags.convert import convert
+
+    out = ctx.scratch / "converted"
+    with _reading(ctx), contextlib.redirect_stdout(io.StringIO()):  # it prints types that it copies
+        convert(
+            [source],
+            out,
+            dst_storage="mcap",
+            dst_version=9,
+            compress=None,
+            compress_mode="file",
+            default_typestore=_store(),
+            typestore=_store(),
+            exclude_topics=(),
+            include_topics=topics,
+            exclude_msgtypes=(),
+            include_msgtypes=(),
+        )
+    (made,) = out.glob("*.mcap")
+    return Stream.of(File.of(made), made.name)
+
+
+def _store() -> Any:
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores(DISTRIBUTION))
+
+
+@contextlib.contextmanager
+def _reading(ctx: Context) -> Iterator[None]:
+    """Turn what the reader raises on damaged bags, of whatever kind, into one error."""
+    try:
+        yield
+    except RuleError:
+        raise
+    except Exception as error:
+        ctx.fail(
+            "the bag cannot be read",
+            reader=str(error) or type(error).__name__,
+            hint="`ros2 bag info BAG` or `rosbag info BAG` says what is wrong; `ros2 bag reindex` and `rosbag reindex` "
+            "repair a bag that was not closed",
+        )

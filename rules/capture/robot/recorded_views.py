@@ -1,0 +1,35 @@
+"""capture.recorded_views: a calibration capture out of a recording of a camera and a robot."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.stream import Stream
+from dextera_build.rule import Context, rule
+
+from . import recorded
+
+
+class RecordedViewsOptions(recorded.RecordedOptions, recorded.TopicOptions):
+    """Options of capture.recorded_views."""
+
+
+@rule(version=1, packages=("mcap", "mcap-ros2-support", "mujoco", "numpy", "pillow", "scipy"))
+def recorded_views(
+    ctx: Context,
+    stream: Stream,
+    states: Stream | None = None,
+    robot: RobotModel | None = None,
+    *,
+    options: RecordedViewsOptions,
+) -> RobotViews:
+    """Return one picture per rest of the robot, with joint positions interpolated to its stamp.
+
+    `states` is the recording of the robot if the camera has one of its own. The offset of their clocks is estimated
+    from when pictures change and when joints move, and applied if it is certain. Joint states are put in the order of
+    `robot` and refused if they cannot be its: missing names, positions beyond limits (degrees, millimetres, another
+    order), or poses that turn otherwise than its model.
+    """
+    found = recorded.views(ctx, stream, states or stream, robot, options, options)
+    ctx.say(", ".join(found.facts()))
+    return found

@@ -1,0 +1,85 @@
+"""capture.robot_views: read a calibration capture, pictures of a robot in several poses, from a folder of files."""
+
+from __future__ import annotations
+
+from pathlib import PurePosixPath
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.errors import listing
+from dextera_build.rule import Context, rule
+
+from ..facts import NAME, read
+from ..taken import DepthOptions, Lenses, take
+from . import agreement, moved, stood, target
+from .moved import doubt_poses
+from .seen import doubt_pictures
+
+
+class RobotViewsOptions(DepthOptions):
+    """Options of capture.robot_views."""
+
+    effector_frame: str = ""
+    """Link or frame of the robot's model that `T_base_ee` is the pose of; empty: as `effector_frame` in the file."""
+
+
+@rule(version=1, packages=("mujoco", "numpy", "pillow"))
+def robot_views(
+    ctx: Context, folder: Folder, robot: RobotModel | None = None, *, options: RobotViewsOptions
+) -> RobotViews:
+    """Return the pictures that `views` in `capture.json` names, with the robot's poses and joint positions.
+
+    `capture.json` contains the intrinsics and `depth_scale_m` as for `capture.folder`; `setup`, `eye-to-hand` or
+    `eye-in-hand`; `target`, the board; and `views`, each with `rgb`, `depth` if there is some, and `T_base_ee`
+    (`t_m` [m] with `rotvec_rad` or `quat_wxyz`), or `joints` (name -> position [rad, m]), or both. `stamp_s` and
+    `skew_s` [s] are optional. The pictures of one folder are of one camera.
+
+    Joint positions are put in the order of `robot` and checked against it: names, limits, and the poses, if both are
+    given.
+    """
+    if NAME not in folder.files:
+        ctx.fail(f"`{NAME}` is missing in the capture", here=listing(folder.files), hint="`dxb new capture` writes one")
+    facts = read(ctx, folder.files[NAME])
+    mount = target.mount_of(ctx, facts)
+    board = target.board_of(ctx, facts, mount)
+    views = stood.views_of(ctx, facts, folder)
+    effectors, joints = stood.effectors_of(ctx, views), stood.joints_of(ctx, views)
+    if robot is not None and joints is not None:
+        joints = agreement.in_model_order(ctx, joints, robot, {})
+    frame = options.effector_frame or str(facts.get("effector_frame") or "effector")
+    if robot is not None and joints is not None and effectors is not None:
+        moved.check_poses(ctx, robot, joints, effectors, frame)
+    doubt_poses(
+        ctx, effectors, None if joints is None else joints.positions, [f"views[{n}]" for n in range(len(views))]
+    )
+    lenses, captures, doubted = Lenses(ctx, folder, facts), {}, True
+    for number, view in enumerate(views):
+        names = (view.picture, view.depth)
+        captures[_label(view.picture)] = take(ctx, folder, facts, lenses, names, options, doubted=doubted).capture
+        doubted = doubted and view.depth is None  # one camera: what is wrong with its depth is said once
+        ctx.progress(number + 1, len(views), "pictures")
+    if len(captures) < len(views):
+        ctx.fail(
+            f"`{NAME}`: pictures of different views have the same name",
+            pictures=listing(view.picture for view in views),
+            hint="give them different names",
+        )
+    doubt_pictures(ctx, {name: each.photograph.rgb.pixels for name, each in captures.items()})
+    found = RobotViews(
+        captures=captures,
+        mount=mount,
+        joints=joints,
+        effectors=effectors,
+        effector_frame=frame,
+        board=board,
+        skew_s=stood.skews_of(ctx, views),
+    )
+    ctx.preview(next(iter(captures.values())).photograph.rgb.pixels, "first picture")
+    ctx.say(", ".join(found.facts()))
+    return found
+
+
+def _label(path: str) -> str:
+    """`rgb_1` of `pictures/rgb_1.png`."""
+    return PurePosixPath(path).stem

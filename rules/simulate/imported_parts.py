@@ -1,0 +1,195 @@
+"""Files of a robot as parts of a model, and whether its bodies came out where the files have them."""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.errors import did_you_mean, listing
+from dextera_build.rule import Context
+
+if TYPE_CHECKING:
+    from dextera_build.sim.model.imported.assembly import Frame, Placed
+
+    from .imported_robot import PartOptions
+
+WORLD = "world"
+"""Root that stands for everything in an MJCF."""
+TOLERANCE = 1e-6
+"""Largest difference of a body's pose from its file's [m, rotation matrix entries]."""
+SAMPLES = 3
+"""Random postures in which poses are compared."""
+
+
+def descriptions(files: Folder) -> list[str]:
+    """Paths of the files that may describe a robot."""
+    return sorted(path for path in files.files if posixpath.splitext(path)[1].lower() in (".urdf", ".xml", ".mjcf"))
+
+
+def part(ctx: Context, files: Folder, place: Path, options: PartOptions, number: int) -> Placed:
+    """Read the file of a part.
+
+    Args:
+        ctx: Context for errors.
+        files: All files.
+        place: Folder in which they lie.
+        options: Of the part.
+        number: Of the part; the first is on the world.
+    """
+    from dextera_build.sim.model.imported import mjcf, urdf
+    from dextera_build.sim.model.imported.assembly import Placed
+
+    path = posixpath.normpath(options.file)
+    if path not in files.files:
+        ctx.fail(
+            f"there is no file `{options.file}`",
+            here=listing(descriptions(files)) or listing(files.files),
+            hint=did_you_mean(options.file, descriptions(files)),
+        )
+    begins = files.files[path][:4096]
+    robot = b"<robot" in begins or path.endswith(".urdf")
+    whole = options.root == WORLD
+    source = urdf.read(path, files.files) if robot else mjcf.read(path, files.files, place, whole)
+    roots = [body.name for body in source.spec.worldbody.bodies]
+    root = mjcf.WHOLE if whole and not robot else options.root
+    if root and source.spec.body(root) is None:
+        bodies = [body.name for body in source.spec.bodies[1:]]
+        ctx.fail(
+            f"`{options.file}` has no link `{options.root}`",
+            links=listing(bodies, most=60),
+            hint=did_you_mean(options.root, bodies),
+        )
+    if not root and len(roots) != 1:
+        ctx.fail(
+            f"`{options.file}` has {len(roots)} root links",
+            links=listing(roots),
+            hint="name one as `root`, or `root: world` for all",
+        )
+    if bool(options.on) != bool(number):
+        ctx.fail(
+            f"part `{options.file}` is fixed on "
+            + (f"`{options.on}`, but it is the first" if options.on else "nothing"),
+            hint="name the arm's file first, and `on: LINK` for the hand",
+        )
+    meshes = [mesh.name for mesh in source.spec.meshes]
+    for name in options.drawn:
+        if name not in meshes:
+            ctx.fail(f"`{options.file}` has no mesh `{name}`", meshes=listing(meshes, most=40))
+    return Placed(source, root or roots[0], options.prefix, options.on, options.at_m, options.quaternion, options.drawn)
+
+
+def sites(parts: list[Placed]) -> dict[str, Frame]:
+    """Name of a site, with prefix -> its frame."""
+    from dextera_build.sim.model.imported.assembly import Frame
+
+    found = {}
+    for number, each in enumerate(parts):
+        for site in each.source.spec.sites:
+            link = "base" if number == 0 and site.parent.name == each.root else each.prefix + site.parent.name
+            if site.name:
+                turn = np.array(site.quat) / np.linalg.norm(site.quat)
+                found[each.prefix + site.name] = Frame(link, list(site.pos), turn.tolist())
+    return found
+
+
+def check_names(ctx: Context, parts: list[Placed]) -> None:
+    """Refuse names that two parts have, and carriers that do not exist."""
+    links: dict[str, int] = {}
+    for number, each in enumerate(parts):
+        if each.parent and each.parent not in links:
+            ctx.fail(
+                f"`{each.parent}` carries a part, but no link of an earlier part is called so",
+                links=listing(links, most=60),
+                hint=did_you_mean(each.parent, links),
+            )
+        for body in below(each.source.spec.body(each.root)):
+            name = "base" if number == 0 and body.name == each.root else each.prefix + body.name
+            if name in links:
+                ctx.fail(f"two links are called `{name}`", hint="give the parts prefixes: `prefix: hand_`")
+            links[name] = number
+    joints = [part.prefix + joint.name for part in parts for joint in moving(part)]
+    twice = sorted({name for name in joints if joints.count(name) > 1})
+    if twice:
+        ctx.fail(f"two joints are called `{twice[0]}`", hint="give the parts prefixes: `prefix: hand_`")
+
+
+def below(body: Any) -> list[Any]:
+    """A body and all that hang on it."""
+    found = [body]
+    for each in found:
+        found += list(each.bodies)
+    return found
+
+
+def moving(part: Placed) -> list[Any]:
+    """Joints of a part."""
+    return [joint for body in below(part.source.spec.body(part.root)) for joint in body.joints]
+
+
+class Places:
+    """Poses of a file's bodies in its root, at any posture.
+
+    Args:
+        part: The description, before it becomes part of another model.
+    """
+
+    def __init__(self, part: Placed) -> None:
+        self._model = part.source.spec.compile()
+        self.bodies = [body.name for body in below(part.source.spec.body(part.root))]
+        self.joints = [joint.name for joint in moving(part)]
+        self._root = part.root
+        self.mass = sum(float(self._model.body(name).mass[0]) for name in self.bodies)
+        """Of all its bodies [kg]."""
+
+    def at(self, posture: Mapping[str, float]) -> np.ndarray:
+        """(B, 3, 4) poses in the root at joint -> position."""
+        return places(self._model, self._root, self.bodies, posture)
+
+
+def places(model: Any, root: str, bodies: list[str], posture: Mapping[str, float]) -> np.ndarray:
+    """(B, 3, 4) poses of bodies in the body `root` of a compiled model."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    for name, position in posture.items():
+        data.joint(name).qpos[0] = position
+    mujoco.mj_kinematics(model, data)
+    turn, origin = data.body(root).xmat.reshape(3, 3), data.body(root).xpos
+    rows = [
+        np.column_stack([turn.T @ data.body(name).xmat.reshape(3, 3), turn.T @ (data.body(name).xpos - origin)])
+        for name in bodies
+    ]
+    return np.array(rows)
+
+
+def check_places(
+    ctx: Context, model: RobotModel, parts: list[Placed], wanted: list[Places], fixed: Mapping[str, float]
+) -> float:
+    """Refuse a model whose bodies are elsewhere than in the files; return the largest difference."""
+    from dextera_build.sim.model import robot as robots
+
+    whole = robots.load(model.model).compile()
+    random = np.random.default_rng(0)
+    worst = 0.0
+    for _ in range(SAMPLES):
+        posture = {joint.name: float(random.uniform(joint.lower, joint.upper)) for joint in model.joints}
+        posture = model.followed(posture)
+        for number, (each, known) in enumerate(zip(parts, wanted, strict=True)):
+            own = {name: {**fixed, **posture}[each.prefix + name] for name in known.joints}
+            names = [each.prefix + name for name in known.bodies]
+            names[0] = "base" if number == 0 else names[0]
+            found = places(whole, names[0], names, posture)
+            worst = max(worst, float(np.abs(found - known.at(own)).max()))
+    ctx.check(
+        worst <= TOLERANCE,
+        "links came out in another place than in the files",
+        largest=f"{worst:.2g} m or rotation matrix entries",
+        hint="report the file: nothing in a recipe can cause this",
+    )
+    return worst
