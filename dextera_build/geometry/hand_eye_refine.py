@@ -73,6 +73,30 @@ def _widened(covariance: np.ndarray, count: int) -> np.ndarray:
     return np.asarray(covariance * (6 * f.ppf(0.95, 6, freedom) / chi2.ppf(0.95, 6)))
 
 
+def by_joints(
+    views: Sequence[View], setup: Setup, refined: Refined, drifts: Sequence[np.ndarray], sigma: float
+) -> np.ndarray:
+    """Covariance (12, 12) of X and Y because joints' zeros are wrong, each the same in all views.
+
+    Residuals hardly show such errors: that of the first joint is a rotation of the base.
+
+    Args:
+        views: Those of the calibration.
+        setup: What they share.
+        refined: The calibration.
+        drifts: (6, Q) of each view: motion of the effector in its frame, translation and rotation, per joint's motion.
+        sigma: Standard deviation of each joint's zero [rad or m].
+    """
+    normal, pull = np.zeros((12, 12)), np.zeros((12, drifts[0].shape[1]))
+    for view, drift in zip(views, drifts, strict=True):
+        one = block(view, setup, refined.solution)
+        weight = np.linalg.inv(variances.block_covariance(one, PRIORS, refined.sigmas))
+        normal += one.design.T @ weight @ one.design
+        pull += one.design.T @ weight @ one.disturbance @ drift
+    by = sigma * np.linalg.solve(normal, pull)
+    return np.asarray(by @ by.T)
+
+
 def moved(solution: Solution, step: np.ndarray) -> Solution:
     """The solution after a step (12,): translation and rotation vector of X, then of Y, in their parent frames."""
 

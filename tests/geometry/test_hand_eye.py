@@ -121,3 +121,22 @@ def test_the_stated_covariance_is_honest(in_hand: bool) -> None:
     assert inside >= 0.86
     assert np.median(far) > 0.5 * chi2.ppf(0.5, 6)  # not honest by being useless
     np.testing.assert_allclose(np.median(sigmas, axis=0), [0.2, 0.0005, 0.001], rtol=0.2)
+
+
+def test_wrong_zeros_of_encoders_widen_the_covariance_as_they_move_the_answer() -> None:
+    """A zero that is wrong in all views moves X by what `by_joints` says, and no residual tells it."""
+    views, setup, _ = simulate(7, 9, errors=EXACT)
+    start, views = hand_eye.start(views, setup)
+    plain = hand_eye_refine.refine(views, setup, start)
+    turn = registration.rotation_vector(np.eye(3)) + np.array([0.0, 0.0, 1e-3])
+    about_base = transforms.rigid(registration.rotation(turn), np.zeros(3))
+    moved = [View(v.name, about_base @ v.effector, v.board, v.pixels, v.candidates) for v in views]
+    found = hand_eye_refine.refine(moved, setup, plain.solution)
+    drifts = []
+    for before, after in zip(views, moved, strict=True):
+        gap = transforms.invert(before.effector) @ after.effector
+        drifts.append(np.append(gap[:3, 3], registration.rotation_vector(gap[:3, :3]))[:, None] / 1e-3)
+    spread = hand_eye_refine.by_joints(views, setup, plain, drifts, 1e-3)
+    error = error_of(found.solution.x, plain.solution.x)
+    np.testing.assert_allclose(np.sqrt(np.diag(spread)[:6]), np.abs(error), rtol=0.02, atol=2e-6)
+    assert np.linalg.norm(error[3:]) == pytest.approx(1e-3, rel=0.02)

@@ -10,7 +10,7 @@ import numpy as np
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError, listing
-from dextera_build.geometry import transforms
+from dextera_build.geometry import registration, transforms
 from dextera_build.sim.model import robot as robots
 
 
@@ -53,6 +53,21 @@ class Kinematics:
     @staticmethod
     def _of(thing: Any) -> np.ndarray:
         return transforms.rigid(thing.xmat.reshape(3, 3).copy(), thing.xpos.copy())
+
+
+def drifts(robot: RobotModel, names: Sequence[str], positions: np.ndarray, frame: str) -> np.ndarray:
+    """(K, 6, J) motion of a frame, in itself, per motion of each arm joint: translation [m] and rotation vector."""
+    step = 1e-5
+    plain = frames(robot, names, positions, frame)
+    arm = [joint.name for joint in robot.joints if joint.group == "arm" and joint.name in names]
+    found = np.zeros((len(plain), 6, len(arm)))
+    for number, name in enumerate(arm):
+        changed = positions + step * np.array([each == name for each in names])
+        for row, (one, other) in enumerate(zip(plain, frames(robot, names, changed, frame), strict=True)):
+            gap = transforms.invert(one) @ other
+            found[row, :3, number] = gap[:3, 3] / step
+            found[row, 3:, number] = registration.rotation_vector(gap[:3, :3]) / step
+    return found
 
 
 def frames(robot: RobotModel, names: Sequence[str], positions: np.ndarray, frame: str) -> np.ndarray:

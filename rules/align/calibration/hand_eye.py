@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
-from pydantic import Field, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.calibration import Board, Calibration
 from dextera_build.artifacts.robot import RobotModel
@@ -32,6 +32,8 @@ class HandEyeOptions(Options):
     """The same for its rotation [deg]."""
     most_sigma_m: PositiveFloat = 0.02
     """Standard deviation of the camera's place above which the result is refused [m]."""
+    joint_sigma_deg: NonNegativeFloat = 0.05
+    """Standard deviation of the zero of each arm joint's encoder, for the covariance where joints are known [deg]."""
     board_size_fraction: PositiveFloat = 0.03
     """Relative difference of the board's size from the stated one that is refused, if the data are sure of it."""
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+
 from dextera_build.artifacts.calibration import Board, Calibration
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.robot_views import RobotViews
@@ -55,5 +57,10 @@ def solve(
     setup = problem.Setup(camera.matrix(), views.mount == "eye_in_hand")
     solved = solving.solve(ctx, setup, dict(zip(views.captures, effectors, strict=True)), seen, common)
     found = solving.calibration(solved, setup, frame, camera, board)
+    if robot is not None and views.joints is not None:
+        part = stated.frame_of(robot, frame)
+        drifts = forward.drifts(robot, views.joints.names, views.joints.positions, part)
+        sigma = float(np.radians(common.joint_sigma_deg))
+        found = solving.with_joints(found, solved, setup, dict(zip(views.captures, drifts, strict=True)), sigma)
     overlays.preview(ctx, views, solved, setup, found)
     return found

@@ -94,6 +94,19 @@ def calibration(found: Checked, setup: Setup, frame: str, camera: Camera, board:
     )
 
 
+def with_joints(
+    found: Calibration, solved: Checked, setup: Setup, drifts: Mapping[str, np.ndarray], sigma: float
+) -> Calibration:
+    """The calibration with what wrong zeros of the encoders add to its covariances, see `hand_eye_refine.by_joints`."""
+    rows = [drifts[view.name] for view in solved.views]
+    more = hand_eye_refine.by_joints(solved.views, setup, solved.refined, rows, sigma)
+    poses = {}
+    for name, part in (("pose", more[:6, :6]), ("board_pose", more[6:, 6:])):
+        pose = getattr(found, name)
+        poses[name] = pose.model_copy(update={"covariance": pose.covariance + part})
+    return found.model_copy(update=poses)
+
+
 def _usable(
     ctx: Context, effectors: Mapping[str, np.ndarray], seen: Mapping[str, Picture], common: HandEyeOptions
 ) -> list[View]:

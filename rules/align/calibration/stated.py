@@ -28,7 +28,7 @@ def effectors(ctx: Context, views: RobotViews, robot: RobotModel | None, frame: 
     by_joints = None
     if views.joints is not None and robot is not None:
         check_joints(ctx, views.joints, robot)
-        part = frame if views.effectors is None else _frame_of(robot, frame)
+        part = frame if views.effectors is None else frame_of(robot, frame)
         by_joints = frames(robot, views.joints.names, views.joints.positions, part)
     if views.effectors is None:
         if by_joints is None:
@@ -89,7 +89,7 @@ def _beyond(positions: np.ndarray, low: float, high: float) -> float:
     return float(max(low - positions.min(), positions.max() - high, 0.0))
 
 
-def _frame_of(robot: RobotModel, frame: str) -> str:
+def frame_of(robot: RobotModel, frame: str) -> str:
     """A frame that moves with the last link of the arm, where the stated one is the controller's own."""
     if frame in robot.frames or frame in robot.links:
         return frame

@@ -37,16 +37,22 @@ def posed(
     """Draw postures around the world's until enough of them show board and hand."""
     if common.board.frame not in robot.frames:
         ctx.fail(f"the robot has no frame `{common.board.frame}`", frames=", ".join(robot.frames))
-    errors = common.errors
-    made = worlds.biased(robot, errors.arm_shape, errors.arm_length)
-    held = worlds.Plate(
-        plate.part(board, plate.texture(board)), plate.corners(board), common.board.frame, _pose(ctx, common.board)
-    )
-    stage = worlds.PosedWorld(world, made, held)
+    made = worlds.biased(robot, common.errors.arm_shape, common.errors.arm_length)
+    stage = _stage(ctx, world, made, board, common)
     chosen = _chosen(ctx, stage, world, robot, common)
-    shots = list(stage.shots(chosen, common.supersample))
-    names = [joint.name for joint in robot.joints]
-    return Posed(shots, np.array([[posture[name] for name in names] for posture in chosen]))
+    return Posed(list(stage.shots(chosen, common.supersample)), _rows(robot, chosen))
+
+
+def _stage(
+    ctx: Context, world: World, made: RobotModel, board: Board, common: ReferenceViewsOptions
+) -> worlds.PosedWorld:
+    pixels, frame = plate.texture(board), common.board.frame
+    held = worlds.Plate(plate.part(board, pixels), plate.corners(board), frame, _pose(ctx, common.board))
+    return worlds.PosedWorld(world, made, held)
+
+
+def _rows(robot: RobotModel, chosen: list[dict[str, float]]) -> np.ndarray:
+    return np.array([[posture[joint.name] for joint in robot.joints] for posture in chosen])
 
 
 def _chosen(
