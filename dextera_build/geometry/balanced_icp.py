@@ -235,13 +235,28 @@ def _covariance(
         own = pairs.pose == number
         by = doubts.encoder_rad * row[own].T @ along[own]
         total += by @ by.T
-    links = pairs.part * 1000 + pairs.link
-    for number in np.unique(links):
-        own = links == number
-        by = doubts.surface_m * (row[own] * weight[own, None]).sum(axis=0)
-        total += np.outer(by, by)
+    for part in np.unique(pairs.part):
+        total += _of_surfaces(row, off, weight, pairs, part, doubts.surface_m)
     by = doubts.joint_rad * row.T @ along
     return np.asarray(inverse @ (total + by @ by.T) @ inverse)
+
+
+def _of_surfaces(
+    row: np.ndarray, off: np.ndarray, weight: np.ndarray, pairs: _Pairs, part: int, stated: float
+) -> np.ndarray:
+    """(6, 6): links of a component may be larger or smaller than their model, as their mean residuals show."""
+    groups = [
+        np.flatnonzero((pairs.part == part) & (pairs.link == link) & (weight > 0)) for link in np.unique(pairs.link)
+    ]
+    groups = [own for own in groups if len(own)]
+    if not groups:
+        return np.zeros((6, 6))
+    # The fit takes a part of the offsets away, as that of any six parameters does.
+    left = max(len(groups) - 3, 1) / len(groups)
+    shown = np.average([off[own].mean() ** 2 for own in groups], weights=[weight[own].sum() for own in groups]) / left
+    each = np.array([(row[own] * weight[own, None]).sum(axis=0) for own in groups])
+    # All links of a component may err alike, too: by covers over all of them, or by the depth camera's own bias.
+    return np.asarray(max(stated**2, float(shown)) * (each.T @ each + np.outer(each.sum(axis=0), each.sum(axis=0))))
 
 
 def _moved_covariance(about: np.ndarray, middle: np.ndarray, motion: np.ndarray) -> np.ndarray:
