@@ -162,6 +162,19 @@ def rotation(vector: np.ndarray) -> np.ndarray:
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
 
 
+def rotation_vector(turn: np.ndarray) -> np.ndarray:
+    """(3,) axis times angle [rad] of a (3, 3) rotation."""
+    angle = transforms.angle(turn)
+    skew = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    if angle < 1e-9:
+        return skew / 2.0
+    if np.pi - angle < 1e-4:
+        # Near a half turn the skew part vanishes; the axis is the eigenvector of the symmetric part.
+        axis = np.linalg.eigh(turn + turn.T)[1][:, -1]
+        return np.asarray(axis * angle * (1.0 if axis @ skew >= 0 else -1.0))
+    return np.asarray(skew * angle / (2.0 * np.sin(angle)))
+
+
 def robust_extent(points: np.ndarray, tail: float = 0.01) -> np.ndarray:
     """Size (3,) [m] of the box around (N, 3) points without the outermost `tail` on either side of each axis.
 

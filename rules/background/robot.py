@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, NonNegativeInt, PositiveFloat
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.camera import Camera, Measured
 from dextera_build.artifacts.image import LabelImage
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import listing
+from dextera_build.geometry import robot_mask
 from dextera_build.rule import Context, Options, rule
 
 
@@ -20,6 +21,10 @@ class RobotOptions(Options):
 
     joints_deg: dict[str, float] = Field(default_factory=dict)
     """Joint -> position that its encoder read when the photograph was taken [deg]; others are at home."""
+    tolerance_m: PositiveFloat = 0.03
+    """Largest difference of measured and rendered depth on the robot [m]; for `measured`."""
+    grow_px: NonNegativeInt = 8
+    """Distance beyond the rendered outline at which measured pixels may be the robot's [px]; for `measured`."""
 
 
 class RobotBackend(Protocol):
@@ -31,18 +36,39 @@ class RobotBackend(Protocol):
         """Pixels (H, W) bool of the robot at `joints` [rad], its base at T_camera_base (4, 4)."""
         ...
 
+    def depth(
+        self, ctx: Context, robot: RobotModel, camera: Camera, base: np.ndarray, joints: dict[str, float], options: Any
+    ) -> np.ndarray:
+        """Depth (H, W) of the same [m]; 0 beside the robot."""
+        ...
+
 
 @rule(version=1, packages=("numpy",))
 def robot(
-    ctx: Context[RobotBackend], robot: RobotModel, camera: Camera, mount: Pose, *, options: RobotOptions | None = None
+    ctx: Context[RobotBackend],
+    robot: RobotModel,
+    camera: Camera,
+    mount: Pose,
+    measured: Measured | None = None,
+    *,
+    options: RobotOptions | None = None,
 ) -> LabelImage:
-    """Return 1 where the robot is in the picture, by its model, its joint positions and T_camera_base; otherwise 0."""
+    """Return 1 where the robot is in the picture, by its model, its joint positions and T_camera_base; otherwise 0.
+
+    With measured depth, pixels just beyond the outline that are as far away as the robot are the robot's, and pixels
+    within it that are not, are not: as `align.robot_camera` finds the robot in calibration pictures.
+    """
     options = options or RobotOptions()
     known = {joint.name: joint.home for joint in robot.joints}
     if unknown := sorted(set(options.joints_deg) - set(known)):
         ctx.fail(f"the robot has no joint `{unknown[0]}`", joints=listing(known))
     joints = {**known, **{name: float(np.radians(angle)) for name, angle in options.joints_deg.items()}}
     seen = ctx.backend.mask(ctx, robot, camera, mount.matrix, joints, ctx.backend_options)
+    if measured is not None:
+        rendered = ctx.backend.depth(ctx, robot, camera, mount.matrix, joints, ctx.backend_options)
+        depth = measured.depth.depth.astype(np.float64)
+        near = robot_mask.near(rendered, seen.astype(np.int32), depth, options.tolerance_m, options.grow_px)
+        seen = (near > 0) | (seen & (depth <= 0))
     ctx.metric("robot", 100.0 * float(seen.mean()), "%")
     ctx.say(f"the robot covers {seen.mean():.0%} of the picture" if seen.any() else "the robot is out of the picture")
     return LabelImage(labels=seen.astype(np.int32))

@@ -16,3 +16,10 @@ def mask(
 ) -> np.ndarray:
     """An empty mask (H, W)."""
     return np.zeros((camera.height, camera.width), bool)
+
+
+def depth(
+    ctx: Context, robot: RobotModel, camera: Camera, base: np.ndarray, joints: dict[str, float], options: Options
+) -> np.ndarray:
+    """Nothing, (H, W)."""
+    return np.zeros((camera.height, camera.width))

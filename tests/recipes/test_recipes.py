@@ -50,6 +50,7 @@ WORLD_READERS = {
         "capture.reference",
         "capture.truth",
         "capture.mount",
+        "capture.reference_views",
         "simulate.reference",
     ),
     "reference/laptop_scene:truth": ("evaluate.objects",),

@@ -3,6 +3,12 @@
 Nothing imports this file: rules are found, not imported.
 """
 
+import rules.align.calibration.hand_eye
+import rules.align.calibration.hand_eye_opencv
+import rules.align.calibration.hand_eye_stub
+import rules.align.calibration.robot_camera
+import rules.align.calibration.robot_camera_icp
+import rules.align.calibration.robot_camera_stub
 import rules.align.follow
 import rules.align.follow_deaot
 import rules.align.follow_flow
@@ -47,6 +53,9 @@ import rules.capture.drawn.draw_stub
 import rules.capture.drawn.emptied
 import rules.capture.drawn.emptied_mujoco
 import rules.capture.drawn.emptied_stub
+import rules.capture.posed.reference_views
+import rules.capture.posed.reference_views_mujoco
+import rules.capture.posed.reference_views_stub
 import rules.capture.reference
 import rules.capture.reference_mujoco
 import rules.capture.reference_stub
@@ -148,6 +157,12 @@ import rules.simulate.usd_openusd
 import rules.simulate.usd_stub
 
 align_follow_deaot: rules.align.follow.FollowBackend = rules.align.follow_deaot
+align_hand_eye_opencv: rules.align.calibration.hand_eye.HandEyeBackend = rules.align.calibration.hand_eye_opencv
+align_hand_eye_stub: rules.align.calibration.hand_eye.HandEyeBackend = rules.align.calibration.hand_eye_stub
+robot_camera_icp: rules.align.calibration.robot_camera.RefinementBackend = rules.align.calibration.robot_camera_icp
+robot_camera_stub: rules.align.calibration.robot_camera.RefinementBackend = rules.align.calibration.robot_camera_stub
+posed_mujoco: rules.capture.posed.reference_views.ViewsBackend = rules.capture.posed.reference_views_mujoco
+posed_stub: rules.capture.posed.reference_views.ViewsBackend = rules.capture.posed.reference_views_stub
 align_follow_flow: rules.align.follow.FollowBackend = rules.align.follow_flow
 align_follow_sam3_video: rules.align.follow.FollowBackend = rules.align.follow_sam3_video
 align_follow_stub: rules.align.follow.FollowBackend = rules.align.follow_stub

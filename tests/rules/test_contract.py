@@ -73,7 +73,7 @@ def test_lengths_and_angles_name_their_unit(found):
 
 
 UNBOUNDED = re.compile(
-    r"^(yaw_deg|at_m|(from|to|eye|target|shift|origin|centre)_m|(floor_z|wall_y|pedestal|surface)_m|axis|direction"
+    r"^(yaw_deg|at_m|(from|to|eye|target|shift|origin|centre)_m|(floor_z|wall_y|pedestal|surface)_m|([xy]_)?axis|direction"
     r"|facing|pointing|(inertia_)?quaternion|(lower|upper|home|offset|open|closed)_rad|joints_deg|clock_offset_s|ratio)$"
 )
 """Positions, directions, signed angles and ratios, which may have either sign."""

@@ -58,17 +58,4 @@ def between(first: np.ndarray, last: np.ndarray, part: float) -> np.ndarray:
     """Pose (4, 4) at fraction `part` 0-1 of the path: position along a line, rotation along the shortest arc."""
     turn = first[:3, :3].T @ last[:3, :3]
     place = first[:3, 3] + part * (last[:3, 3] - first[:3, 3])
-    return transforms.rigid(first[:3, :3] @ registration.rotation(rotation_vector(turn) * part), place)
-
-
-def rotation_vector(turn: np.ndarray) -> np.ndarray:
-    """(3,) axis times angle [rad] of a (3, 3) rotation."""
-    angle = transforms.angle(turn)
-    skew = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    if angle < 1e-9:
-        return skew / 2.0
-    if np.pi - angle < 1e-4:
-        # Near a half turn the skew part vanishes; the axis is the eigenvector of the symmetric part.
-        axis = np.linalg.eigh(turn + turn.T)[1][:, -1]
-        return np.asarray(axis * angle * (1.0 if axis @ skew >= 0 else -1.0))
-    return np.asarray(skew * angle / (2.0 * np.sin(angle)))
+    return transforms.rigid(first[:3, :3] @ registration.rotation(registration.rotation_vector(turn) * part), place)

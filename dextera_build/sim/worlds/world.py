@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,8 +42,13 @@ class Stage:
     names: tuple[str, ...]  # name of label 1, 2, ...
 
 
-def build(world: World, robot: RobotModel | None) -> Stage:
+def build(world: World, robot: RobotModel | None, change: Callable[[Any], None] | None = None) -> Stage:
     """Compile the world, put the robot at its joint positions and run forward kinematics.
+
+    Args:
+        world: The world.
+        robot: The robot, if the world needs one.
+        change: Called with the robot's spec before it is attached, to add what it holds.
 
     Raises:
         RuleError: The world needs a robot but none was given, or names a joint that the robot lacks.
@@ -71,7 +77,7 @@ def build(world: World, robot: RobotModel | None) -> Stage:
         owners += _add_thing(spec, f"fixture/{name}", thing) * [0]
     for label, (name, thing) in enumerate(world.objects.items(), start=1):
         owners += _add_thing(spec, f"object/{name}", thing) * [label]
-    joints = _add_robot(spec, world, robot)
+    joints = _add_robot(spec, world, robot, change)
     model = spec.compile()
     data = mujoco.MjData(model)
     for name, position in joints.items():
@@ -82,7 +88,9 @@ def build(world: World, robot: RobotModel | None) -> Stage:
     return Stage(model, data, labels, tuple(world.objects))
 
 
-def _add_robot(spec: Any, world: World, robot: RobotModel | None) -> dict[str, float]:
+def _add_robot(
+    spec: Any, world: World, robot: RobotModel | None, change: Callable[[Any], None] | None
+) -> dict[str, float]:
     if world.stand is None:
         return {}
     if robot is None:
@@ -91,6 +99,8 @@ def _add_robot(spec: Any, world: World, robot: RobotModel | None) -> dict[str, f
     if unknown:
         raise RuleError(f"the robot has no joint `{unknown[0]}`", facts={"joints": listing(robot.home, most=30)})
     child = robots.load(robot.model)
+    if change is not None:
+        change(child)
     half = world.stand.yaw / 2
     frame = spec.worldbody.add_frame(pos=world.stand.position, quat=[np.cos(half), 0, 0, np.sin(half)])
     frame.attach_body(child.body("base"), ROBOT, "")
@@ -102,11 +112,12 @@ def _add_thing(spec: Any, name: str, thing: Thing) -> int:
     mujoco.mju_mat2Quat(quaternion, thing.pose.matrix[:3, :3].flatten())
     body = spec.worldbody.add_body(name=name, pos=thing.pose.matrix[:3, 3], quat=quaternion)
     for part_name, part in thing.parts.items():
-        _add_part(spec, body, f"{name}/{part_name}", part)
+        add_part(spec, body, f"{name}/{part_name}", part)
     return len(thing.parts)
 
 
-def _add_part(spec: Any, body: Any, name: str, part: Part) -> None:
+def add_part(spec: Any, body: Any, name: str, part: Part) -> None:
+    """Add a textured piece to a body as a geom that touches nothing."""
     mesh = part.mesh
     asset = spec.add_mesh(name=name)
     # MuJoCo ignores `userfacenormal`, so each face has its own corners.

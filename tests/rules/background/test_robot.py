@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.image import LabelImage
+from dextera_build.artifacts.camera import Measured
+from dextera_build.artifacts.image import DepthImage, LabelImage
 from dextera_build.artifacts.robot import RobotJoint, RobotModel
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast
@@ -74,3 +75,27 @@ def test_the_stub_sees_none(tmp_path: Path) -> None:
 def test_an_unknown_joint_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RuleError, match="no joint `elbow`"):
         seen(tmp_path, joints_deg={"elbow": 3.0})
+
+
+def test_measured_depth_corrects_the_outline(tmp_path: Path) -> None:
+    """The calibration is 2 cm off: the model's outline is beside the robot, the measured depth is not."""
+    real = [
+        factories.box_mesh((-0.1, -0.1, 0.0), (0.1, 0.1, 0.1)),
+        factories.box_mesh((-0.03, -0.03, 0.1), (0.03, 0.03, 0.5)),
+    ]
+    wall = factories.box_mesh((-3.0, 0.6, -1.0), (3.0, 0.7, 3.0))
+    surfaces = [raycast.Surface(each.vertices, each.faces) for each in (*real, wall)]
+    shot = raycast.render(surfaces, LENS.matrix(), CAMERA, LENS.height, LENS.width)
+    robots_own = (shot.index == 0) | (shot.index == 1)
+    wrong = np.linalg.inv(CAMERA)
+    wrong[0, 3] += 0.02
+    mount = factories.placed(wrong, "base", "camera")
+    found = {}
+    for name, more in (
+        ("plain", {}),
+        ("measured", {"measured": Measured(depth=DepthImage(depth=shot.depth.astype(np.float32)))}),
+    ):
+        label = RuleRunner(tmp_path).run("background.robot", robot=robot(), camera=LENS, mount=mount, **more)
+        found[name] = overlap(label.labels > 0, robots_own)
+    assert found["plain"] < 0.85
+    assert found["measured"] > 0.97

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build.geometry import transforms
-from dextera_build.geometry.registration import rotation
-from dextera_build.sim.experts.motion import Leg, between, minimum_jerk, rotation_vector, sample
+from dextera_build.geometry.registration import rotation, rotation_vector
+from dextera_build.sim.experts.motion import Leg, between, minimum_jerk, sample
 from tests import factories
 
 ANGLE = st.floats(-3.1, 3.1)

@@ -1,0 +1,30 @@
+"""Layout of calibration boards: where their corners are, in the board's own frame.
+
+As OpenCV has them: a single marker's frame is in its middle, x right, y up, z towards the viewer; that of a grid, of a
+chessboard and of a ChArUco board is at the upper left (of a chessboard: at its first inner corner), x right, y down, z
+away from the viewer. Markers of a grid are numbered row by row from 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+MARKER = 0.5 * np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
+"""Corners of a marker of side 1 in its own frame: upper left, upper right, lower right, lower left."""
+
+
+def marker(side_m: float) -> np.ndarray:
+    """(4, 3) corners of a single marker [m]."""
+    return MARKER * side_m
+
+
+def markers(columns: int, rows: int, pitch_m: float, side_m: float) -> np.ndarray:
+    """(columns * rows, 4, 3) corners of the markers of a grid [m], row by row."""
+    one = (MARKER * [1.0, -1.0, 1.0] + [0.5, 0.5, 0.0]) * side_m
+    places = [[pitch_m * column, pitch_m * row, 0.0] for row in range(rows) for column in range(columns)]
+    return np.asarray(one + np.array(places)[:, None])
+
+
+def corners(columns: int, rows: int, square_m: float) -> np.ndarray:
+    """(columns * rows, 3) corners of a chessboard [m], row by row."""
+    return np.array([[square_m * column, square_m * row, 0.0] for row in range(rows) for column in range(columns)])

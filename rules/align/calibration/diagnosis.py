@@ -1,0 +1,149 @@
+"""Why a calibration does not close: known mistakes are tried on the same data, and the one that fits is named."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, NoReturn
+
+import numpy as np
+
+from dextera_build.errors import listing
+from dextera_build.geometry import hand_eye, hand_eye_refine, registration, transforms
+from dextera_build.geometry.hand_eye import Setup, View
+from dextera_build.geometry.hand_eye_checks import Checked
+from dextera_build.rule import Context
+
+from .sighting import Sighting
+
+if TYPE_CHECKING:
+    from .hand_eye import HandEyeOptions
+
+BETTER = 4.0
+"""A mistake is named if undoing it makes the residual this many times smaller."""
+
+
+def explain(ctx: Context, views: list[View], setup: Setup, found: Checked, common: HandEyeOptions) -> NoReturn:
+    """Refuse a calibration that does not close, with the mistake that explains it, if one does.
+
+    Raises:
+        RuleError: Always.
+    """
+    each = {view.name: hand_eye_refine.closing(view, setup, found.refined.solution) for view in found.views}
+    distance, angle = np.sqrt((np.array(list(each.values())) ** 2).mean(axis=0))
+    plain = _misfit(views, setup)
+    tried = {text: (_misfit(changed, other), hint) for text, changed, other, hint in _mistakes(views, setup)}
+    best = min(tried, key=lambda text: tried[text][0], default=None)
+    named = best is not None and tried[best][0] * BETTER < plain
+    worst = sorted(each, key=lambda name: -each[name][0])[:4]
+    ctx.fail(
+        "the robot's poses and the pictures contradict each other" + (f": {best}" if named else ""),
+        residual=f"{1000 * distance:.1f} mm, {np.degrees(angle):.1f} deg root mean square, "
+        f"{1000 * common.most_residual_m:.0f} mm and {common.most_residual_deg:g} deg are allowed",
+        worst=", ".join(f"`{name}` {1000 * each[name][0]:.0f} mm" for name in worst),
+        **({"then": f"{tried[best][0]:.1f} px instead of {plain:.1f} px"} if best is not None and named else {}),
+        hint=tried[best][1]
+        if best is not None and named
+        else "look at the names and order of the joints, at the units, and whether picture and pose are of one moment",
+    )
+
+
+def other_size(ctx: Context, views: list[View], size: float, sigma: float) -> NoReturn:
+    """Refuse a board whose size contradicts the robot's motion.
+
+    Raises:
+        RuleError: Always.
+    """
+    ctx.fail(
+        f"the board is {size:.3f} times as large as stated, by the robot's motion",
+        sigma=f"{sigma:.3f}",
+        pictures=len(views),
+        hint="measure a square or marker with a ruler and correct the board; if it is right, look at the focal length, "
+        "or raise `board_size_fraction`",
+    )
+
+
+def other_board(ctx: Context, other: Mapping[str, Sighting], common: HandEyeOptions) -> NoReturn:
+    """Refuse corners that lie on no board of the stated layout.
+
+    Raises:
+        RuleError: Always.
+    """
+    mirrored = sum(one.mirrored_px <= common.most_corner_px for one in other.values())
+    ctx.fail(
+        "the markers are numbered from right to left"
+        if mirrored > len(other) / 2
+        else "what is seen is not the board that is stated",
+        pictures=listing(other),
+        corners=f"{np.median([one.rms_px for one in other.values()]):.1f} px from those of the stated board, "
+        f"{common.most_corner_px:g} px are allowed",
+        hint="number the markers row by row from the upper left, or print the board anew"
+        if mirrored > len(other) / 2
+        else "look at columns, rows, sizes and dictionary of the board",
+    )
+
+
+def _misfit(views: list[View], setup: Setup) -> float:
+    """Median over the views of the corners' root mean square distance [px], after a start and a refinement."""
+    try:
+        start, settled = hand_eye.start(views, setup)
+        solution = hand_eye_refine.refine(settled, setup, start).solution
+    except (ValueError, np.linalg.LinAlgError):
+        return float("inf")
+    offs = [np.sqrt((hand_eye.offsets(solution, view, setup) ** 2).sum(axis=1).mean()) for view in settled]
+    return float(np.median(offs))
+
+
+def _mistakes(views: list[View], setup: Setup) -> Iterator[tuple[str, list[View], Setup, str]]:
+    """What is wrong, the views and the setup without it, and the remedy."""
+    inverse = [replace(view, effector=transforms.invert(view.effector)) for view in views]
+    yield (
+        "the stated poses are those of the base in the effector",
+        inverse,
+        setup,
+        "write T_base_effector, which maps the effector's coordinates to the base's",
+    )
+    yield (
+        "the camera is " + ("beside the robot" if setup.in_hand else "on the hand"),
+        views,
+        replace(setup, in_hand=not setup.in_hand),
+        "correct the `setup` of the capture",
+    )
+    for way, text in ((1, "one picture later"), (-1, "one picture earlier")):
+        order = np.arange(len(views))[max(0, way) : len(views) + min(0, way)]
+        moved = [replace(views[i], effector=views[i - way].effector) for i in order]
+        yield f"each picture has the pose of {text}", moved, setup, "pair pictures and poses by their times"
+    yield (
+        "the positions are in millimetres",
+        [replace(view, effector=_scaled(view.effector, 1e-3)) for view in views],
+        setup,
+        "divide the positions by 1000",
+    )
+    yield (
+        "rotation vectors in radians were read as degrees",
+        [replace(view, effector=_turned(view.effector, 180 / np.pi)) for view in views],
+        setup,
+        "give rotations in the unit that the field states",
+    )
+    yield (
+        "quaternions are in the order x y z w",
+        [replace(view, effector=_reordered(view.effector)) for view in views],
+        setup,
+        "write quaternions in the order w x y z",
+    )
+
+
+def _scaled(motion: np.ndarray, factor: float) -> np.ndarray:
+    return transforms.rigid(motion[:3, :3], factor * motion[:3, 3])
+
+
+def _turned(motion: np.ndarray, factor: float) -> np.ndarray:
+    vector = registration.rotation_vector(motion[:3, :3])
+    return transforms.rigid(registration.rotation(factor * vector), motion[:3, 3])
+
+
+def _reordered(motion: np.ndarray) -> np.ndarray:
+    from dextera_build.geometry import quaternions
+
+    w, x, y, z = quaternions.from_matrix(motion[:3, :3])
+    return transforms.rigid(quaternions.to_matrix(np.array([z, w, x, y])), motion[:3, 3])

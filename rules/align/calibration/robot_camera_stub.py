@@ -1,0 +1,33 @@
+"""Backend `stub` of align.robot_camera: leaves the calibration as it is, for tests."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.rule import Backend, Context, Options
+
+from .robot_camera import Refinement
+
+if TYPE_CHECKING:
+    from .robot_camera import RobotCameraOptions
+
+BACKEND = Backend(summary="the calibration as it is, for tests", profiles=("stub",))
+
+
+def refine(
+    ctx: Context,
+    views: RobotViews,
+    robot: RobotModel,
+    camera_base: np.ndarray,
+    common: RobotCameraOptions,
+    options: Options,
+) -> Refinement:
+    """The first estimate, good to a millimetre and a milliradian."""
+    count = len(views.captures)
+    return Refinement(
+        camera_base, 1e-6 * np.eye(6), {"arm": np.zeros(count), "hand": np.zeros(count)}, np.ones(count), 0.0
+    )
