@@ -37,7 +37,7 @@ def base(ctx: Context, support: Support, measured: Pose | None = None, *, option
     ctx.check(
         frames == ("camera", "base"),
         f"the measured transform is T_{frames[0]}_{frames[1]}, but T_camera_base is needed",
-        hint="take it from `capture.mount` or a calibration rule",
+        hint="take it from `align.camera_base`",
     )
     ctx.check(
         support.scale != "unknown",

@@ -49,7 +49,6 @@ WORLD_READERS = {
     "reference/laptop_scene:world": (
         "capture.reference",
         "capture.truth",
-        "capture.mount",
         "capture.reference_views",
         "simulate.reference",
     ),
@@ -59,7 +58,7 @@ WORLD_READERS = {
 
 @pytest.mark.parametrize("address", ["twin/laptop_scene", "task/close_laptop", "task/lift_blue_mug"])
 def test_the_truth_reaches_nothing_but_evaluation(address):
-    """Only cameras, the calibration's stand-in and the reference world read the world; only trials read the latter."""
+    """Only cameras and the reference world read the world; only trials read the latter."""
     graph = plan(address, PROJECT.recipe, PROJECT.library, ROOT).graph
     readers = {(name,): allowed for name, allowed in WORLD_READERS.items()}
     met = set()
