@@ -20,8 +20,19 @@ class BaseOptions(Options):
 
 
 @rule(version=1, packages=("numpy",))
-def base(ctx: Context, support: Support, measured: Pose | None = None, *, options: BaseOptions | None = None) -> Pose:
-    """Return T_world_base [m] in the twin's world: T_world_camera @ T_camera_base if the latter was measured."""
+def base(
+    ctx: Context,
+    support: Support,
+    measured: Pose | None = None,
+    camera: Pose | None = None,
+    *,
+    options: BaseOptions | None = None,
+) -> Pose:
+    """Return T_world_base [m] in the twin's world: T_world_camera @ T_camera_base if the latter was measured.
+
+    T_world_camera is that of the twin's picture, `support.camera_pose`, or `camera` of `align.camera` if the camera has
+    been moved since.
+    """
     options = options or BaseOptions()
     if measured is None:
         if options.position_m is None:
@@ -44,7 +55,7 @@ def base(ctx: Context, support: Support, measured: Pose | None = None, *, option
         "the scale of this twin is unknown, so a measured pose has no place in it",
         hint="give the pose as input `robot` of `align.support`, or state one size, see `align.scale`",
     )
-    placed = support.camera_pose @ measured
+    placed = (support.camera_pose if camera is None else camera) @ measured
     lean = float(np.degrees(np.arccos(np.clip(placed.matrix[2, 2], -1.0, 1.0))))
     ctx.metric("base height", 1000 * float(placed.matrix[2, 3]), "mm")
     ctx.metric("base lean", lean, "deg")
