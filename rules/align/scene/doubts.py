@@ -15,7 +15,7 @@ class Limits(Options):
 
     inliers: PositiveInt = 20
     """Least number of pairs that agree."""
-    inlier_fraction: Fraction = 0.35
+    inlier_fraction: Fraction = 0.4
     """Least part of the pairs that agree."""
     spread: Fraction = 0.25
     """Least part of the 12 cells of the photograph that they lie in."""
@@ -25,7 +25,7 @@ class Limits(Options):
     """Least part of these whose depths agree."""
     correlation: Fraction = 0.4
     """Least correlation of grey values."""
-    spread_m: PositiveFloat = 0.02
+    spread_m: PositiveFloat = 0.012
     """Largest standard deviation of the place [m]."""
     scale_fraction: float = Field(0.02, gt=0.0, le=1.0)
     """Largest standard deviation of the scale, relative."""

@@ -35,12 +35,14 @@ def fitted(ctx: Context, given: Given, match: Match, options: SceneOptions) -> F
     unit = float(np.median(own.depth[own.solid]))
     start = _start(ctx, given, render, match, unit, options)
     weights = Weights(options.rgb, options.ssim, options.pixel, options.depth, options.surface)
-    pose = align_sparse(start.pose, start.matches, k, size, weights, unit).pose
+    sparse = align_sparse(start.pose, start.matches, k, size, weights, unit)
     pyramid = levels(capture, given.ignored, options.widths, options.farthest_m)
     problem = Problem(start.matches, k, size, pyramid, render, weights, unit, options.apart)
-    solution = align(pose, problem)
+    solution = align(sparse.pose, problem)
     seen = evidence.evidence(start, solution, pyramid[-1], k, size)
-    steps = solution.covariance
+    # What the photometric terms err by is common to the picture (light, colours beside their depth), and no residual
+    # shows it: they narrow the estimate, but what is stated is what the points tell.
+    steps = sparse.covariance
     if not np.isfinite(steps).all():
         ctx.fail(
             "the pairs do not tell how well the scene is aligned",
