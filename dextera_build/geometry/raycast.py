@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -97,13 +98,29 @@ def _answer(surfaces: Sequence[Surface], rays: np.ndarray) -> Any:
     """What Open3D says of rays (..., 6)."""
     import open3d as o3d
 
+    scene = surfaces.tree if isinstance(surfaces, Sorted) else _tree(surfaces)
+    return scene.cast_rays(o3d.core.Tensor(np.ascontiguousarray(rays, np.float32)))
+
+
+class Sorted(tuple[Surface, ...]):
+    """Surfaces that are sorted into a tree once, for many renders of the same ones."""
+
+    @cached_property
+    def tree(self) -> Any:
+        """Open3D's scene."""
+        return _tree(self)
+
+
+def _tree(surfaces: Sequence[Surface]) -> Any:
+    import open3d as o3d
+
     scene = o3d.t.geometry.RaycastingScene(nthreads=0)
     for surface in surfaces:
         scene.add_triangles(
             o3d.core.Tensor(np.ascontiguousarray(surface.vertices, np.float32)),
             o3d.core.Tensor(np.ascontiguousarray(surface.faces, np.uint32)),
         )
-    return scene.cast_rays(o3d.core.Tensor(np.ascontiguousarray(rays, np.float32)))
+    return scene
 
 
 def shade(surfaces: Sequence[Surface], seen: Render) -> np.ndarray:

@@ -1,0 +1,167 @@
+"""The photometric terms of scene alignment (the paper's Eq. 1): colours and structural similarity over valid pixels.
+
+The rendered picture moves with its surfaces: a pixel's colour changes by minus its gradient times the flow of the
+rendered depth (Lucas and Kanade, 1981). That derivative is exact but for edges of surfaces and for light that depends
+on the direction, and it needs no more of a renderer than colours and depth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.geometry.cameras import backproject
+from dextera_build.geometry.scene_pose import flow
+from dextera_build.geometry.scene_terms import CELLS, Terms, Weights, by_cell, cell_of
+
+RADIUS_PX, SIGMA_PX = 5, 1.5
+"""Window of SSIM (Wang et al. 2004), 11 x 11 [px]."""
+STEADY = (0.01**2, 0.03**2)
+"""Constants of SSIM for values 0..1."""
+SOLID = 0.5
+"""Less opacity than this is a place that G does not show."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """G as a camera sees it."""
+
+    rgb: np.ndarray  # (H, W, 3) 0..1
+    depth: np.ndarray  # (H, W) image-plane z in lengths of G, 0 without a surface
+    opacity: np.ndarray  # (H, W) 0..1
+
+    @property
+    def solid(self) -> np.ndarray:
+        """Pixels (H, W) that show a surface."""
+        return np.asarray((self.opacity > SOLID) & (self.depth > 0))
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """What the camera's exposure and white balance make of a rendered colour: gain * colour + offset."""
+
+    gain: np.ndarray  # (3,)
+    offset: np.ndarray  # (3,)
+
+    def of(self, rgb: np.ndarray) -> np.ndarray:
+        """Colours (..., 3)."""
+        return np.asarray(self.gain * rgb + self.offset)
+
+
+SAME = Exposure(np.ones(3), np.zeros(3))
+
+
+def exposure(drawn: Drawn, photo: np.ndarray, valid: np.ndarray) -> Exposure:
+    """The exposure that explains the photograph best over `valid` (H, W), twice, without pixels that are far off.
+
+    Gains are kept within 1/4 to 4: over a picture without contrast a gain is unknown.
+    """
+    gain, offset = np.ones(3), np.zeros(3)
+    for channel in range(3):
+        x, y = drawn.rgb[valid][:, channel], photo[valid][:, channel]
+        kept = np.ones(len(x), bool)
+        for _ in range(2):
+            if kept.sum() < 16 or x[kept].std() < 1e-3:
+                break
+            middle = x[kept].mean(), y[kept].mean()
+            slope = float(((x[kept] - middle[0]) * (y[kept] - middle[1])).mean() / x[kept].var())
+            gain[channel] = np.clip(slope, 0.25, 4.0)
+            offset[channel] = middle[1] - gain[channel] * middle[0]
+            off = np.abs(gain[channel] * x + offset[channel] - y)
+            kept = off < 3 * max(float(np.median(off)), 1e-3)
+    return Exposure(gain, offset)
+
+
+def photometric(
+    drawn: Drawn, photo: np.ndarray, valid: np.ndarray, k: np.ndarray, weights: Weights, unit: float, light: Exposure
+) -> Terms:
+    """lambda_rgb |I - I^R|^2 + lambda_ssim (1 - SSIM), both means over Omega: `valid` where G shows a surface.
+
+    SSIM counts where its whole window lies in Omega. A mean does not grow with Omega, as a sum would.
+
+    Args:
+        drawn: G from the camera's place, the rendered I.
+        photo: (H, W, 3) I^R, 0..1.
+        valid: (H, W) pixels of the photograph that count.
+        k: (3, 3) intrinsics [px].
+        weights: See `Weights`.
+        unit: Length of a unit of shift in G.
+        light: Exposure of the photograph against G.
+    """
+    omega = eroded(valid & drawn.solid, 1)
+    made = np.where(omega[..., None], light.of(drawn.rgb), photo)
+    slope, weight = np.zeros(made.shape), np.zeros(made.shape)
+    value = _squares(made, photo, omega, weights.rgb, slope, weight)
+    value += _structure(made, photo, eroded(omega, RADIUS_PX), weights.ssim, slope, weight)
+    rows, columns = np.nonzero(omega & (slope != 0).any(axis=-1))
+    moves = _motion(drawn, light, k, unit)[rows, columns]
+    each = np.einsum("nc,ncj->nj", slope[rows, columns], moves)
+    where = cell_of(np.stack([columns, rows], axis=1), omega.shape)
+    cells, bends = np.zeros((CELLS[0] * CELLS[1], 7)), np.zeros((CELLS[0] * CELLS[1], 7, 7))
+    cells[:, :6] = by_cell(each, where)
+    flat, shares = moves.reshape(-1, 6), weight[rows, columns].reshape(-1)
+    for cell in np.unique(where):
+        some = np.repeat(where == cell, 3)
+        bends[cell, :6, :6] = flat[some].T @ (shares[some, None] * flat[some])
+    return Terms(value, cells.sum(axis=0), bends.sum(axis=0), cells, bends)
+
+
+def _squares(
+    made: np.ndarray, photo: np.ndarray, omega: np.ndarray, share: float, slope: np.ndarray, weight: np.ndarray
+) -> float:
+    """Mean squared difference; adds its derivatives to `slope` and `weight` (H, W, 3)."""
+    count = 3 * max(int(omega.sum()), 1)
+    apart = (made - photo) * omega[..., None]
+    slope += 2 * share / count * apart
+    weight += 2 * share / count * omega[..., None]
+    return share / count * float((apart**2).sum())
+
+
+def _structure(
+    made: np.ndarray, photo: np.ndarray, inside: np.ndarray, share: float, slope: np.ndarray, weight: np.ndarray
+) -> float:
+    """1 - mean SSIM; `weight` takes its second derivative at equal pictures, an upper bound elsewhere."""
+    if not share or not inside.any():
+        return share
+    count = 3 * int(inside.sum())
+    within = inside[..., None]
+    mean, other = _window(made), _window(photo)
+    square, both, second = _window(made * made), _window(made * photo), _window(photo * photo)
+    a1, a2 = 2 * mean * other + STEADY[0], 2 * (both - mean * other) + STEADY[1]
+    b1 = mean**2 + other**2 + STEADY[0]
+    b2 = square - mean**2 + second - other**2 + STEADY[1]
+    alike = a1 * a2 / (b1 * b2)
+    to_both = np.where(within, 2 * a1 / (b1 * b2), 0.0)
+    to_square = np.where(within, -alike / b2, 0.0)
+    to_mean = 2 * other * (a2 - a1) / (b1 * b2) - 2 * mean * alike * (1 / b1 - 1 / b2)
+    to_made = _window(np.where(within, to_mean, 0.0)) + photo * _window(to_both) + 2 * made * _window(to_square)
+    slope -= share / count * to_made
+    weight += 2 * share / count * _window(np.where(within, 1 / b2, 0.0))
+    return share * (1 - float(alike[inside].mean()))
+
+
+def _motion(drawn: Drawn, light: Exposure, k: np.ndarray, unit: float) -> np.ndarray:
+    """(H, W, 3, 6): how the colour of each pixel changes with a step; 0 at edges of what G shows."""
+    bright = drawn.rgb * light.gain
+    inner = eroded(drawn.solid, 1)
+    down, across = (np.gradient(bright, axis=axis) * inner[..., None] for axis in (0, 1))
+    places = backproject(np.where(drawn.solid, drawn.depth, unit), k)
+    moves = flow(places, k, unit)[..., :6]
+    return -np.asarray(across[..., None] * moves[..., None, 0, :] + down[..., None] * moves[..., None, 1, :])
+
+
+def _window(pictures: np.ndarray) -> np.ndarray:
+    """Pictures (H, W, 3) under the window of SSIM."""
+    from scipy.ndimage import gaussian_filter
+
+    return np.asarray(
+        gaussian_filter(pictures, (SIGMA_PX, SIGMA_PX, 0), mode="constant", radius=(RADIUS_PX,) * 2 + (0,))
+    )
+
+
+def eroded(mask: np.ndarray, reach: int) -> np.ndarray:
+    """Pixels (H, W) whose square of `reach` to all sides lies in the mask and in the picture."""
+    from scipy.ndimage import minimum_filter
+
+    return np.asarray(minimum_filter(mask, size=2 * reach + 1, mode="constant", cval=0))

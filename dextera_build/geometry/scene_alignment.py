@@ -1,0 +1,150 @@
+"""Eq. 1 of the paper: pose and scale of a generated scene G against a measured RGB-D picture, coarse to fine.
+
+    L_scene(theta) = lambda_rgb |I(theta) - I^R|^2_Omega + lambda_ssim [1 - SSIM(I(theta), I^R)]
+                   + lambda_pix / |M| sum_m |u_m(theta) - u_m^R|_1 / d_img + lambda_dep / |M| sum_m |z_m(theta) - z_m^R|
+
+with theta = (T_G_C, s_G). It is minimised by Levenberg and Marquardt's method; every step is kept only if the whole
+objective, rendered again, is smaller. Exposure is a nuisance that is solved for between steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.geometry import photo_terms, scene_terms, surface_term
+from dextera_build.geometry.photo_terms import Drawn, Exposure
+from dextera_build.geometry.scene_pose import ScenePose
+from dextera_build.geometry.scene_terms import Correspondences, Terms, Weights
+
+Render = Callable[[np.ndarray, np.ndarray, tuple[int, int]], Drawn]
+"""G from T_G_C (4, 4) in lengths of G, with intrinsics (3, 3), in a picture of (rows, columns)."""
+
+STEPS = 10
+"""Most steps on one level before its pixels are chosen again."""
+DONE = 1e-5
+"""The search ends where a step lowers the objective by less than this part."""
+STILL = 2e-5
+"""It also ends where a step is shorter [rad, units of shift, logarithm of the scale]."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """The photograph at one size."""
+
+    rgb: np.ndarray  # (H, W, 3) I^R, 0..1
+    depth: np.ndarray  # (H, W) [m], 0 where it is invalid
+    valid: np.ndarray  # (H, W) pixels that may count: not of the robot or an object, not saturated, depth measured
+    k: np.ndarray  # (3, 3) [px]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the search ended."""
+
+    pose: ScenePose
+    covariance: np.ndarray  # (7, 7) of steps, see `ScenePose.moved`
+    condition: float  # of the curvature, its largest eigenvalue over its least
+    terms: Terms
+    light: Exposure
+    drawn: Drawn | None  # G at the last level
+    omega: np.ndarray | None  # (H, W) pixels that counted there
+
+
+def align_sparse(
+    pose: ScenePose, matches: Correspondences, k: np.ndarray, size: tuple[int, int], weights: Weights, unit: float
+) -> Solution:
+    """The minimum of the sparse terms alone; arguments as in `scene_terms.sparse`."""
+
+    def at(theta: ScenePose) -> Terms:
+        return scene_terms.sparse(theta, matches, k, size, weights, unit)
+
+    pose, terms = _descended(pose, at, unit, 50)
+    return Solution(pose, *_spread(terms), terms, photo_terms.SAME, None, None)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What Eq. 1 is made of besides theta."""
+
+    matches: Correspondences  # M, in pixels of the photograph at its own size
+    k: np.ndarray  # (3, 3) intrinsics at that size [px]
+    size: tuple[int, int]  # rows and columns at that size
+    levels: list[Level]  # the photograph from coarse to fine
+    render: Render  # draws G
+    weights: Weights
+    unit: float  # length of a unit of shift in G; the median depth makes 0.001 about a milliradian
+    apart: float  # surfaces whose depths differ by more than this part are not the same: their pixels do not count
+
+
+def align(pose: ScenePose, given: Problem) -> Solution:
+    """The minimum of all four terms near `pose`."""
+    matches, levels, render, weights, unit = given.matches, given.levels, given.render, given.weights, given.unit
+    for level in levels:
+        for _ in range(2):  # Omega and the exposure belong to a pose, so they are made again where it has moved
+            shape = level.depth.shape
+            drawn = render(pose.scene_from_camera, level.k, shape)
+            omega = level.valid & drawn.solid & _near(drawn.depth * pose.scale, level.depth, given.apart)
+            light = photo_terms.exposure(drawn, level.rgb, omega)
+
+            def at(theta: ScenePose, level: Level = level, omega: np.ndarray = omega, light: Exposure = light) -> Terms:
+                made = render(theta.scene_from_camera, level.k, level.depth.shape)
+                found = scene_terms.sparse(theta, matches, given.k, given.size, weights, unit)
+                found += surface_term.surface(made, theta.scale, level.depth, omega, level.k, weights, unit)
+                return found + photo_terms.photometric(made, level.rgb, omega, level.k, weights, unit, light)
+
+            pose, terms = _descended(pose, at, unit, STEPS)
+    drawn = render(pose.scene_from_camera, level.k, shape)
+    return Solution(pose, *_spread(terms), terms, light, drawn, omega)
+
+
+def _near(made: np.ndarray, measured: np.ndarray, apart: float) -> np.ndarray:
+    return np.asarray((measured > 0) & (np.abs(made - measured) < apart * measured))
+
+
+def _descended(pose: ScenePose, at: Callable[[ScenePose], Terms], unit: float, steps: int) -> tuple[ScenePose, Terms]:
+    """Levenberg-Marquardt with the true objective as judge."""
+    terms, damping = at(pose), 1e-3
+    for _ in range(steps):
+        scale = np.diag(np.maximum(np.diag(terms.step), 1e-12))
+        step = -np.linalg.solve(terms.step + damping * scale, terms.gradient)
+        if np.abs(step).max() < STILL:
+            break
+        tried = pose.moved(step, unit)
+        found = at(tried)
+        if found.value < terms.value:
+            gained = terms.value - found.value
+            pose, terms, damping = tried, found, max(damping / 10, 1e-6)
+            if gained < DONE * terms.value:
+                break
+        elif damping > 1e3:
+            break
+        else:
+            damping *= 10
+    return pose, terms
+
+
+def _spread(terms: Terms) -> tuple[np.ndarray, float]:
+    """Covariance of steps (7, 7) and condition of the curvature.
+
+    The estimate has no slope, so an error is the inverse curvature times the slopes that the noise makes. Those of one
+    cell of the picture err together, those of different cells do not: a sandwich over clusters (Huber, 1967), without
+    the pull of each cell on the estimate itself (CR3: Bell and McCaffrey, 2002), and as wide as Hotelling's
+    distribution makes the 95 % region for so few cells. Nothing is assumed about the noise; the residuals show it.
+    """
+    from scipy.stats import chi2, f
+
+    values, axes = np.linalg.eigh(terms.curvature)
+    largest = max(float(values[-1]), 1e-300)
+    condition = largest / max(float(values[0]), 1e-15 * largest)
+    inverse = axes / np.maximum(values, 1e-12 * largest) @ axes.T
+    used = (terms.cells != 0).any(axis=1)
+    count, size = int(used.sum()), len(values)
+    if count <= size:
+        return np.full((size, size), np.nan), condition
+    alone = np.eye(size) - terms.bends[used] @ inverse
+    slopes = np.linalg.solve(alone, terms.cells[used][..., None])[..., 0]
+    wider = size * (count - 1) / (count - size) * f.ppf(0.95, size, count - size) / chi2.ppf(0.95, size)
+    return np.asarray(wider * inverse @ slopes.T @ slopes @ inverse), condition

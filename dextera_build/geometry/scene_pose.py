@@ -1,0 +1,79 @@
+"""Theta of scene alignment: where a camera is in a generated scene G, and how long a length of G is in metres.
+
+The paper's Eq. 1 has theta = (T_G_C, s_G). A point X of G is at Y = T_C_G X in lengths of G, and at s_G Y in metres:
+the scale comes first and the motion after it. A picture of G depends on T_C_G alone, so colours and pixels say nothing
+about s_G; measured depth is the only thing that does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.geometry import transforms
+from dextera_build.geometry.registration import rotation
+
+
+@dataclass(frozen=True)
+class ScenePose:
+    """Theta. Steps (7,) are a rotation vector [rad] and a shift, both about the camera's axes, and log s_G."""
+
+    camera_from_scene: np.ndarray  # (4, 4) T_C_G, OpenCV axes, in lengths of G
+    scale: float  # s_G [m per length of G]
+
+    @property
+    def scene_from_camera(self) -> np.ndarray:
+        """T_G_C (4, 4) in lengths of G, for renderers."""
+        return transforms.invert(self.camera_from_scene)
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """(4, 4) rigid motion [m] that follows the scale: X_C = matrix @ [s_G X_G, 1]."""
+        return transforms.rigid(self.camera_from_scene[:3, :3], self.scale * self.camera_from_scene[:3, 3])
+
+    def seen(self, points: np.ndarray) -> np.ndarray:
+        """Points (N, 3) of G in the axes of the camera, in lengths of G."""
+        return transforms.apply(self.camera_from_scene, points)
+
+    def moved(self, step: np.ndarray, unit: float) -> ScenePose:
+        """Theta after a step (7,), whose shift is in `unit` lengths of G: Y' = Exp(step[:3]) Y + unit step[3:6]."""
+        motion = transforms.rigid(rotation(step[:3]), unit * step[3:6])
+        return ScenePose(motion @ self.camera_from_scene, self.scale * float(np.exp(step[6])))
+
+    def covariance(self, of_steps: np.ndarray, unit: float) -> np.ndarray:
+        """Covariance (7, 7) as `artifacts.pose.Similarity` has it, from that of steps.
+
+        With matrix = [R t] and t = s tau, a step changes t by w x t + s unit v + l t, R by w and log s by l.
+        """
+        place = self.matrix[:3, 3]
+        jacobian = np.zeros((7, 7))
+        jacobian[:3, :3] = -transforms.cross_matrix(place)
+        jacobian[:3, 3:6] = self.scale * unit * np.eye(3)
+        jacobian[:3, 6] = place
+        jacobian[3:6, :3] = np.eye(3)
+        jacobian[6, 6] = 1.0
+        spread = jacobian @ of_steps @ jacobian.T
+        return np.asarray((spread + spread.T) / 2)
+
+
+def flow(seen: np.ndarray, k: np.ndarray, unit: float) -> np.ndarray:
+    """How pixels move with a step: (..., 2, 7) [px] for points (..., 3) in the axes of the camera, in lengths of G."""
+    x, y, z = np.moveaxis(seen, -1, 0)
+    found = np.zeros((*seen.shape[:-1], 2, 7))
+    for axis, (focal, slope) in enumerate(((k[0, 0], x / z), (k[1, 1], y / z))):
+        to_point = np.zeros((*seen.shape[:-1], 3))
+        to_point[..., axis] = focal / z
+        to_point[..., 2] = -focal * slope / z
+        found[..., axis, :3] = np.cross(seen, to_point)  # d(w x Y) . g = w . (Y x g)
+        found[..., axis, 3:6] = unit * to_point
+    return found
+
+
+def nearing(seen: np.ndarray, scale: float, unit: float) -> np.ndarray:
+    """How metric depths s_G Y_z change with a step: (N, 7) [m] for points (N, 3) in the axes of the camera."""
+    found = np.zeros((len(seen), 7))
+    found[:, 0], found[:, 1] = scale * seen[:, 1], -scale * seen[:, 0]
+    found[:, 5] = scale * unit
+    found[:, 6] = scale * seen[:, 2]
+    return found

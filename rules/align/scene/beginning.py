@@ -1,0 +1,150 @@
+"""Where a photograph was taken in a generated scene, by points of rendered pictures that it shows too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Camera, Capture
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.matches import Matches
+from dextera_build.geometry import transforms
+from dextera_build.geometry.photo_terms import Drawn
+from dextera_build.geometry.scene_alignment import Render
+from dextera_build.geometry.scene_pose import ScenePose
+from dextera_build.geometry.scene_terms import Correspondences
+
+Match = Callable[[Image, Image], Matches]
+"""Points of a rendered picture and of the photograph."""
+
+EDGE = 0.05
+"""Depths around a point that differ by more than this part are an edge: which side it is on is unknown."""
+ERROR_PX = 4.0
+"""Largest distance of a point that counts from where a pose projects it, in a picture 640 px wide."""
+APART = 0.06
+"""Largest part by which a measured depth may differ from the rendered one at the common scale."""
+LEAST = 6
+"""Fewer points give no pose."""
+ROUNDS = 3
+"""Most times that the scene is drawn again from where the photograph was found to be taken."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A robust estimate of theta, and what speaks for it."""
+
+    pose: ScenePose
+    matches: Correspondences  # those that agree with the pose and with one scale
+    tried: int  # pairs of points that had a depth in the scene
+
+
+def found(
+    capture: Capture, render: Render, match: Match, viewpoints: Iterable[np.ndarray], enough: int
+) -> tuple[Start | None, int]:
+    """The start with the most points, refined by drawing the scene again from there; and the most pairs of any try.
+
+    Args:
+        capture: With depth.
+        render: Draws the scene.
+        match: Finds points of two pictures.
+        viewpoints: T_G_C (4, 4) to draw it from, the likeliest first.
+        enough: Points with which no further viewpoint is tried.
+    """
+    best, pairs = None, 0
+    for place in viewpoints:
+        start, tried = _seen_from(capture, render, match, place)
+        pairs = max(pairs, tried)
+        if start and (best is None or len(start.matches) > len(best.matches)):
+            best = start
+            if len(start.matches) >= enough:
+                break
+    for _ in range(ROUNDS if best else 0):
+        assert best is not None
+        again, _ = _seen_from(capture, render, match, best.pose.scene_from_camera)
+        if again is None or len(again.matches) <= 1.05 * len(best.matches):
+            if again and len(again.matches) > len(best.matches):
+                best = again
+            break
+        best = again
+    return best, pairs
+
+
+def _seen_from(capture: Capture, render: Render, match: Match, place: np.ndarray) -> tuple[Start | None, int]:
+    camera = capture.photograph.camera
+    drawn = render(place, camera.matrix(), (camera.height, camera.width))
+    pairs = match(Image(pixels=filled(drawn)), capture.photograph.rgb)
+    matches = _anchored(pairs, drawn, place, capture)
+    return _robust(matches, camera), len(matches)
+
+
+def filled(drawn: Drawn) -> np.ndarray:
+    """The picture (H, W, 3) uint8 whose holes take the colours around them: black ones would have corners."""
+    import cv2
+
+    there = drawn.solid.astype(np.float64)
+    colour = drawn.rgb * there[..., None]
+    made, left = colour.copy(), there.copy()
+    for sigma in (2.0, 8.0, 32.0, 128.0):
+        weight = cv2.GaussianBlur(there, (0, 0), sigma)
+        soft = cv2.GaussianBlur(colour, (0, 0), sigma) / np.maximum(weight, 1e-9)[..., None]
+        fresh = (left == 0) & (weight > 1e-3)
+        made[fresh], left[fresh] = soft[fresh], 1.0
+    return np.round(255 * made.clip(0, 1)).astype(np.uint8)
+
+
+def _anchored(pairs: Matches, drawn: Drawn, place: np.ndarray, capture: Capture) -> Correspondences:
+    """Pairs whose rendered pixel lies on a surface, away from edges, with that pixel's depth in G."""
+    assert capture.measured is not None
+    camera = capture.photograph.camera
+    made = sampled(np.where(drawn.solid, drawn.depth, 0.0), pairs.first)
+    measured = sampled(capture.measured.depth.depth.astype(np.float64), pairs.second)
+    on = made > 0
+    column, row = pairs.first[on].T
+    k = camera.matrix()
+    local = np.stack([(column - k[0, 2]) / k[0, 0], (row - k[1, 2]) / k[1, 1], np.ones(len(row))], axis=1)
+    anchors = transforms.apply(place, local * made[on, None])
+    return Correspondences(anchors, pairs.second[on], measured[on])
+
+
+def sampled(depth: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Median depth (N,) of the nine pixels at each of (N, 2); 0 with an edge or a hole among them."""
+    rows, columns = depth.shape
+    column, row = np.round(pixels).astype(int).T
+    inside = (column > 0) & (row > 0) & (column < columns - 1) & (row < rows - 1)
+    column, row = column.clip(1, columns - 2), row.clip(1, rows - 2)
+    around = np.stack([depth[row + r, column + c] for r in (-1, 0, 1) for c in (-1, 0, 1)])
+    low, high = around.min(axis=0), around.max(axis=0)
+    return np.asarray(np.where(inside & (low > 0) & (high - low < EDGE * high), np.median(around, axis=0), 0.0))
+
+
+def _robust(matches: Correspondences, camera: Camera) -> Start | None:
+    """The pose that most pairs agree with (LO-RANSAC), its scale by the median of measured over rendered depth."""
+    import pycolmap
+
+    if len(matches) < LEAST:
+        return None
+    k = camera.matrix()
+    lens = pycolmap.Camera.create(0, "PINHOLE", k[0, 0], camera.width, camera.height)
+    lens.params = [k[0, 0], k[1, 1], k[0, 2] + 0.5, k[1, 2] + 0.5]  # its pixels have their centre at a half
+    options = pycolmap.AbsolutePoseEstimationOptions()
+    options.ransac.max_error = ERROR_PX * camera.width / 640
+    options.ransac.random_seed = 0
+    answer = pycolmap.estimate_and_refine_absolute_pose(matches.pixels + 0.5, matches.anchors, lens, options)
+    if answer is None:
+        return None
+    motion = np.eye(4)
+    motion[:3] = answer["cam_from_world"].matrix()
+    agree = np.asarray(answer["inlier_mask"], bool)
+    depth = transforms.apply(motion, matches.anchors)[:, 2]
+    known = agree & (matches.depths > 0) & (depth > 0)
+    if known.sum() < LEAST:
+        return None
+    ratio = matches.depths / np.maximum(depth, 1e-12)
+    scale = float(np.median(ratio[known]))
+    # A point without a measured depth still fixes the pose; one whose depth contradicts the scale is not the same.
+    agree &= (depth > 0) & ((matches.depths == 0) | (np.abs(ratio / scale - 1) < APART))
+    if (agree & known).sum() < LEAST:
+        return None
+    return Start(ScenePose(motion, scale), matches[agree], len(matches))

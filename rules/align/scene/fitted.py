@@ -1,0 +1,32 @@
+"""What backends of align.scene take and return."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.scene_fit import SceneEvidence
+from dextera_build.artifacts.splats import Splats
+from dextera_build.geometry.scene_pose import ScenePose
+
+
+@dataclass(frozen=True)
+class Given:
+    """A photograph and the scene that is looked for in it."""
+
+    capture: Capture  # with depth
+    scene: Splats | Mesh
+    taken: np.ndarray  # (4, 4) T_G_C of the picture that the scene was made from, in its lengths
+    ignored: np.ndarray  # (H, W) bool, pixels of the photograph that show nothing of the scene
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Theta, and what speaks for it."""
+
+    pose: ScenePose
+    covariance: np.ndarray  # (7, 7) as `artifacts.pose.Similarity` has it
+    evidence: SceneEvidence

@@ -1,0 +1,83 @@
+"""From a capture and a scene to theta: find it, refine it, say how well it is known."""
+
+from __future__ import annotations
+
+from itertools import chain
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.splats import Splats
+from dextera_build.geometry.photo_terms import Drawn
+from dextera_build.geometry.scene_alignment import Level, Problem, Render, align, align_sparse
+from dextera_build.geometry.scene_terms import Weights
+from dextera_build.rule import Context
+
+from . import drawing, evidence
+from .beginning import Match, Start, found
+from .fitted import Fitted, Given
+from .levels import levels
+from .viewpoints import around
+
+if TYPE_CHECKING:
+    from .scene import SceneOptions
+
+
+def fitted(ctx: Context, given: Given, match: Match, options: SceneOptions) -> Fitted:
+    """Theta of the scene; what cannot be found at all is refused with the facts about the photograph."""
+    capture, scene, taken = given.capture, given.scene, given.taken
+    render = drawing.of_splats(scene, ctx.device) if isinstance(scene, Splats) else drawing.of_mesh(scene)
+    camera = capture.photograph.camera
+    k, size = camera.matrix(), (camera.height, camera.width)
+    own = render(taken, k, size)
+    if not own.solid.any():
+        ctx.fail("the scene is not seen from where its picture was taken", hint="give `taken`, T_scene_camera of it")
+    unit = float(np.median(own.depth[own.solid]))
+    start = _start(ctx, given, render, match, unit, options)
+    weights = Weights(options.rgb, options.ssim, options.pixel, options.depth, options.surface)
+    sparse = align_sparse(start.pose, start.matches, k, size, weights, unit)
+    pyramid = levels(capture, given.ignored, options.widths, options.farthest_m)
+    problem = Problem(start.matches, k, size, pyramid, render, weights, unit, options.apart)
+    solution = align(sparse.pose, problem)
+    seen = evidence.evidence(start, solution, pyramid[-1], k, size)
+    # What the photometric terms err by is common to the picture (light, colours beside their depth), and no residual
+    # shows it: they narrow the estimate, but what is stated is what the points tell.
+    steps = sparse.covariance
+    if not np.isfinite(steps).all():
+        ctx.fail(
+            "the pairs do not tell how well the scene is aligned",
+            hint="capture more of what the scene shows",
+            inliers=len(start.matches),
+        )
+    assert solution.drawn is not None
+    ctx.preview(_compared(pyramid[-1], solution.drawn), "the photograph, the scene from there, and both in squares")
+    return Fitted(solution.pose, solution.pose.covariance(steps, unit), seen)
+
+
+def _start(ctx: Context, given: Given, render: Render, match: Match, unit: float, options: SceneOptions) -> Start:
+    capture, places = given.capture, chain([given.taken], around(given.taken, unit))
+    start, pairs = found(capture, render, match, places, options.enough)
+    if start is None:
+        ctx.fail(
+            "the photograph was not found in the scene: no pose agrees with the points that look the same",
+            hint="capture what the scene shows, from nearer to where its picture was taken, with light and sharp",
+            pairs=pairs,
+            **evidence.about(capture.photograph.rgb.pixels),
+        )
+    if len(start.matches) < options.limits.inliers and options.refuse:
+        ctx.fail(
+            f"the photograph was not found in the scene: {len(start.matches)} pairs agree with one pose, "
+            f"{options.limits.inliers} are needed",
+            hint="capture what the scene shows, from nearer to where its picture was taken, with light and sharp",
+            pairs=start.tried,
+            **evidence.about(capture.photograph.rgb.pixels),
+        )
+    return start
+
+
+def _compared(level: Level, drawn: Drawn) -> np.ndarray:
+    """Three pictures side by side, (H, 3 W, 3) uint8."""
+    made = np.where(drawn.solid[..., None], drawn.rgb, 0.5)
+    rows, columns = np.indices(drawn.depth.shape) // max(1, drawn.depth.shape[0] // 8)
+    squares = np.where(((rows + columns) % 2 == 0)[..., None], made, level.rgb)
+    return np.asarray(np.round(255 * np.hstack([level.rgb, made, squares]).clip(0, 1)), np.uint8)

@@ -1,0 +1,129 @@
+"""align.scene: pose and scale of a generated scene against a measured photograph (the paper's Eq. 1)."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.image import LabelImage
+from dextera_build.artifacts.pose import Pose, Similarity
+from dextera_build.artifacts.scene_fit import SceneFit
+from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.view import InstanceMap
+from dextera_build.rule import Context, Options, rule
+
+from .doubts import Limits, doubts
+from .fitted import Fitted, Given
+
+
+class SceneOptions(Options):
+    """Options of align.scene: the weights of Eq. 1, and what is believed."""
+
+    frame: str = ""
+    """Frame of the scene; empty: that of its Gaussians, `world` for a mesh."""
+    rgb: NonNegativeFloat = 20.0
+    """lambda_rgb, of the mean squared difference of colours 0..1."""
+    ssim: NonNegativeFloat = 1.0
+    """lambda_ssim, of 1 - SSIM."""
+    pixel: NonNegativeFloat = 10.0
+    """lambda_pix, of the mean distance of points in image diagonals."""
+    depth: PositiveFloat = 4.0
+    """lambda_dep, of the mean difference of their depths in metres; without it the scale has no anchor."""
+    surface: NonNegativeFloat = 0.0
+    """Weight of the mean difference of all depths in metres; Eq. 1 has no such term. For scenes that were measured."""
+    widths: tuple[PositiveInt, ...] = Field((160, 320), min_length=1)
+    """Widths at which pictures are compared, from coarse to fine [px]."""
+    apart: float = Field(0.06, gt=0.0, le=1.0)
+    """Surfaces whose depths differ by more than this part are not the same: something was moved, or hides them."""
+    farthest_m: PositiveFloat = 8.0
+    """Greater depths are not believed [m]."""
+    points: PositiveInt = 4000
+    """Most points that are looked for in each picture."""
+    enough: PositiveInt = 80
+    """Pairs that agree with which no further viewpoint of the scene is tried."""
+    limits: Limits = Limits()
+    """What an alignment needs in order to be believed."""
+    refuse: bool = True
+    """Whether one that is not believed is refused; otherwise it is returned with its doubts."""
+
+
+class SceneBackend(Protocol):
+    """What a backend of align.scene defines."""
+
+    def fit(self, ctx: Context, given: Given, common: SceneOptions, options: Any) -> Fitted:
+        """Theta of the scene, with its covariance and what speaks for it."""
+        ...
+
+
+@rule(version=1, packages=("numpy",))
+def scene(
+    ctx: Context[SceneBackend],
+    capture: Capture,
+    splats: Splats | None = None,
+    mesh: Mesh | None = None,
+    taken: Pose | None = None,
+    robot: LabelImage | None = None,
+    instances: InstanceMap | None = None,
+    *,
+    options: SceneOptions | None = None,
+) -> SceneFit:
+    """Return T_camera_scene [m] with the scale, its covariance, evidence and doubts, for a scene of unknown scale.
+
+    The scene is `splats` or `mesh`. It is drawn from `taken` (T_scene_camera of the
+    picture that it was made from; the origin without it) and from places around, until the photograph is found by
+    points that look the same. Then the four terms of Eq. 1 are minimised, coarse to fine. `robot` and `instances`
+    are pixels of the photograph that show nothing of the scene.
+    """
+    options = options or SceneOptions()
+    if (splats is None) == (mesh is None):
+        ctx.fail("the scene is either Gaussians or a mesh", hint="give one of the inputs `splats` and `mesh`")
+    if capture.measured is None or not (capture.measured.depth.depth > 0).any():
+        ctx.fail("the capture has no depth, so nothing tells the scale", hint="align.scene needs an RGB-D capture")
+    frame = options.frame or (splats.frame if splats is not None else "world") or "scene"
+    if taken is not None and taken.parent != frame:
+        ctx.fail(f"`taken` is T_{taken.parent}_{taken.child}, but the scene is in frame `{frame}`")
+    ignored = np.zeros(capture.photograph.rgb.pixels.shape[:2], bool)
+    for name, mask in (("robot", robot), ("instances", instances)):
+        if mask is not None:
+            size = mask.labels.shape
+            ctx.check(size == ignored.shape, f"`{name}` is of another picture", size=size)
+            ignored |= mask.labels != 0
+    found = splats or mesh
+    assert found is not None
+    given = Given(capture, found, np.eye(4) if taken is None else taken.matrix, ignored)
+    fit = ctx.backend.fit(ctx, given, options, ctx.backend_options)
+    motion = Similarity(
+        parent="camera",
+        child=frame,
+        matrix=fit.pose.matrix,
+        scale=fit.pose.scale,
+        covariance=fit.covariance,
+    )
+    return _judged(ctx, SceneFit(motion=motion, evidence=fit.evidence), options)
+
+
+def _judged(ctx: Context[SceneBackend], found: SceneFit, options: SceneOptions) -> SceneFit:
+    seen = found.evidence
+    made = found.model_copy(update={"doubts": doubts(seen, found.motion, options.limits)})
+    for name, value, unit in (
+        ("scale", found.motion.scale, ""),
+        ("inliers", seen.inliers, ""),
+        ("overlap", 100 * seen.overlap, "%"),
+        ("residual", seen.residual_px, "px"),
+        ("condition", seen.condition, ""),
+    ):
+        ctx.metric(name, float(value), unit)
+    if made.doubts and options.refuse:
+        ctx.fail(
+            f"the scene could not be aligned: {made.doubts[0]}",
+            hint="capture from nearer to where the scene's own picture was taken, with light and sharp",
+            **{f"further {number}": text for number, text in enumerate(made.doubts[1:], 1)},
+        )
+    for text in made.doubts:
+        ctx.warn(text)
+    ctx.say(", ".join(made.facts()))
+    return made

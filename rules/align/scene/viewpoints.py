@@ -1,0 +1,41 @@
+"""Where a generated scene is looked at from, to find a photograph that was taken far from its own picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dextera_build.geometry import transforms
+from dextera_build.geometry.registration import rotation
+
+TURNS_DEG = (20.0, 40.0)
+"""Angles about the middle of what is seen, to each side."""
+RISES_DEG = (15.0,)
+"""The same up and down."""
+NEARER, FARTHER = 0.65, 1.5
+"""Distances from the middle, in that of the picture."""
+
+
+def around(taken: np.ndarray, depth: float) -> Iterator[np.ndarray]:
+    """T_G_C (4, 4) of cameras about the camera `taken` (4, 4): turned about the point `depth` before it, then nearer.
+
+    Args:
+        taken: T_G_C of the picture that the scene was made from.
+        depth: Median depth of the scene there, in its lengths.
+    """
+    sides = [(0.0, sign * angle) for angle in TURNS_DEG for sign in (1, -1)]
+    rises = [(sign * angle, 0.0) for angle in RISES_DEG for sign in (1, -1)]
+    for pitch, yaw in (*sides, *rises):
+        yield taken @ _about(depth, pitch, yaw)
+    for factor in (NEARER, FARTHER):
+        yield taken @ transforms.rigid(np.eye(3), np.array([0.0, 0.0, (1 - factor) * depth]))
+    for sign in (1, -1):  # a pan: the camera stays and looks beside what was seen
+        yield taken @ transforms.rigid(rotation(np.array([0.0, sign * np.radians(TURNS_DEG[0]), 0.0])), np.zeros(3))
+
+
+def _about(depth: float, pitch_deg: float, yaw_deg: float) -> np.ndarray:
+    """T_taken_C of a camera that went around the point `depth` before the one that took the picture."""
+    turn = rotation(np.radians([pitch_deg, 0.0, 0.0])) @ rotation(np.radians([0.0, yaw_deg, 0.0]))
+    middle = np.array([0.0, 0.0, depth])
+    return transforms.rigid(turn, middle - turn @ middle)

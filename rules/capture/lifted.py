@@ -1,0 +1,46 @@
+"""capture.lifted: measured pixels as Gaussians of unknown scale, what a generator of scenes could have made of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field, PositiveFloat
+
+from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.splats import Splats
+from dextera_build.geometry import cameras
+from dextera_build.geometry.gaussians import Gaussians
+from dextera_build.geometry.spherical_harmonics import flat
+from dextera_build.rule import Context, Options, rule
+
+
+class LiftedOptions(Options):
+    """Options of capture.lifted."""
+
+    scale_factor: PositiveFloat = 1.0
+    """Lengths of the scene per metre: what a scene that was generated does not tell."""
+    spread: float = Field(0.45, gt=0.0, le=5.0)
+    """Standard deviation of a Gaussian in distances between neighbouring pixels."""
+    edge_fraction: float = Field(0.04, gt=0.0, le=1.0)
+    """Pixels are left out where depths of neighbours differ by more than this part."""
+
+
+@rule(version=1, packages=("numpy", "scipy"))
+def lifted(ctx: Context, capture: Capture, *, options: LiftedOptions | None = None) -> Splats:
+    """Return a Gaussian for each measured pixel, in frame `scene`: the camera's axes, lengths of unknown size."""
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    options = options or LiftedOptions()
+    if capture.measured is None:
+        ctx.fail("the capture has no depth", hint="align.scene takes scenes from elsewhere, too")
+    depth, k = capture.measured.depth.depth.astype(np.float64), capture.photograph.camera.matrix()
+    apart = maximum_filter(depth, 3) - minimum_filter(np.where(depth > 0, depth, np.inf), 3)
+    kept = (depth > 0) & (apart < options.edge_fraction * depth)
+    ctx.check(bool(kept.any()), "no pixel has depth beside pixels of the same surface")
+    across = options.spread * options.scale_factor * depth[kept] / k[0, 0]
+    means = options.scale_factor * cameras.backproject(depth, k)[kept]
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(means), 1))
+    colours = flat(capture.photograph.rgb.pixels[kept] / 255.0)
+    made = Gaussians(means, turns, np.repeat(across[:, None], 3, axis=1), np.full(len(means), 0.97), colours)
+    found = Splats.of(made, "scene")
+    ctx.say(", ".join(found.facts()))
+    return found

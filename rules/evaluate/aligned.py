@@ -1,0 +1,99 @@
+"""evaluate.aligned: how far fits of a scene to several views are from the poses that are known of these."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import PositiveFloat
+
+from dextera_build.artifacts.base import Collection, Folder
+from dextera_build.artifacts.scene_fit import SceneFit
+from dextera_build.artifacts.table import Cell, Column, Table
+from dextera_build.geometry import cameras, transforms
+from dextera_build.rule import Context, Options, rule
+
+from .posed import PosedViews
+
+COLUMNS = (
+    Column(name="view"),
+    Column(name="camera", unit="mm", digits=1, better="lower"),
+    Column(name="surfaces", unit="mm", digits=1, better="lower"),
+    Column(name="angle", unit="deg", digits=2, better="lower"),
+    Column(name="scale", unit="%", digits=2, better="lower"),
+    Column(name="stated", unit="mm", digits=1),
+    Column(name="pairs", digits=0),
+    Column(name="overlap", unit="%", digits=0),
+    Column(name="believed"),
+    Column(name="doubt"),
+)
+
+
+class AlignedOptions(Options):
+    """Options of evaluate.aligned."""
+
+    scale_factor: PositiveFloat = 1.0
+    """Lengths of the scene per metre, which the fits did not know."""
+
+
+@rule(version=1, packages=("numpy", "pillow"))
+def aligned(ctx: Context, fits: Collection[SceneFit], views: Folder, *, options: AlignedOptions | None = None) -> Table:
+    """Return for each fit its errors against `views.json`, and the medians over those that are believed.
+
+    The scene is in the axes of the camera of the folder's `capture.json`. `camera` is the distance of the camera from
+    where it was, in the scene at its true size; `surfaces` the median distance of what the view measured and the scene
+    shows, at the fitted pose and at the true one.
+    """
+    options = options or AlignedOptions()
+    given = PosedViews(ctx, views)
+    rows = [_row(name, fit, given, options.scale_factor) for name, fit in fits.items.items()]
+    ctx.check(bool(rows), "no fit was given")
+    believed = [row for row in rows if row[8]]
+    numbers = [[row[column] for row in believed if isinstance(row[column], float)] for column in (1, 2, 3, 4)]
+    medians = [float(np.median(np.abs(each))) if each else None for each in numbers]
+    wrong = sum(isinstance(row[1], float) and row[1] > 50.0 for row in believed)
+    ctx.metric("believed", float(len(believed)))
+    ctx.metric("believed and off by more than 50 mm", float(wrong))
+    for name, value, unit in zip(
+        ("camera", "surfaces", "angle", "scale"), medians, ("mm", "mm", "deg", "%"), strict=True
+    ):
+        if value is not None:
+            ctx.metric(name, value, unit)
+    ctx.say(f"{len(believed)} of {len(rows)} believed, {wrong} of these off by more than 50 mm")
+    median: tuple[Cell, ...] = ("median of believed", *medians, None, None, None, None, None)
+    return Table(
+        title="A scene of unknown scale, aligned with other views of it",
+        columns=COLUMNS,
+        rows=(*rows, median),
+        notes=(
+            f"the scene has {options.scale_factor:g} lengths per metre, which align.scene does not know",
+            "stated: standard deviation of the place; views that align.scene refused are not in the table",
+        ),
+    )
+
+
+def _row(name: str, fit: SceneFit, given: PosedViews, factor: float) -> tuple[Cell, ...]:
+    frame = int(name.rpartition("_")[2])
+    true = transforms.invert(given.poses[frame]) @ given.poses[given.own]
+    motion = fit.motion
+    off = motion.matrix[:3, :3] @ true[:3, :3].T
+    camera = transforms.invert(motion.matrix)[:3, 3] / (motion.scale * factor)
+    apart = float(np.linalg.norm(camera - transforms.invert(true)[:3, 3]))
+    depth = given.view(frame).depth
+    seen = cameras.backproject(depth, given.camera.matrix())[depth > 0][::7]
+    scene = transforms.apply(transforms.invert(true), seen)
+    _, _, inside = cameras.nearest_pixels(scene, given.camera.matrix(), depth.shape)
+    shown = seen[inside]
+    again = transforms.apply(motion.matrix, motion.scale * factor * scene[inside])
+    moved = float(np.median(np.linalg.norm(again - shown, axis=1))) if len(shown) else None
+    spread = None if motion.covariance is None else 1000 * float(np.sqrt(np.trace(motion.covariance[:3, :3])))
+    return (
+        name,
+        1000 * apart,
+        None if moved is None else 1000 * moved,
+        float(np.degrees(transforms.angle(off))),
+        100 * (motion.scale * factor - 1),
+        spread,
+        fit.evidence.inliers,
+        100 * fit.evidence.overlap,
+        not fit.doubts,
+        fit.doubts[0] if fit.doubts else "",
+    )
