@@ -20,6 +20,7 @@ from dextera_build.artifacts.ros.recording import Recording, packed
 from dextera_build.artifacts.stamped import unit
 from dextera_build.artifacts.trajectory import Trajectory
 from dextera_build.errors import ArtifactError, listing
+from dextera_build.geometry import poses
 from dextera_build.geometry.plot import COLOURS, Line, plot
 
 JOINTS = (
@@ -39,6 +40,9 @@ LENSES = (
     *("foxglove.CameraCalibration", "foxglove_msgs/msg/CameraCalibration"),
 )
 """Types that mean the same, as ROS 2, JSON and Foxglove name them."""
+TRANSFORMS = ("geometry_msgs/msg/Transform", "geometry_msgs/Transform")
+_MODELS = {"Brown Conrady": "plumb_bob", "None": "plumb_bob"}
+"""Names of librealsense for lenses -> those of ROS."""
 
 
 class Channel(Value):
@@ -261,11 +265,22 @@ class Stream(Artifact):
         for _, each in self._read(topic, LENSES, None, None):
             names = ("width", "height", "distortion_model", "d", "D", "k", "K")
             known = {name: _plain(getattr(each, name)) for name in names if hasattr(each, name)}
+            known["distortion_model"] = _MODELS.get(known["distortion_model"], known["distortion_model"])
             try:
                 return lens.of(camera_info.of(known))
             except ValueError as error:
                 raise unreadable(topic, "a camera", error) from None
         raise unreadable(topic, "a camera", "it has no messages")
+
+    def transform(self, topic: str) -> np.ndarray | None:
+        """The first `geometry_msgs/Transform` of a topic as (4, 4) motion [m]; None if there is none."""
+        if all(each.topic != topic or each.kind not in TRANSFORMS for each in self.channels):
+            return None
+        for _, each in self._read(topic, TRANSFORMS, None, None):
+            place, turn = each.translation, each.rotation
+            with reading.damage(topic):
+                return poses.to_matrix(unit(np.array([[place.x, place.y, place.z, turn.w, turn.x, turn.y, turn.z]]))[0])
+        return None
 
     def number(self, topic: str) -> float | None:
         """The first `std_msgs/Float32` or `std_msgs/Float64` of a topic; None if there is none."""

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build.artifacts.base import File, Folder
-from dextera_build.artifacts.stream import JOINTS, LENSES, PICTURES, POSES, Stream
+from dextera_build.artifacts.stream import JOINTS, LENSES, PICTURES, POSES, TRANSFORMS, Stream
 from dextera_build.errors import RuleError, listing
 from dextera_build.rule import Context, Options, rule
 
 FORMS = {b"#ROSBAG V2.0": "bag.bag", b"SQLite format 3\x00": "bag.db3", b"\x89MCAP0\r\n": "bag.mcap"}
 """First bytes of a file -> name by which the reader knows its format."""
-KINDS = (*JOINTS, *POSES, *PICTURES, *LENSES, "std_msgs/msg/Float32", "std_msgs/msg/Float64")
+KINDS = (*JOINTS, *POSES, *PICTURES, *LENSES, *TRANSFORMS, "std_msgs/msg/Float32", "std_msgs/msg/Float64")
 DISTRIBUTION = "ros2_humble"
 """Whose message definitions the recording has; a bag without any, as SQLite before ROS 2 Iron, is read by them."""
 

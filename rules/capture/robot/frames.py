@@ -8,6 +8,8 @@ from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.lens import Equirectangular
 from dextera_build.artifacts.stream import Stream
+from dextera_build.geometry import transforms
+from dextera_build.geometry.depth_to_colour import registered
 from dextera_build.rule import Context
 
 from .. import doubts
@@ -31,7 +33,7 @@ def at(
     camera = lens if isinstance(lens, Camera) else pinhole(lens)
     doubts.of_camera(ctx, camera)
     pictures = _chosen(stream.pictures(topics.image), stamps, 1e-6)
-    depths = _depths(ctx, stream, topics, camera, stamps) if topics.depth else {}
+    depths = _depths(ctx, stream, topics, lens, stamps) if topics.depth else {}
     where = None if isinstance(lens, Camera) else places(lens)
     found: dict[str, Capture] = {}
     for number, stamp in enumerate(stamps):
@@ -57,29 +59,39 @@ def _lens(ctx: Context, stream: Stream, topic: str) -> Camera | Lens:
 
 
 def _depths(
-    ctx: Context, stream: Stream, topics: CameraTopics, camera: Camera, stamps: np.ndarray
+    ctx: Context, stream: Stream, topics: CameraTopics, lens: Camera | Lens, stamps: np.ndarray
 ) -> dict[int, np.ndarray]:
     """Depth (H, W) [m] by number of the picture, where it was taken at about the same time."""
     lenses = [each.topic for each in stream.channels if each.topic.endswith(("camera_info", "calibration"))]
     own = beside(ctx, topics.depth, lenses) if len(lenses) > 1 else topics.lens
-    if own != topics.lens:
-        _check_registered(ctx, stream, own, topics, camera)
     units = [each.topic for each in stream.channels if each.topic.endswith(UNITS)]
     scale = next((value for topic in units if (value := stream.number(topic)) is not None), 0.001)
     found = _chosen(stream.depths(topics.depth, scale_m=scale), stamps, TOGETHER_S)
     if len(found) < len(stamps):
         ctx.warn(f"{len(stamps) - len(found)} pictures have no depth within {1000 * TOGETHER_S:.0f} ms")
+    other = _lens(ctx, stream, own)
+    to_depth, to_picture = (_from_reference(stream, topic) for topic in (topics.depth, topics.image))
+    if own != topics.lens and to_depth is not None and to_picture is not None and isinstance(other, Camera):
+        motion, size = to_picture @ transforms.invert(to_depth), (lens.width, lens.height)
+        return {n: registered(each, other.matrix(), motion, lens.project, size) for n, each in found.items()}
+    _check_registered(ctx, other, topics, lens)
     return found
 
 
-def _check_registered(ctx: Context, stream: Stream, own: str, topics: CameraTopics, camera: Camera) -> None:
+def _from_reference(stream: Stream, topic: str) -> np.ndarray | None:
+    """(4, 4) T_camera_reference of an image topic of librealsense, from `tf/0` beside it."""
+    top = topic.removesuffix("/image/data")
+    known = [each.topic for each in stream.channels if each.topic.startswith(f"{top}/tf/")]
+    return stream.transform(known[0]) if len(known) == 1 else None
+
+
+def _check_registered(ctx: Context, other: Camera | Lens, topics: CameraTopics, lens: Camera | Lens) -> None:
     """Refuse depth whose camera is another than that of the pictures."""
-    other = _lens(ctx, stream, own)
-    same = (other.width, other.height) == (camera.width, camera.height)
-    if not same or max(abs(other.fx / camera.fx - 1), abs(other.fy / camera.fy - 1)) > SAME:
+    same = (other.width, other.height) == (lens.width, lens.height)
+    if not same or max(abs(other.fx / lens.fx - 1), abs(other.fy / lens.fy - 1)) > SAME:
         ctx.fail(
             f"the depth on `{topics.depth}` is not registered to the pictures",
-            pictures=f"{camera.width} x {camera.height} px, fx {camera.fx:.1f} px",
+            pictures=f"{lens.width} x {lens.height} px, fx {lens.fx:.1f} px",
             depth=f"{other.width} x {other.height} px, fx {other.fx:.1f} px",
             hint="record `aligned_depth_to_color` (`align_depth.enable:=true`), or leave option `depth` out",
         )

@@ -42,7 +42,7 @@ class TopicOptions(Options):
     image: str = ""
     """Topic of the pictures."""
     depth: str = ""
-    """Topic of depth that is registered to the pictures; empty: none."""
+    """Topic of depth, registered to the pictures or of a RealSense recording, which says how; empty: none."""
     camera_info: str = ""
     """Topic of the intrinsics; empty: the one beside the pictures."""
     mount: Literal["eye_on_base", "eye_in_hand"] = "eye_on_base"

@@ -10,6 +10,7 @@ import numpy as np
 
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.stream import Joints
+from dextera_build.geometry import quaternions
 
 
 class Bag:
@@ -55,6 +56,15 @@ class Bag:
     def number(self, topic: str, value: float, stamp: float) -> Bag:
         """Add a `std_msgs/Float32`."""
         self._add(topic, "std_msgs/msg/Float32", stamp, value)
+        return self
+
+    def transform(self, topic: str, motion: np.ndarray, stamp: float) -> Bag:
+        """Add a `geometry_msgs/Transform` of a (4, 4) motion."""
+        types = self._store.types
+        w, x, y, z = (float(each) for each in quaternions.from_matrix(motion[:3, :3]))
+        place = types["geometry_msgs/msg/Vector3"](*(float(each) for each in motion[:3, 3]))
+        turn = types["geometry_msgs/msg/Quaternion"](x, y, z, w)
+        self._add(topic, "geometry_msgs/msg/Transform", stamp, place, turn)
         return self
 
     def text(self, topic: str, value: str, stamp: float) -> Bag:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import File
+from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.stream import Joints, Stream
 from dextera_build.errors import RuleError
@@ -212,6 +213,33 @@ def test_a_realsense_bag_and_the_joints_of_a_robot(tmp_path, robot):
     )
     np.testing.assert_allclose(found.joints.positions, POSTURES, atol=1e-3)
     np.testing.assert_allclose(found.captures["view_03"].measured.depth.depth, 0.6, rtol=1e-5)
+
+
+def test_depth_of_a_realsense_camera_is_registered_by_its_extrinsics(tmp_path):
+    """A wall at 0.6 m before the depth camera, which looks 10 mm ahead of the colour camera and has a wider view."""
+    pytest.importorskip("rosbags", reason="needs rosbags (extra `recordings`)")
+    top = "/device_0/sensor_"
+    colour, depth = f"{top}1/Color_0/image/data", f"{top}0/Depth_0/image/data"
+    few = dict(list(frames().items())[:40])
+    counts = np.full((60, 90), 2400, np.uint16)
+    counts[:, :45] = 1600  # its left half is nearer
+    wide = Camera(width=90, height=60, fx=60.0, fy=60.0, cx=44.5, cy=29.5)
+    ahead = np.eye(4)
+    ahead[:3, 3] = [0.02, 0.0, 0.01]
+    bag = Bag(tmp_path / "a.bag").pictures(colour, few).joints("/joint_states", states())
+    bag.pictures(depth, dict.fromkeys(few, counts), "mono16")
+    bag.lens(f"{top}1/Color_0/info/camera_info", CAMERA, START).lens(f"{top}0/Depth_0/info/camera_info", wide, START)
+    bag.number(f"{top}0/option/Depth_Units/value", 0.00025, START)
+    bag.transform(f"{top}0/Depth_0/tf/0", np.eye(4), START).transform(f"{top}1/Color_0/tf/0", ahead, START)
+    runner = RuleRunner(tmp_path / "run")
+    stream = runner.run("capture.bag", file=File.of(bag.write()))
+    found = runner.run("capture.recorded_views", stream=stream, options={"depth": depth, "clock_offset_s": OFFSET})
+    seen = found.captures["view_01"].measured.depth.depth
+    assert seen.shape == (72, 96)
+    np.testing.assert_allclose(seen[36, [5, 30, 90]], [0.41, 0.41, 0.61], atol=1e-4)
+    # The step is at x = 0 of the depth camera, 20 mm right of the colour camera's axis.
+    edge = int(np.flatnonzero(np.diff(seen[36]) > 0.1)[-1])
+    assert abs(edge - (CAMERA.cx + CAMERA.fx * 0.02 / 0.41)) < 2.0
 
 
 def test_depth_of_another_camera_is_refused(tmp_path):

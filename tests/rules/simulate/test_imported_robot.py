@@ -284,7 +284,6 @@ def test_a_link_that_moves_needs_a_mass(tmp_path):
     ("text", "message"),
     [
         (HAND.replace('<joint name="one" class="finger"/>', '<joint name="one" type="ball"/>'), "is a ball"),
-        (HAND.replace('<body name="palm" pos="0.3 0 0" euler="0 0 90">', '<body name="palm"><freejoint/>'), "is free"),
         (HAND.replace('polycoef="0.1 0.7 0 0 0"', 'polycoef="0 1 0.2 0 0"'), "by a curve"),
         (
             HAND.replace("<equality>", '<equality><connect body1="two" body2="palm" anchor="0 0 0"/>'),
@@ -324,3 +323,12 @@ def test_it_stands_in_a_scene_and_holds_its_home(tmp_path):
         mujoco.mj_step(compiled_scene, data)
     for name, position in model.home.items():
         assert data.joint(f"robot/{name}").qpos[0] == pytest.approx(position, abs=2e-3)
+
+
+def test_a_base_that_floats_is_fixed(tmp_path):
+    loose = HAND.replace('euler="0 0 90">', 'euler="0 0 90"><freejoint name="float"/>')
+    loose = loose.replace('qpos="0.2 0.3"', 'qpos="0 0 0 1 0 0 0 0.2 0.3"')
+    runner = RuleRunner(tmp_path)
+    model = made(tmp_path, hand(loose), runner, parts=[{"file": "hand.xml"}], velocity_rad_s=6.0)
+    assert [joint.name for joint in model.joints] == ["one"]
+    assert any("free joint of `palm`, which is fixed now" in each for each in runner.outcome.warnings)

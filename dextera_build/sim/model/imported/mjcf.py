@@ -40,12 +40,13 @@ def read(path: str, files: Mapping[str, bytes], folder: Path, whole: bool = Fals
     found = Source(spec)
     _name_all(spec)
     _take_files(spec, path, files)
+    _fix_bases(spec, found)
     for joint in spec.joints:
         if joint.type not in _MOVING:
-            kind = "free" if joint.type == mujoco.mjtJoint.mjJNT_FREE else "a ball"
             raise wrong(
-                f"joint `{joint.name}` of body `{joint.parent.name}` is {kind}",
-                hint="name a body below it as `root`" if kind == "free" else "a robot has hinges and slides",
+                f"joint `{joint.name}` of body `{joint.parent.name}` is "
+                + ("free" if joint.type == mujoco.mjtJoint.mjJNT_FREE else "a ball"),
+                hint="a robot has hinges and slides",
             )
     try:
         model = spec.compile()
@@ -81,6 +82,19 @@ def _only_bodies(text: str, whole: bool) -> str:
             world.remove(each)
             holder.append(each)
     return ET.tostring(root, encoding="unicode")
+
+
+def _fix_bases(spec: Any, found: Source) -> None:
+    """Remove free joints of bodies in the world: the base of a robot model is fixed."""
+    loose = [
+        joint for body in spec.worldbody.bodies for joint in body.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE
+    ]
+    for joint in loose:
+        found.dropped.append(f"free joint of `{joint.parent.name}`, which is fixed now")
+        spec.delete(joint)
+    if loose:
+        for key in list(spec.keys):  # of another size now
+            spec.delete(key)
 
 
 def _name_all(spec: Any) -> None:
