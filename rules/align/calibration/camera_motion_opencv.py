@@ -62,11 +62,21 @@ def poses(
 
 
 def _nearest(found: Sighting, there: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Order of the pixels (J, 2), and the pose (4, 4) of those that fit them, that is nearest to the expected one."""
-    fitting = [
-        (found.pixels[order], pose)
-        for order in (np.arange(len(found.pixels)), *found.orders)
-        for pose, rms in detection.poses(found.board, found.pixels[order], k, found.marker is not None)
-        if rms <= 2 * found.rms_px + 0.3
-    ]
-    return min(fitting, key=lambda pair: hand_eye.apart(there, pair[1]))
+    """Order of the pixels (J, 2), and the pose (4, 4) of those that fit them, that is nearest to the expected one.
+
+    A marker that is seen nearly face on fits two poses; the minimum near the expected one is tried besides.
+    """
+    fitting = []
+    for order in (np.arange(len(found.pixels)), *found.orders):
+        pixels = found.pixels[order]
+        tried = detection.poses(found.board, pixels, k, found.marker is not None)
+        view = hand_eye.View("", np.eye(4), found.board, pixels, ())
+        near = hand_eye_refine.alone(view, hand_eye.Setup(k, False), there)
+        off = hand_eye.offsets(hand_eye.Solution(np.eye(4), near), view, hand_eye.Setup(k, False))
+        tried.append((near, float(np.sqrt((off**2).sum(axis=1).mean()))))
+        fitting += [(pixels, pose, rms) for pose, rms in tried]
+    best = min(rms for _, _, rms in fitting)
+    pixels, pose, _ = min(
+        (each for each in fitting if each[2] <= 2 * best + 0.5), key=lambda each: hand_eye.apart(there, each[1])
+    )
+    return pixels, pose
