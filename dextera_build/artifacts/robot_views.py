@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -18,7 +18,8 @@ from dextera_build.errors import ArtifactError
 class RobotViews(Artifact):
     """Pictures of a robot at rest in several poses, with its joint positions or its effector's poses in each.
 
-    Rows of all arrays are in the order of `captures`.
+    Rows of all arrays are in the order of `captures`, which is that of their names: a stored mapping has no other, and
+    `rgb_10` comes before `rgb_9`. What is given in another order is brought into this one, rows included.
     """
 
     captures: dict[str, Capture] = Field(min_length=1)
@@ -35,6 +36,26 @@ class RobotViews(Artifact):
     """What is on the effector, or in front of the camera on it; None: nothing."""
     skew_s: Annotated[np.ndarray, Array("K", "float64", unit="s")] | None = None
     """Time from each picture to the nearest joint measurement; None: not recorded over time."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_name(cls, fields: Any) -> Any:
+        captures = fields.get("captures") if isinstance(fields, dict) else None
+        if not isinstance(captures, dict) or list(captures) == sorted(captures):
+            return fields
+        names = list(captures)
+        order = sorted(range(len(names)), key=lambda number: names[number])
+        changed: dict[str, Any] = {"captures": {names[number]: captures[names[number]] for number in order}}
+        for name in ("effectors", "skew_s"):
+            rows = fields.get(name)
+            if isinstance(rows, np.ndarray) and len(rows) == len(order):
+                changed[name] = rows[order]
+        joints = fields.get("joints")
+        if isinstance(joints, Joints) and len(joints.positions) == len(order):
+            rows = {name: getattr(joints, name) for name in ("stamps", "positions", "velocities", "efforts")}
+            moved = {name: each[order] for name, each in rows.items() if each is not None}
+            changed["joints"] = joints.model_copy(update=moved)
+        return {**fields, **changed}
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -140,7 +140,7 @@ def start(views: Sequence[View], setup: Setup, seed: int = 0) -> tuple[Solution,
     if best is None:
         raise ValueError("fewer than three views")
     for _ in range(3):  # all views together, each with the candidate that agrees best
-        nearest = [min(view.candidates, key=lambda c, v=view: _apart(best, v, setup, c)) for view in views]  # type: ignore[misc]
+        nearest = [_nearest(view, predicted(best, view, setup)) for view in views]
         good = [i for i, view in enumerate(views) if _off(best, view, setup) < 0.5]
         if len(good) < 3:
             break
@@ -150,6 +150,10 @@ def start(views: Sequence[View], setup: Setup, seed: int = 0) -> tuple[Solution,
             break
         best, cost = found, total
     return best, [_settled(best, view, setup) for view in views]
+
+
+def _nearest(view: View, pose: np.ndarray) -> np.ndarray:
+    return min(view.candidates, key=lambda candidate: apart(pose, candidate))
 
 
 def _sets(count: int, seed: int) -> list[tuple[int, ...]]:
@@ -194,7 +198,7 @@ def _settled(solution: Solution, view: View, setup: Setup) -> View:
     return View(view.name, view.effector, view.board, best.pixels, view.candidates)
 
 
-def _apart(solution: Solution, view: View, setup: Setup, candidate: np.ndarray) -> float:
-    """Distance of a candidate from the predicted pose, a radian as half a metre."""
-    gap = transforms.invert(predicted(solution, view, setup)) @ candidate
+def apart(one: np.ndarray, other: np.ndarray) -> float:
+    """Distance of two motions (4, 4), a radian as half a metre."""
+    gap = transforms.invert(one) @ other
     return float(np.linalg.norm(gap[:3, 3])) + 0.5 * transforms.angle(gap[:3, :3])

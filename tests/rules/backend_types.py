@@ -3,6 +3,9 @@
 Nothing imports this file: rules are found, not imported.
 """
 
+import rules.align.calibration.camera_motion
+import rules.align.calibration.camera_motion_opencv
+import rules.align.calibration.camera_motion_stub
 import rules.align.calibration.hand_eye
 import rules.align.calibration.hand_eye_opencv
 import rules.align.calibration.hand_eye_stub
@@ -159,6 +162,8 @@ import rules.simulate.usd_stub
 align_follow_deaot: rules.align.follow.FollowBackend = rules.align.follow_deaot
 align_hand_eye_opencv: rules.align.calibration.hand_eye.HandEyeBackend = rules.align.calibration.hand_eye_opencv
 align_hand_eye_stub: rules.align.calibration.hand_eye.HandEyeBackend = rules.align.calibration.hand_eye_stub
+motion_opencv: rules.align.calibration.camera_motion.MotionBackend = rules.align.calibration.camera_motion_opencv
+motion_stub: rules.align.calibration.camera_motion.MotionBackend = rules.align.calibration.camera_motion_stub
 robot_camera_icp: rules.align.calibration.robot_camera.RefinementBackend = rules.align.calibration.robot_camera_icp
 robot_camera_stub: rules.align.calibration.robot_camera.RefinementBackend = rules.align.calibration.robot_camera_stub
 posed_mujoco: rules.capture.posed.reference_views.ViewsBackend = rules.capture.posed.reference_views_mujoco

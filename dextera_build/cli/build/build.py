@@ -67,13 +67,13 @@ def run(args: argparse.Namespace) -> int:
         if args.check:
             code = max(code, _check(session, order, locking))
             continue
-        built = _built(session, order, locking, watch if keeps else None, verbose=args.verbose)
-        tell(built, quiet=project.console in ("none", "jsonl"))
-        answers += lines(built.placed.paths)
-        print(lines(built.placed.paths), end="")
-        if built.ok:
-            found.append(_said(session, built))
-        code = max(code, 0 if built.ok else 1)
+        done = built(session, order, locking, watch if keeps else None, verbose=args.verbose)
+        tell(done, quiet=project.console in ("none", "jsonl"))
+        answers += lines(done.placed.paths)
+        print(lines(done.placed.paths), end="")
+        if done.ok:
+            found.append(_said(session, done))
+        code = max(code, 0 if done.ok else 1)
         if code and not args.keep_going:
             break
     if keeps and not code:
@@ -81,15 +81,15 @@ def run(args: argparse.Namespace) -> int:
     return code
 
 
-def _built(session: Session, order: Order, locking: Locking, watch: Watch | None, *, verbose: bool) -> Built:
+def built(session: Session, order: Order, locking: Locking, watch: Watch | None, *, verbose: bool) -> Built:
     """Build, and go on once the user has agreed to send what the build was not allowed to send."""
     from dextera_build.cli.build.consent import agreed
 
     while True:
         with console(session.project.console, sys.stderr, verbose=verbose) as shown:
-            built = build.build(session, order, locking, shown, watch)
-        if built.ok or not agreed(session.project, built):
-            return built
+            done = build.build(session, order, locking, shown, watch)
+        if done.ok or not agreed(session.project, done):
+            return done
 
 
 def _said(session: Session, built: Built) -> Recipe:

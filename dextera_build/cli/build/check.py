@@ -15,13 +15,18 @@ if TYPE_CHECKING:
     from dextera_build.session import Session
 
 
+CALIBRATION = "calibration"
+"""The first target that asks whether a camera has moved."""
+
+
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
     parser.add_argument(
         "targets",
         nargs="*",
         metavar="RECIPE[:NODE]",
-        help="recipes to check without building them (all by default), or a node to rebuild and compare",
+        help="recipes to check without building them (all by default), or a node to rebuild and compare; `calibration "
+        "RECIPE:NODE` builds a node of align.camera_motion: 0 the camera has not moved, 1 it has, 3 unsure",
     )
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -31,6 +36,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print one line per recipe; return 2 if one is wrong, 1 if a rebuilt node differs."""
     project = options.project(args)
+    if args.targets[:1] == [CALIBRATION]:
+        from dextera_build.cli.build import check_calibration
+
+        return check_calibration.run(args, args.targets[1:], project)
     code, rows = 0, []
     for target in args.targets or [address for address, _ in project.recipes()]:
         try:

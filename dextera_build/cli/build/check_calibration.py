@@ -1,0 +1,57 @@
+"""`dxb check calibration`: build a node of `align.camera_motion`, and say by the exit code whether the camera moved."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from dextera_build.build.build import Order
+from dextera_build.build.lock import Locking
+from dextera_build.cli import options, table
+from dextera_build.cli.build.build import built
+from dextera_build.errors import UsageError
+from dextera_build.session import Session
+
+if TYPE_CHECKING:
+    from dextera_build.project.project import Project
+
+RULE = "align.camera_motion"
+CODES = (0, 1, 3)
+"""Exit codes of unmoved, moved and unsure: the metric `verdict` of the rule."""
+
+
+def run(args: argparse.Namespace, targets: list[str], project: Project) -> int:
+    """Print one line per node; return the largest of their codes.
+
+    Raises:
+        UsageError: No node is named, or it is of another rule.
+    """
+    if not targets or any(":" not in target for target in targets):
+        raise UsageError(
+            "`dxb check calibration` needs a node",
+            code="DXB-U151",
+            hint=f"`dxb check calibration RECIPE:NODE`, where the node is of rule `{RULE}`",
+        )
+    code, rows = 0, []
+    for recipe, nodes in options.by_recipe(targets).items():
+        session = Session(project, recipe, options.added(args), makes=True)
+        order = Order(nodes, False, [], False, tuple(sys.argv[1:]))
+        locking = Locking(project, lock=False, locked=False, added=options.added(args))
+        done = built(session, order, locking, None, verbose=False)
+        if not done.ok:
+            return 4  # as a requirement that is missing: nothing is known of the camera
+        for node in nodes:
+            finished = done.result.nodes[node]
+            if finished.rule != RULE:
+                raise UsageError(
+                    f"`{recipe}:{node}` is of rule {finished.rule}, which says nothing of a motion",
+                    code="DXB-U152",
+                    hint=f"name a node of rule `{RULE}`",
+                )
+            known = session.store.actions.known(finished.key or "")
+            verdict = int(known.metrics["verdict"][0]) if known is not None else 2
+            rows.append({"target": f"{recipe}:{node}", "found": finished.line})
+            code = max(code, CODES[verdict])
+    table.give(rows, as_json=args.json)
+    return code

@@ -1,0 +1,98 @@
+"""align.camera_motion: whether a camera has moved against the robot since it was calibrated."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from pydantic import Field, PositiveFloat
+
+from dextera_build.artifacts.calibration import Calibration
+from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.geometry import moved, transforms
+from dextera_build.rule import Context, Options, rule
+
+STATES = ("unmoved", "moved", "unsure")
+"""By the metric `verdict`, 0 to 2."""
+
+
+class CameraMotionOptions(Options):
+    """Options of align.camera_motion."""
+
+    effector_frame: str = ""
+    """As in align.hand_eye."""
+    notable_m: PositiveFloat = 0.005
+    """Shift of the board that matters [m]; one that could hide in the errors makes the answer `unsure`."""
+    notable_deg: PositiveFloat = Field(0.5, le=180.0)
+    """The same of a rotation [deg]."""
+
+
+class MotionBackend(Protocol):
+    """What a backend of align.camera_motion defines."""
+
+    def poses(
+        self,
+        ctx: Context,
+        views: RobotViews,
+        robot: RobotModel | None,
+        calibration: Calibration,
+        frame: str,
+        options: Any,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """T_camera_board (N, 4, 4) as calibration and robot have it, and as the pictures show it."""
+        ...
+
+
+@rule(version=1, packages=("numpy", "scipy"))
+def camera_motion(
+    ctx: Context[MotionBackend],
+    views: RobotViews,
+    calibration: Calibration,
+    robot: RobotModel | None = None,
+    *,
+    options: CameraMotionOptions | None = None,
+) -> Pose:
+    """Return T_camera_camera_now [m], the place of new pictures' camera in the calibrated one's frame, with covariance.
+
+    The board must be where it was in the calibration: a board that slipped, a base that moved and a camera that moved
+    look alike. Errors are taken to be as large as the residuals of the calibration's own pictures.
+    """
+    options = options or CameraMotionOptions()
+    residuals, board = calibration.residuals, calibration.board_pose
+    if residuals is None or len(residuals) < 3 or board is None:
+        ctx.fail(
+            "the calibration has no residuals or no pose of the board, so nothing says how well it should fit",
+            hint="give the result of `align.hand_eye` or `align.robot_camera`",
+        )
+    ctx.check(
+        calibration.mount == views.mount,
+        f"the calibration is of `{calibration.mount}`, the pictures are of `{views.mount}`",
+        hint="give pictures of the same camera",
+    )
+    frame = options.effector_frame or calibration.effector_frame
+    expected, seen = ctx.backend.poses(ctx, views, robot, calibration, frame, ctx.backend_options)
+    verdict = moved.judge(expected, seen, residuals, (options.notable_m, float(np.radians(options.notable_deg))))
+    ctx.metric("verdict", float(STATES.index(verdict.state)))
+    ctx.metric("shift", 1000 * verdict.shift_m, "mm")
+    ctx.metric("rotation", float(np.degrees(verdict.turn_rad)), "deg")
+    ctx.metric("chance", verdict.chance)
+    ctx.say(
+        f"{verdict.state}: the board is {1000 * verdict.shift_m:.1f} mm (sigma {1000 * verdict.sigma_m:.1f}) and "
+        f"{np.degrees(verdict.turn_rad):.2f} deg (sigma {np.degrees(verdict.sigma_rad):.2f}) from where the "
+        f"calibration has it in {len(seen)} pictures; chance {verdict.chance:.2g} if nothing moved"
+    )
+    if verdict.state == "moved":
+        ctx.warn("camera, base or board moved: calibrate anew")
+    return _now(verdict, seen)
+
+
+def _now(verdict: moved.Verdict, seen: np.ndarray) -> Pose:
+    """T_camera_camera_now: the inverse of the board's motion in the picture."""
+    arm = seen[:, :3, 3].mean(axis=0)
+    about = np.diag([verdict.sigma_m**2] * 3 + [verdict.sigma_rad**2] * 3)
+    by = np.eye(6)  # a rotation about the board also shifts the origin
+    by[:3, 3:] = transforms.cross_matrix(arm)
+    motion = Pose(parent="camera_now", child="camera", matrix=verdict.motion, covariance=by @ about @ by.T)
+    return motion.inverse()
