@@ -10,7 +10,7 @@ import numpy as np
 
 from dextera_build.geometry import cameras, kinematics, transforms
 
-RAYS = 2000
+RAYS = 1500
 """Rays of one cast, about; the box around the object is divided so."""
 
 

@@ -15,6 +15,8 @@ from dextera_build.geometry.tracking.judge import Gate, Verdict
 from dextera_build.geometry.tracking.model import Cast, Model, State
 
 Status = Literal["tracked", "predicted", "lost"]
+LEARN_EVERY = 5
+"""Frames between two from which its colours are learned."""
 LOOKS = 24
 """Earlier views that are kept."""
 APART = np.cos(np.radians(20.0))
@@ -78,7 +80,7 @@ class Thing:
         self._verdict: Verdict = judge.LOST
         self._why = "it has not been seen"
         self._mean, self._count = np.eye(4), 0
-        self._offset, self._odds = 0, 0.0
+        self._offset, self._odds, self._measured = 0, 0.0, 0
 
     @property
     def distance(self) -> float:
@@ -165,8 +167,9 @@ class Thing:
         self.status, self._verdict, self._why, self.cast = "tracked", verdict, "", cast
         self._odds = verdict.odds if not self._odds else 0.95 * self._odds + 0.05 * verdict.odds
         self._claim(frame)
-        if verdict.visible > 0.3:
-            self._learn(frame, fit.state, 0.05)
+        self._measured += 1
+        if verdict.visible > 0.3 and self._measured % LEARN_EVERY == 0:
+            self._learn(frame, fit.state, 0.2)
         if verdict.visible > 0.4 and not again:
             self._remember(frame)
         return True
