@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -110,6 +111,45 @@ def test_one_option_of_one_mesh_rebuilds_its_chain(tmp_path):
         f"{name}.{part}" for part in ("mesh", "joints", "physics", "collision", "placed", "asset", "urdf")
     }
     assert not ran & {"support", "parse", "objects", "background", "reference/laptop_scene:capture"}
+
+
+KNOCKED = {
+    "knocked",
+    "now",
+    "calibration_views",
+    "marked",
+    "calibration",
+    "mount_now",
+    "seen",
+    "camera",
+    "base",
+    "task",
+}
+"""Nodes of benchmark/recalibration that depend on where the camera is now."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("profile", ["stub", "cpu"])
+def test_a_knocked_camera_rebuilds_what_depends_on_its_calibration_alone(tmp_path, profile):
+    """The stubs' calibration is the same for every capture, so that the wave ends there; the real one goes on."""
+    space = Space(tmp_path)
+    address = "benchmark/recalibration"
+    first = space.build(address, "--profile", profile)
+    assert first.code == 0, first.err[-3000:]
+    knock = ("--set", "knocked.shift_m=[0.012, 0.012, 0.011]", "--set", "knocked.turn_deg=[0.6, 0.6, 0.5]")
+    moved = space.build(address, "--profile", profile, *knock)
+    assert moved.code == 0, moved.err[-3000:]
+    stubs_end = {"mount_now", "camera", "base", "task"} if profile == "stub" else set()
+    assert moved.nodes("ran") == KNOCKED - stubs_end
+    told = json.loads(space.dxb("diff", address, "--json").out)
+    motions = {each["node"]: row["motion"] for each in told["differences"] for row in each["rows"] if "motion" in row}
+    if profile == "cpu":
+        # The camera moved by 20.2 mm and 0.985 deg; the robot stayed where it was.
+        assert motions["camera"]["distance_m"] == pytest.approx(0.0202, abs=0.005)
+        assert motions["camera"]["angle_deg"] == pytest.approx(0.985, abs=0.15)
+        assert motions["base"]["distance_m"] < 0.004
+        low, high = motions["camera"]["distance_interval_m"]
+        assert low < 0.0202 < high
 
 
 SEEN = {"view", "film", "lerobot", "mcap", "act_image", "act_image_twin", "act_image_reference"}
