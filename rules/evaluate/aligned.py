@@ -25,6 +25,8 @@ COLUMNS = (
     Column(name="believed"),
     Column(name="doubt"),
 )
+FAR_MM = 50.0
+"""A camera that is believed and farther off than this is counted [mm]."""
 
 
 class AlignedOptions(Options):
@@ -36,7 +38,7 @@ class AlignedOptions(Options):
 
 @rule(version=1, packages=("numpy", "pillow"))
 def aligned(ctx: Context, fits: Collection[SceneFit], views: Folder, *, options: AlignedOptions | None = None) -> Table:
-    """Return for each fit its errors against `views.json`, and the medians over those that are believed.
+    """Return for each fit its errors against `views.json`, and the medians over those that are believed and over all.
 
     The scene is in the axes of the camera of the folder's `capture.json`. `camera` is the distance of the camera from
     where it was, in the scene at its true size; `surfaces` the median distance of what the view measured and the scene
@@ -45,29 +47,32 @@ def aligned(ctx: Context, fits: Collection[SceneFit], views: Folder, *, options:
     options = options or AlignedOptions()
     given = PosedViews(ctx, views)
     rows = [_row(name, fit, given, options.scale_factor) for name, fit in fits.items.items()]
-    ctx.check(bool(rows), "no fit was given")
     believed = [row for row in rows if row[8]]
-    numbers = [[row[column] for row in believed if isinstance(row[column], float)] for column in (1, 2, 3, 4)]
-    medians = [float(np.median(np.abs(each))) if each else None for each in numbers]
-    wrong = sum(isinstance(row[1], float) and row[1] > 50.0 for row in believed)
-    ctx.metric("believed", float(len(believed)))
-    ctx.metric("believed and off by more than 50 mm", float(wrong))
-    for name, value, unit in zip(
-        ("camera", "surfaces", "angle", "scale"), medians, ("mm", "mm", "deg", "%"), strict=True
-    ):
-        if value is not None:
-            ctx.metric(name, value, unit)
-    ctx.say(f"{len(believed)} of {len(rows)} believed, {wrong} of these off by more than 50 mm")
-    median: tuple[Cell, ...] = ("median of believed", *medians, None, None, None, None, None)
+    wrong = sum(isinstance(row[1], float) and row[1] > FAR_MM for row in believed)
+    for name, some in (("believed", believed), ("all", rows)):
+        medians = _medians(some)
+        for column, value in zip(COLUMNS[1:5], medians, strict=True):
+            if value is not None:
+                ctx.metric(f"{column.name}, {name}", value, column.unit)
+        rows = [*rows, (f"median of {name}", *medians, None, None, None, None, None)]
+    ctx.metric(f"believed and off by more than {FAR_MM:g} mm", float(wrong))
+    count = len(fits.items)
+    ctx.say(f"{len(believed)} of {count} believed, {wrong} of these off by more than {FAR_MM:g} mm")
     return Table(
         title="A scene of unknown scale, aligned with other views of it",
         columns=COLUMNS,
-        rows=(*rows, median),
+        rows=tuple(rows),
         notes=(
             f"the scene has {options.scale_factor:g} lengths per metre, which align.scene does not know",
             "stated: standard deviation of the place; views that align.scene refused are not in the table",
         ),
     )
+
+
+def _medians(rows: list[tuple[Cell, ...]]) -> list[float | None]:
+    """Of the sizes of camera, surfaces, angle and scale."""
+    columns = [[abs(cell) for row in rows if isinstance(cell := row[column], float)] for column in (1, 2, 3, 4)]
+    return [float(np.median(each)) if each else None for each in columns]
 
 
 def _row(name: str, fit: SceneFit, given: PosedViews, factor: float) -> tuple[Cell, ...]:

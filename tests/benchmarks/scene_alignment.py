@@ -4,7 +4,7 @@
     python -m tests.benchmarks.scene_alignment --worlds 20
     python -m tests.benchmarks.scene_alignment --stress
 
-A scene of unknown scale is lifted from one noisy RGB-D picture of a room, and aligned with another one of it.
+A scene of unknown scale is a mesh of one noisy RGB-D picture of a room, and aligned with another one of it.
 """
 
 from __future__ import annotations
@@ -21,12 +21,14 @@ import yaml
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Capture, Measured, Photograph
+from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.scene_fit import SceneFit
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast, transforms
 from dextera_build.geometry.registration import rotation
 from dextera_build.testing import RuleRunner
+from rules.evaluate import elsewhere
 from tests.rules.align import painted
 
 REPO = Path(__file__).parents[2]
@@ -34,8 +36,10 @@ STAND = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 """Rotation from z up to the room's axes, in which y points down."""
 FLOOR = 0.7
 """Height of the painted floor in these axes [m]."""
+CUT = 0.06
+"""Triangles whose corners' depths differ by more than this part join two surfaces."""
 OWN = transforms.rigid(rotation(np.array([-0.3, 0.0, 0.0])), np.array([0.0, -0.35, 0.0]))
-"""T_room_camera of the picture that the scene is lifted from: it looks down at the things."""
+"""T_room_camera of the picture that the scene is made from: it looks down at the things."""
 
 
 @dataclass(frozen=True)
@@ -115,14 +119,35 @@ def shot(surfaces: list[raycast.Surface], pose: np.ndarray, how: Shot) -> Captur
     )
 
 
+def sheet(given: Capture, factor: float) -> Mesh:
+    """The measured pixels as a mesh in the camera's axes, cut at edges, at `factor` lengths a metre.
+
+    A Gaussian for each pixel would hide those behind it, so that pictures of slanted surfaces shift by half a pixel.
+    """
+    assert given.measured is not None
+    depth = given.measured.depth.depth.astype(float)
+    own = elsewhere.Own(given.photograph.rgb.pixels, depth, depth < 0, painted.CAMERA.matrix())
+    whole = elsewhere.sheet(own)
+    assert whole.uv is not None
+    far = whole.vertices[:, 2][whole.faces]
+    kept = np.ptp(far, axis=1) < CUT * far.min(axis=1)
+    return Mesh(
+        vertices=(factor * whole.vertices).astype(np.float32),
+        faces=whole.faces[kept].astype(np.int32),
+        uv=whole.uv[kept].astype(np.float32),
+        texture=given.photograph.rgb,
+    )
+
+
 def aligned(
     runner: RuleRunner, first: Capture, second: Capture, true: np.ndarray, factor: float
 ) -> tuple[SceneFit | None, tuple[float, float, float]]:
     """The fit and its errors: camera [mm], angle [deg], scale [%]; None where it was refused."""
-    scene = runner.run("capture.lifted", capture=first, options={"scale_factor": factor})
     options: dict[str, Any] = {"refuse": False}
     try:
-        fit: SceneFit = runner.run("align.scene", backend="sift", capture=second, splats=scene, options=options)
+        fit: SceneFit = runner.run(
+            "align.scene", backend="sift", capture=second, mesh=sheet(first, factor), options=options
+        )
     except RuleError:
         return None, (np.nan, np.nan, np.nan)
     motion = fit.motion
@@ -170,11 +195,11 @@ def row(label: str, fit: SceneFit | None, errors: tuple[float, float, float]) ->
 
 
 def stress(runner: RuleRunner, things: list[raycast.Surface]) -> None:
-    """One thing at a time is made worse; each in two rooms."""
+    """One thing at a time is made worse; in one room."""
     print("| case | room | camera [mm] | angle [deg] | scale [%] | stated [mm] | pairs | believed |")
     print("|---|---|---|---|---|---|---|---|")
     for label, baseline, how, moved in cases():
-        for index in (100, 101):
+        for index in (100,):
             random = np.random.default_rng(index)
             pose = away(baseline, random)
             first = shot(room(things, index), OWN, Shot(seed=index))

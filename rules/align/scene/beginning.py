@@ -126,8 +126,8 @@ def _robust(matches: Correspondences, camera: Camera) -> Start | None:
     if len(matches) < LEAST:
         return None
     k = camera.matrix()
-    lens = pycolmap.Camera.create(0, "PINHOLE", k[0, 0], camera.width, camera.height)
-    lens.params = [k[0, 0], k[1, 1], k[0, 2] + 0.5, k[1, 2] + 0.5]  # its pixels have their centre at a half
+    numbers = [k[0, 0], k[1, 1], k[0, 2] + 0.5, k[1, 2] + 0.5]  # its pixels have their centre at a half
+    lens = pycolmap.Camera(model="PINHOLE", width=camera.width, height=camera.height, params=numbers)
     options = pycolmap.AbsolutePoseEstimationOptions()
     options.ransac.max_error = ERROR_PX * camera.width / 640
     options.ransac.random_seed = 0
