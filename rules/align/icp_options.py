@@ -22,7 +22,9 @@ class IcpOptions(Options):
     """Minimum improvement of the render score for a pose found from scratch to replace a poor guess."""
     rest_m: NonNegativeFloat = 0.02
     """Maximum distance from the support of the lowest point of a body that stands on it [m]."""
-    iterations: PositiveInt = 40
+    iterations: PositiveInt = 20
     """Iterations of the final refinement."""
-    finalists: PositiveInt = 6
-    """Number of starts refined after coarse scoring."""
+    finalists: PositiveInt = 10
+    """Number of starts registered after all were ranked."""
+    coarse_iterations: PositiveInt = 8
+    """Iterations of the registration of each of them."""

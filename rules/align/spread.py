@@ -51,14 +51,28 @@ def covariance(
         scale_sigma: Standard deviation of the log scale if nothing else was known.
         freedom: (7, K) basis of the changes that are possible: `FREE`, `UPRIGHT` or `resting`.
     """
+    step, inverse = _solved(model, placed, size_m, scale_sigma, freedom)
+    # A search may stop where depth and outline would still move the model; that is an error of this size.
+    return np.asarray(inverse + np.outer(step, step))
+
+
+def step(
+    model: ModelView, placed: Similarity, scale_sigma: float, freedom: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The change (7,) that depth and outline ask for, and the covariance (7, 7) without it; see `covariance`."""
+    return _solved(model, placed, float("inf"), scale_sigma, freedom)
+
+
+def _solved(
+    model: ModelView, placed: Similarity, size_m: float, scale_sigma: float, freedom: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     view = model.compare(placed)
     origin = placed.pose[:3, 3]
     before = np.concatenate([np.full(3, size_m), np.full(3, ANY_TURN), [scale_sigma]])
     (by_depth, depth_pull), (by_outline, outline_pull) = _by_depth(view, origin), _by_outline(view, origin)
-    inverse = np.linalg.inv(freedom.T @ (np.diag(before**-2.0) + by_depth + by_outline) @ freedom)
-    # A search may stop where depth and outline would still move the model; that is an error of this size.
-    left = freedom @ inverse @ freedom.T @ (depth_pull + outline_pull)
-    return np.asarray(freedom @ inverse @ freedom.T + np.outer(left, left))
+    inverse = np.linalg.pinv(freedom.T @ (np.diag(before**-2.0) + by_depth + by_outline) @ freedom)
+    wide = freedom @ inverse @ freedom.T
+    return np.asarray(wide @ (depth_pull + outline_pull)), np.asarray(wide)
 
 
 def by_support(covariance: np.ndarray, world_from_camera: np.ndarray, pose: np.ndarray) -> np.ndarray:

@@ -2,29 +2,52 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dextera_build.artifacts.view import Seen
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import metrics, registration, transforms
 from dextera_build.geometry.registration import Search, Similarity
 
+from . import proposals
 from .model_view import ModelView, seen_points
 
 if TYPE_CHECKING:
     from .icp_options import IcpOptions
 
-_COARSE = 3000
-"""Rays per render when ranking the starts."""
+_RAYS, _FEW = 3000, 1200
+"""Rays per render when judging and when registering candidates."""
+_POINTS = 400
+"""Seen points that candidates are registered to."""
+_SAMPLES = 300
+"""Points of the model's surface whose projections rank the starts."""
+_SPREAD = 600
+"""Rotations spread over SO(3)."""
+_GROWN = (1.15, 1.5, 2.0)
+"""Sizes over that of the visible part that are tried where something hides both ends of every axis."""
+_LAST = 3
+"""Candidates that are registered to the end."""
+_ALIKE = 0.03
+"""Difference in cost up to which two placements explain the view alike."""
 _SQUARE = np.radians(6.0)
 """A flat face nearer to level than this is made level, because objects stand on flat bases [rad]."""
 
 
-def search(
-    model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen, options: IcpOptions
-) -> tuple[Similarity, str]:
+class Found(NamedTuple):
+    """What a search ends with."""
+
+    best: Similarity
+    others: list[Similarity]  # that explain the view alike
+    method: str
+
+
+def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen, options: IcpOptions) -> Found:
     """The best placement over 6 up directions x 24 turns, and 600 rotations spread over SO(3).
+
+    Projections of surface points rank all of them; the best, which differ in rotation, are registered with few points;
+    the best of these are turned about the vertical and about the model's principal axes, which is how look-alikes
+    differ; what is left is registered with all points, and the render decides.
 
     Args:
         model: The model in front of the camera, at full resolution.
@@ -33,25 +56,37 @@ def search(
         seen: The view.
         options: See `IcpOptions`.
     """
-    coarse = ModelView(vertices, faces, seen, pixels=_COARSE)
-    points = seen_points(seen)
-    upright, tilted = _upright(), list(registration.spread_rotations(600))
-    tried = []
-    for rotations in (upright, tilted):
-        for start in _finalists(coarse, vertices, seen, points, rotations, options.finalists):
-            step = Search(registration.FREE, start.scale, options.start_scale_sigma, iterations=15)
-            tried.append(registration.icp(start, coarse.visible, points, step))
-    best = min(tried, key=lambda candidate: coarse.score(candidate).cost)
-    # A handle or a lid fixes the yaw of a nearly round body; small refinement steps cannot find it.
-    for start in _sorted(coarse, _turns(_surface_middle(vertices, faces), best))[:4]:
-        step = Search(registration.FREE, start.scale, options.start_scale_sigma, iterations=15)
-        tried.append(registration.icp(start, coarse.visible, points, step))
-    best = min(tried, key=lambda candidate: coarse.score(candidate).cost)
-    last = Search(registration.FREE, best.scale, options.start_scale_sigma, options.iterations)
-    free = registration.icp(best, model.visible, points, last)
-    ends = [best, free, *_squared(model, vertices, free, points, options)]
-    final = min(ends, key=lambda candidate: model.score(candidate).cost)
-    return final, f"best of {len(upright)} upright and {len(tilted)} tilted starts"
+    judge, few = model.coarser(seen, _RAYS), model.coarser(seen, _FEW)
+    points, samples = seen_points(seen, _POINTS), metrics.sample_surface(vertices, faces, _SAMPLES, 0)
+
+    def registered(starts: list[Similarity], iterations: int) -> list[Similarity]:
+        step = [Search(registration.FREE, one.scale, options.start_scale_sigma, iterations) for one in starts]
+        return [registration.icp(one, few.visible, points, how) for one, how in zip(starts, step, strict=True)]
+
+    starts = _ranked(samples, seen, options.finalists)
+    tried = _sorted(judge, registered(starts, options.coarse_iterations))
+    centre = metrics.surface_centroid(vertices, faces)
+    turned = _sorted(judge, [turn for one in tried[:2] for turn in _turns(samples, centre, one)])
+    tried = _sorted(judge, tried + registered(turned[: options.finalists // 2], options.coarse_iterations))
+    last = _distinct(tried, _LAST)
+    ends = _sorted(judge, last + registered(last, options.coarse_iterations))
+    others = [one for one in _distinct(ends, _LAST)[1:] if judge.score(one).cost < judge.score(ends[0]).cost + _ALIKE]
+    return Found(_finished(model, vertices, ends[0], seen, options), others, f"best of {144 + _SPREAD} starts")
+
+
+def _ranked(samples: np.ndarray, seen: Seen, most: int) -> list[Similarity]:
+    """The starts that agree best with mask and depth, different from each other."""
+    goal = proposals.target(seen)
+    if goal is None:
+        return []
+    from_world = seen.world_from_camera[:3, :3].T
+    rotations = np.array([from_world @ turn for turn in (*_upright(), *registration.spread_rotations(_SPREAD))])
+    tries = (1.0,) if not goal.open.any(axis=0).all() else _GROWN
+    made = [proposals.fitted(samples, rotations, goal, grow) for grow in tries]
+    costs = np.concatenate([proposals.costs(samples, starts, goal) for starts in made])
+    every = np.concatenate([rotations] * len(tries))
+    chosen = proposals.different(every, np.argsort(costs, kind="stable"), most)
+    return [proposals.in_world(made[k // len(rotations)], k % len(rotations), seen) for k in chosen]
 
 
 def _upright() -> list[np.ndarray]:
@@ -62,32 +97,36 @@ def _upright() -> list[np.ndarray]:
     return [yaw @ top for top in tops for yaw in registration.yaws(24)]
 
 
-def _finalists(
-    model: ModelView, vertices: np.ndarray, seen: Seen, points: np.ndarray, rotations: list[np.ndarray], most: int
-) -> list[Similarity]:
-    whole = np.array([_whole(seen.mask, seen.occluder), _whole(seen.mask.T, seen.occluder.T), False])
-    starts = [_placed(vertices, seen, points, rotation, whole) for rotation in rotations]
-    return _sorted(model, starts)[:most]
-
-
 def _sorted(model: ModelView, starts: list[Similarity]) -> list[Similarity]:
     costs = [model.score(start).cost for start in starts]
     return [starts[index] for index in np.argsort(costs, kind="stable")]
 
 
-def _surface_middle(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Centroid (3,) of the surface: near the axis of a round body, even with a handle."""
-    corners = vertices[faces]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return np.asarray(np.average(corners.mean(axis=1), axis=0, weights=areas))
+def _distinct(ranked: list[Similarity], most: int) -> list[Similarity]:
+    rotations = np.array([one.pose[:3, :3] for one in ranked])
+    return [ranked[k] for k in proposals.different(rotations, np.arange(len(ranked)), most)]
 
 
-def _turns(centre: np.ndarray, placed: Similarity) -> list[Similarity]:
-    """The placement turned about the vertical through `centre` (model frame), in 24 steps, without the first."""
+def _turns(samples: np.ndarray, centre: np.ndarray, placed: Similarity) -> list[Similarity]:
+    """The placement turned about the vertical and the principal axes through `centre` (model frame), in 12 steps."""
+    own = np.linalg.eigh(np.cov((samples - centre).T))[1].T @ placed.pose[:3, :3].T
     middle = placed.apply(centre[None])[0]
-    turns = registration.yaws(24)[1:]
+    turns = [
+        registration.rotation(axis * angle)
+        for axis in (np.array([0.0, 0.0, 1.0]), *own)
+        for angle in np.arange(1, 12) * np.pi / 6.0
+    ]
     poses = [transforms.rigid(turn, middle - turn @ middle) @ placed.pose for turn in turns]
     return [Similarity(placed.scale, pose) for pose in poses]
+
+
+def _finished(model: ModelView, vertices: np.ndarray, start: Similarity, seen: Seen, options: IcpOptions) -> Similarity:
+    """The candidate registered with all points, and set flat if it nearly lies on a face."""
+    points, judge = seen_points(seen, 2 * _POINTS), model.coarser(seen, _RAYS)
+    how = Search(registration.FREE, start.scale, options.start_scale_sigma, options.iterations)
+    free = registration.icp(start, judge.visible, points, how)
+    ends = [start, free, *_squared(judge, vertices, free, points, options)]
+    return min(ends, key=lambda candidate: model.score(candidate).cost)
 
 
 def _squared(
@@ -124,32 +163,3 @@ def _base_normal(vertices: np.ndarray, rotation: np.ndarray) -> np.ndarray | Non
         return None
     total = (normals[down] * areas[down, None]).sum(axis=0)
     return np.asarray(total / np.linalg.norm(total))
-
-
-def _whole(mask: np.ndarray, occluder: np.ndarray) -> bool:
-    """Whether neither the image border nor an occluder cuts the mask's first and last column."""
-    columns = np.flatnonzero(mask.any(axis=0))
-    last = mask.shape[1] - 1
-    if columns[0] <= 1 or columns[-1] >= last - 1:
-        return False
-    ends = ((columns[0], columns[0] - 2), (columns[-1], columns[-1] + 2))
-    return all(float(occluder[mask[:, end], np.clip(beyond, 0, last)].mean()) < 0.3 for end, beyond in ends)
-
-
-def _placed(
-    vertices: np.ndarray, seen: Seen, points: np.ndarray, rotation: np.ndarray, whole: np.ndarray
-) -> Similarity:
-    """The model in one orientation, with scale and position from the seen extents."""
-    camera_from_world = transforms.invert(seen.world_from_camera)
-    local = transforms.apply(camera_from_world, points)
-    turned = vertices @ (camera_from_world[:3, :3] @ rotation).T
-    # If both axes are cut, there is nothing better.
-    usable = whole if whole.any() else np.array([True, True, False])
-    scale = registration.extent_scale(turned, local, usable) or 1.0
-    middle = (turned.min(axis=0) + turned.max(axis=0)) / 2.0
-    depth = float(turned[:, 2].max() - turned[:, 2].min()) * scale
-    low, high = np.quantile(local, 0.01, axis=0), np.quantile(local, 0.99, axis=0)
-    # Only the front half is visible; its nearest point is the model's nearest point.
-    centre = np.array([*((low + high) / 2.0)[:2], low[2] + depth / 2.0])
-    place = transforms.apply(seen.world_from_camera, (centre - scale * middle)[None])[0]
-    return Similarity(scale, transforms.rigid(rotation, place))

@@ -142,6 +142,9 @@ import rules.simulate.usd
 import rules.simulate.usd_openusd
 import rules.simulate.usd_stub
 
+align_canonical_geometry: rules.align.canonical.CanonicalBackend = rules.align.canonical_geometry
+align_canonical_qwen3_vl: rules.align.canonical.CanonicalBackend = rules.align.canonical_qwen3_vl
+align_canonical_stub: rules.align.canonical.CanonicalBackend = rules.align.canonical_stub
 align_follow_flow: rules.align.follow.FollowBackend = rules.align.follow_flow
 align_follow_sam3_video: rules.align.follow.FollowBackend = rules.align.follow_sam3_video
 align_follow_stub: rules.align.follow.FollowBackend = rules.align.follow_stub
