@@ -109,7 +109,8 @@ class _Step:
 
 
 def _trimmed(distances: np.ndarray, keep: float) -> np.ndarray:
-    return np.asarray(distances <= np.quantile(distances, keep))
+    last = min(int(keep * len(distances)), len(distances) - 1)
+    return np.asarray(distances <= np.partition(distances, last)[last])
 
 
 def _step(

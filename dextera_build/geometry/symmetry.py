@@ -115,9 +115,17 @@ def find(vertices: np.ndarray, faces: np.ndarray, distances: Distances, samples:
             continue
         if all(alike(direction, angle) for angle in _ODD):
             found.append(Axis(direction, ROUND))
-        elif orders := [order for order in ORDERS if alike(direction, 2.0 * np.pi / order)]:
-            found.append(Axis(direction, max(orders)))
+        elif order := _order(lambda angle, axis=direction: alike(axis, angle)):
+            found.append(Axis(direction, order))
     return Symmetry(centre, tuple(found))
+
+
+def _order(alike: Callable[[float], bool]) -> int:
+    """The largest order of which all turns up to half a circle are symmetries; 0 for none."""
+    for order in reversed(ORDERS):
+        if all(alike(2.0 * np.pi * step / order) for step in range(1, order // 2 + 1)):
+            return order
+    return 0
 
 
 def _samples(corners: np.ndarray, areas: np.ndarray, count: int) -> np.ndarray:

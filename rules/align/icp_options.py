@@ -22,9 +22,11 @@ class IcpOptions(Options):
     """Minimum improvement of the render score for a pose found from scratch to replace a poor guess."""
     rest_m: NonNegativeFloat = 0.02
     """Maximum distance from the support of the lowest point of a body that stands on it [m]."""
-    iterations: PositiveInt = 20
-    """Iterations of the final refinement."""
+    iterations: PositiveInt = 15
+    """Iterations of the last registration; steps by depth and outline follow."""
     finalists: PositiveInt = 10
     """Number of starts registered after all were ranked."""
-    coarse_iterations: PositiveInt = 8
+    coarse_iterations: PositiveInt = 6
     """Iterations of the registration of each of them."""
+    enough_iou: Fraction = 0.85
+    """Mask IoU below which more starts and sizes are tried."""

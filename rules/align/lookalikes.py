@@ -45,12 +45,15 @@ def choose(
         return Chosen(best, len(rivals), by_colour=False)
     values = np.array(scores, np.float64)
     first = int(np.argmax(values))
-    if values[first] > values[0] + CLEARLY:
-        found = (best, *same, *rivals)[first]
-        left = [k for k in range(1 + len(same), len(values)) if k != first and values[k] > values[first] - CLEARLY]
-        return Chosen(found, len(left), by_colour=True)
-    left = [k for k in range(1 + len(same), len(values)) if values[k] > values[0] - CLEARLY]
-    return Chosen(best, len(left), by_colour=False)
+    if not _beats(values[first], values[0]):
+        first = 0
+    others_left = [k for k in range(1 + len(same), len(values)) if k != first and not _beats(values[first], values[k])]
+    return Chosen((best, *same, *rivals)[first], len(others_left), by_colour=first > 0)
+
+
+def _beats(one: float, other: float) -> bool:
+    """Whether a correlation is clearly better: by a step, or by half of what it leaves unexplained."""
+    return one > other + CLEARLY or 1.0 - one < 0.5 * (1.0 - other)
 
 
 def _angle(symmetry: Symmetry, one: Similarity, other: Similarity) -> float:

@@ -16,6 +16,8 @@ STEPS = 8
 """Most steps."""
 _SMALL = 0.02
 """Change, over its standard deviation, from which on nothing more is gained."""
+_WORSE = 0.02
+"""Increase of the render's cost that a step may bring: unlike the residuals, it counts smeared pixels as well."""
 
 
 def polished(model: ModelView, placed: Similarity, scale_sigma: float, freedom: np.ndarray) -> Similarity:
@@ -32,7 +34,7 @@ def polished(model: ModelView, placed: Similarity, scale_sigma: float, freedom: 
         step, covariance = spread.step(model, now, scale_sigma, freedom)
         now = _moved(now, step)
         cost = model.score(now).cost
-        if cost < best[0] + 1e-3:
+        if cost < best[0] + _WORSE:
             best = (min(cost, best[0]), now)
         deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-18))
         if np.all(np.abs(step) < _SMALL * deviations + 1e-9):

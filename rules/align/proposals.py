@@ -80,22 +80,21 @@ def target(seen: Seen) -> Target | None:
 def fitted(points: np.ndarray, rotations: np.ndarray, goal: Target, grow: float = 1.0) -> Starts:
     """Scale and place of every rotation so that the projection has the mask's box and the measured depth.
 
-    Only sides of the box that nothing may hide take part. If no axis shows both ends, the scale is that of the visible
-    box times `grow`.
+    Only sides of the box that nothing may hide take part. The scale is that of the visible box times `grow`; without
+    it, it is corrected by axes that show both ends.
 
     Args:
         points: (N, 3) of the whole surface, model units.
         rotations: (R, 3, 3) R_camera_model.
         goal: See `target`.
-        grow: Size over that of the visible box, where no axis is whole.
+        grow: Size over that of the visible box.
     """
     turned = np.einsum("rij,nj->rni", rotations, points)
     low, high = turned.min(axis=1), turned.max(axis=1)
     whole = ~goal.open.any(axis=0)
     extent = (goal.high - goal.low) * goal.middle
-    factor = 1.0 if whole.any() else grow
     use = whole if whole.any() else np.array([True, True])
-    scales = factor * np.median(extent[use] / np.maximum(high - low, 1e-12)[:, :2][:, use], axis=1)
+    scales = grow * np.median(extent[use] / np.maximum(high - low, 1e-12)[:, :2][:, use], axis=1)
     middle = (low + high) / 2.0
     centre = np.append((goal.low + goal.high) / 2.0 * goal.middle, goal.middle)
     # The nearest point of the model is the nearest that is seen.
@@ -107,7 +106,7 @@ def fitted(points: np.ndarray, rotations: np.ndarray, goal: Target, grow: float 
         least, most = tangents.min(axis=1), tangents.max(axis=1)
         distance = (scales[:, None] * middle + places)[:, 2]
         grown = np.ones(len(scales))
-        if whole.any():
+        if whole.any() and grow == 1.0:
             ratio = (goal.high - goal.low)[use] / np.maximum(most - least, 1e-12)[:, use]
             grown = np.clip(np.median(ratio, axis=1), 0.5, 2.0)
         anchor = np.where(goal.open[0] & ~goal.open[1], most, np.where(goal.open[1] & ~goal.open[0], least, 0.0))

@@ -21,6 +21,10 @@ OUTLINE_ALIKE_PX = 10.0
 """Length along a mask's border over which its errors are alike [px]."""
 GRAZING = 0.15
 """Cosine between normal and line of sight below which a depth says nothing about the surface."""
+STEP_PX, STEP = 3.0, 0.03
+"""Distance from a step of the depth within which depth is not used [px], and its height over the depth."""
+LEAST = 0.2
+"""Part of the pixels that must remain for that; thin things are all border."""
 FARTHEST = 5.0
 """Residuals beyond this many standard deviations are cut off: flying pixels, and depth of something else."""
 ANY_TURN = float(np.pi / np.sqrt(3.0))
@@ -95,6 +99,9 @@ def _by_depth(view: Compared, origin: np.ndarray) -> tuple[np.ndarray, np.ndarra
     slant = np.abs((view.normals * view.directions).sum(axis=-1))
     lengths = np.linalg.norm(view.directions, axis=-1)
     used = view.drawn & view.mask & view.known & (view.seen > 0.0) & (slant > GRAZING * lengths)
+    # Depth at a step is lost, or that of something between both sides, and always behind the nearer one.
+    inside = used & ~_steps(view)
+    used = inside if inside.sum() >= LEAST * used.sum() else used
     if not used.any():
         return np.zeros((7, 7)), np.zeros(7)
     sigma = planes.depth_sigma(view.seen[used])
@@ -104,6 +111,15 @@ def _by_depth(view: Compared, origin: np.ndarray) -> tuple[np.ndarray, np.ndarra
     alike = max(_alike(residual, used), (WINDOW_PX / view.stride) ** 2, 1.0)
     # Normals face the camera, so that a larger measured depth pulls against them.
     return np.asarray(rows.T @ rows / alike), np.asarray(-rows.T @ residual[used] / alike)
+
+
+def _steps(view: Compared) -> np.ndarray:
+    """Rays (h, w) bool near a step of the drawn depth."""
+    from scipy import ndimage
+
+    depth = np.where(view.drawn, view.depth, 1e3)
+    width = 2 * max(1, round(STEP_PX / view.stride)) + 1
+    return np.asarray(ndimage.maximum_filter(depth, width) - ndimage.minimum_filter(depth, width) > STEP * depth)
 
 
 def _alike(residual: np.ndarray, used: np.ndarray) -> float:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,20 +17,24 @@ from .model_view import ModelView, seen_points
 if TYPE_CHECKING:
     from .icp_options import IcpOptions
 
-_RAYS, _FEW = 3000, 1200
+_RAYS, _FEW = 2500, 900
 """Rays per render when judging and when registering candidates."""
-_POINTS = 400
+_POINTS = 250
 """Seen points that candidates are registered to."""
-_SAMPLES = 300
+_SAMPLES = 200
 """Points of the model's surface whose projections rank the starts."""
 _SPREAD = 600
 """Rotations spread over SO(3)."""
 _GROWN = (1.15, 1.5, 2.0)
 """Sizes over that of the visible part that are tried where something hides both ends of every axis."""
+_SIZES = (0.85, 1.0, 1.2, 1.6)
+"""Sizes over that of the visible part that are tried, with more starts, where nothing explained the mask."""
 _LAST = 3
 """Candidates that are registered to the end."""
 _ALIKE = 0.03
 """Difference in cost up to which two placements explain the view alike."""
+_TOUCHING_M = 0.003
+"""Depth below the support that a fit may have by noise [m]."""
 _SQUARE = np.radians(6.0)
 """A flat face nearer to level than this is made level, because objects stand on flat bases [rad]."""
 
@@ -58,30 +63,46 @@ def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen
     """
     judge, few = model.coarser(seen, _RAYS), model.coarser(seen, _FEW)
     points, samples = seen_points(seen, _POINTS), metrics.sample_surface(vertices, faces, _SAMPLES, 0)
+    hull = _hull(vertices)
+    corners = vertices if hull is None else vertices[hull.vertices]
+
+    def cost(placed: Similarity) -> float:
+        return judge.score(placed).cost + _sunk(corners, placed)
 
     def registered(starts: list[Similarity], iterations: int) -> list[Similarity]:
         step = [Search(registration.FREE, one.scale, options.start_scale_sigma, iterations) for one in starts]
         return [registration.icp(one, few.visible, points, how) for one, how in zip(starts, step, strict=True)]
 
-    starts = _ranked(samples, seen, options.finalists)
-    tried = _sorted(judge, registered(starts, options.coarse_iterations))
     centre = metrics.surface_centroid(vertices, faces)
-    turned = _sorted(judge, [turn for one in tried[:2] for turn in _turns(samples, centre, one)])
-    tried = _sorted(judge, tried + registered(turned[: options.finalists // 2], options.coarse_iterations))
-    last = _distinct(tried, _LAST)
-    ends = _sorted(judge, last + registered(last, options.coarse_iterations))
-    others = [one for one in _distinct(ends, _LAST)[1:] if judge.score(one).cost < judge.score(ends[0]).cost + _ALIKE]
+    ends: list[Similarity] = []
+    for count, sizes in ((options.finalists, ()), (3 * options.finalists, _SIZES)):
+        starts = _ranked(samples, seen, count, sizes)
+        tried = _sorted(cost, registered(starts, options.coarse_iterations))
+        turned = _sorted(cost, [turn for one in tried[:2] for turn in _turns(samples, centre, one)])
+        tried = _sorted(cost, tried + registered(turned[: options.finalists // 2], options.coarse_iterations))
+        last = _distinct(tried, _LAST)
+        ends = _sorted(cost, [*ends, *last, *registered(last, options.coarse_iterations)])
+        if judge.score(ends[0]).iou >= options.enough_iou:
+            break
+    others = [one for one in _distinct(ends, _LAST)[1:] if cost(one) < cost(ends[0]) + _ALIKE]
     return Found(_finished(model, vertices, ends[0], seen, options), others, f"best of {144 + _SPREAD} starts")
 
 
-def _ranked(samples: np.ndarray, seen: Seen, most: int) -> list[Similarity]:
-    """The starts that agree best with mask and depth, different from each other."""
+def _ranked(samples: np.ndarray, seen: Seen, most: int, sizes: tuple[float, ...]) -> list[Similarity]:
+    """The starts that agree best with mask and depth, different from each other.
+
+    Args:
+        samples: (N, 3) of the surface.
+        seen: The view.
+        most: How many.
+        sizes: Sizes over that of the visible part that are tried; empty: one where an axis is whole.
+    """
     goal = proposals.target(seen)
     if goal is None:
         return []
     from_world = seen.world_from_camera[:3, :3].T
     rotations = np.array([from_world @ turn for turn in (*_upright(), *registration.spread_rotations(_SPREAD))])
-    tries = (1.0,) if not goal.open.any(axis=0).all() else _GROWN
+    tries = sizes or (_GROWN if goal.open.any(axis=0).all() else (1.0,))
     made = [proposals.fitted(samples, rotations, goal, grow) for grow in tries]
     costs = np.concatenate([proposals.costs(samples, starts, goal) for starts in made])
     every = np.concatenate([rotations] * len(tries))
@@ -97,8 +118,23 @@ def _upright() -> list[np.ndarray]:
     return [yaw @ top for top in tops for yaw in registration.yaws(24)]
 
 
-def _sorted(model: ModelView, starts: list[Similarity]) -> list[Similarity]:
-    costs = [model.score(start).cost for start in starts]
+def _hull(vertices: np.ndarray) -> Any:
+    """Convex hull; None of a flat mesh."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return ConvexHull(vertices)
+    except QhullError:
+        return None
+
+
+def _sunk(corners: np.ndarray, placed: Similarity) -> float:
+    """Depth below the support of the hull's lowest corner, in 2 cm, as residuals count: nothing lies in the table."""
+    return max(0.0, -float(placed.apply(corners)[:, 2].min()) - _TOUCHING_M) / 0.02
+
+
+def _sorted(cost: Callable[[Similarity], float], starts: list[Similarity]) -> list[Similarity]:
+    costs = [cost(start) for start in starts]
     return [starts[index] for index in np.argsort(costs, kind="stable")]
 
 
@@ -122,7 +158,7 @@ def _turns(samples: np.ndarray, centre: np.ndarray, placed: Similarity) -> list[
 
 def _finished(model: ModelView, vertices: np.ndarray, start: Similarity, seen: Seen, options: IcpOptions) -> Similarity:
     """The candidate registered with all points, and set flat if it nearly lies on a face."""
-    points, judge = seen_points(seen, 2 * _POINTS), model.coarser(seen, _RAYS)
+    points, judge = seen_points(seen, 3 * _POINTS), model.coarser(seen, _RAYS)
     how = Search(registration.FREE, start.scale, options.start_scale_sigma, options.iterations)
     free = registration.icp(start, judge.visible, points, how)
     ends = [start, free, *_squared(judge, vertices, free, points, options)]
@@ -152,9 +188,9 @@ def _squared(
 
 def _base_normal(vertices: np.ndarray, rotation: np.ndarray) -> np.ndarray | None:
     """Area-weighted model-frame normal (3,) of the hull faces that point down under `rotation`."""
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(vertices)
+    hull = _hull(vertices)
+    if hull is None:
+        return None
     a, b, c = (vertices[hull.simplices[:, corner]] for corner in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     normals = hull.equations[:, :3]

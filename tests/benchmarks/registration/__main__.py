@@ -44,7 +44,8 @@ def ours(known: Known) -> dict[str, Any]:
         "how": placement.method,
         "iou": placed.iou,
         "violation": placed.violation,
-        "sigmas": [*np.sqrt(np.diag(placement.pose.covariance)).tolist(), placement.scale_sigma],
+        "covariance": placement.pose.covariance,
+        "scale_sigma": placement.scale_sigma,
     }
 
 
@@ -64,8 +65,13 @@ def rows(draws: Iterator[Known], methods: list[str]) -> Iterator[dict[str, Any]]
             start = time.process_time()
             made = METHODS[method](known)
             seconds = time.process_time() - start
-            error = judged.error(truth, made.pop("found"))
+            placed = made.pop("found")
+            error = judged.error(truth, placed)
+            if (covariance := made.pop("covariance", None)) is not None:
+                made["sigmas"] = np.sqrt(np.diag(covariance)).tolist()
+                made["surprise"] = judged.surprise(truth, placed, covariance)
             row = {"object": known.name, "method": method, "visible": known.visible, "seconds": seconds}
+            row["distance"] = known.distance
             yield row | vars(error) | made | {"symmetry": str(truth.symmetry)}
 
 
@@ -100,11 +106,14 @@ def main() -> None:
     parser.add_argument("--meshes", type=Path, required=True, help="the folder that `make meshes` writes")
     parser.add_argument("--count", type=int, default=120)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--distance", type=float, nargs=2, default=(0.45, 1.0), help="of the camera, from and to [m]")
+    parser.add_argument("--noise", type=float, default=1.0, help="times the noise of the depth")
     parser.add_argument("--methods", nargs="*", default=list(METHODS), choices=list(METHODS))
     arguments = parser.parse_args()
     library = scenes.things(arguments.meshes, Path(tempfile.mkdtemp()))
     found = []
-    for row in rows(scenes.draws(library, arguments.count, arguments.seed), arguments.methods):
+    how = scenes.Conditions(*arguments.distance, arguments.noise)
+    for row in rows(scenes.draws(library, arguments.count, arguments.seed, how), arguments.methods):
         print(json.dumps(row), file=sys.stderr, flush=True)
         found.append(row)
     print(table(found))

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
-from dextera_build.geometry import kinematics, metrics, symmetry
+from dextera_build.geometry import kinematics, metrics, symmetry, transforms
 from dextera_build.geometry.registration import Similarity
 from dextera_build.geometry.symmetry import Symmetry
 
@@ -30,7 +31,7 @@ class Error:
     move_m: float  # of the surface's centroid
     turn_deg: float  # over the symmetries
     scale: float  # log of found over true
-    adds_m: float  # mean distance of the true points to the nearest placed ones
+    adds_m: float  # mean distance of true points to the nearest placed ones
 
 
 def truth(known: Known) -> Truth:
@@ -49,13 +50,13 @@ def truth(known: Known) -> Truth:
     return Truth(
         Similarity(known.scale, known.pose),
         symmetry.find(vertices, faces, distances),
-        metrics.sample_surface(vertices, faces, 2000, 0),
+        metrics.sample_surface(vertices, faces, 40000, 0),
     )
 
 
 def error(truth: Truth, found: Similarity) -> Error:
     """See `Error`."""
-    true, placed = truth.placed.apply(truth.points), found.apply(truth.points)
+    true, placed = truth.placed.apply(truth.points[:1000]), found.apply(truth.points)
     centre = truth.symmetry.centre[None]
     return Error(
         move_m=float(np.linalg.norm(truth.placed.apply(centre) - found.apply(centre))),
@@ -63,3 +64,21 @@ def error(truth: Truth, found: Similarity) -> Error:
         scale=float(np.log(found.scale / truth.placed.scale)),
         adds_m=float(np.mean(KDTree(placed).query(true)[0])),
     )
+
+
+def surprise(truth: Truth, found: Similarity, covariance: np.ndarray) -> float | None:
+    """Squared error of position and rotation (6) over its stated covariance; None for round bodies and wrong turns.
+
+    The truth is the nearest one over the finite symmetries.
+    """
+    if truth.symmetry.round_axis is not None:
+        return None
+    true, centre = truth.placed, truth.symmetry.centre
+    turns = [transforms.rigid(turn, true.scale * (centre - turn @ centre)) for turn in truth.symmetry.turns()]
+    poses = [true.pose @ turn for turn in turns]
+    pose = min(poses, key=lambda one: transforms.angle(found.pose[:3, :3] @ one[:3, :3].T))
+    turn = found.pose[:3, :3] @ pose[:3, :3].T
+    if transforms.angle(turn) > np.radians(10.0):
+        return None
+    off = np.concatenate([found.pose[:3, 3] - pose[:3, 3], Rotation.from_matrix(turn).as_rotvec()])
+    return float(off @ np.linalg.solve(covariance, off))

@@ -43,6 +43,16 @@ class Known:
     scale: float  # metres per unit of the asset
     pose: np.ndarray  # (4, 4) T_world_object of the asset's frame
     visible: float  # fraction of the silhouette that nothing hides
+    distance: float  # of the camera from the middle of the table [m]
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How hard the views are."""
+
+    nearest: float = 0.45  # distance of the camera [m]
+    farthest: float = 1.0
+    noise: float = 1.0  # times that of the camera's depth
 
 
 def things(folder: Path, cache: Path) -> dict[str, tuple[Mesh, ...]]:
@@ -56,15 +66,18 @@ def things(folder: Path, cache: Path) -> dict[str, tuple[Mesh, ...]]:
     return {name: parts for name, parts in made.items() if SMALLEST < _size(parts) < LARGEST}
 
 
-def draws(library: dict[str, tuple[Mesh, ...]], count: int, seed: int) -> Iterator[Known]:
+def draws(
+    library: dict[str, tuple[Mesh, ...]], count: int, seed: int, how: Conditions | None = None
+) -> Iterator[Known]:
     """`count` visible objects; every draw has its own random numbers."""
     names = sorted(library)
+    order = np.random.default_rng(seed).permutation(len(names))
     made = 0
     for number in range(20 * count):
         random = np.random.default_rng([seed, number])
         # Every thing takes its turn.
-        name = names[(made * 7 + seed) % len(names)]
-        known = _draw(library, name, names[int(random.integers(len(names)))], random)
+        name = names[order[made % len(names)]]
+        known = _draw(library, name, names[int(random.integers(len(names)))], random, how or Conditions())
         if known is not None:
             made += 1
             yield known
@@ -76,12 +89,14 @@ def _size(parts: tuple[Mesh, ...]) -> float:
     return float(np.ptp(np.concatenate([mesh.vertices for mesh in parts]), axis=0).max())
 
 
-def _draw(library: dict[str, tuple[Mesh, ...]], name: str, other: str, random: np.random.Generator) -> Known | None:
+def _draw(
+    library: dict[str, tuple[Mesh, ...]], name: str, other: str, random: np.random.Generator, how: Conditions
+) -> Known | None:
     from rules.capture import sensor
 
     corners = np.concatenate([mesh.vertices for mesh in library[name]]).astype(np.float64)
     pose = _standing(corners, random)
-    away, height = random.uniform(0.45, 1.0), np.radians(random.uniform(20.0, 65.0))
+    away, height = random.uniform(how.nearest, how.farthest), np.radians(random.uniform(20.0, 65.0))
     eye = factories.look_at((0.0, -away * np.cos(height), away * np.sin(height)), (0.0, 0.0, 0.04))
     surfaces = [_surface(mesh, pose) for mesh in library[name]]
     parts, alone = len(surfaces), raycast.render(surfaces, LENS.matrix(), eye, 480, 640)
@@ -99,18 +114,20 @@ def _draw(library: dict[str, tuple[Mesh, ...]], name: str, other: str, random: n
     rgb = raycast.shade(surfaces, shot) / 255.0
     facing = np.abs((shot.normal * np.array([0.3, -0.5, 0.8])).sum(axis=-1))
     rgb = np.clip(rgb * (0.45 + 0.55 * facing)[..., None], 0.0, 1.0)
-    noise = sensor.DepthNoiseOptions(edge_loss=0.5, smear=0.5, dark_loss=0.4, shine_loss=0.8)
+    noise = sensor.DepthNoiseOptions(
+        subpixel_px=0.05 * how.noise, edge_loss=0.5, smear=0.5, dark_loss=0.4, shine_loss=0.8
+    )
     depth = sensor.measure_depth(shot.depth, rgb, LENS.matrix(), noise, random)
     colour = sensor.measure_colour(rgb, sensor.ColourNoiseOptions(), random)
     nearer = (shot.depth > 0) & (shot.index >= parts) & (shot.index < len(surfaces) - 1)
-    seen = _seen(colour, depth, _ragged(mine, random), nearer & whole, eye)
+    seen = cropped((colour, depth), ragged(mine, random), nearer & whole, eye, LENS)
     turn = registration.spread_rotations(5000)[int(random.integers(5000))]
     scale = float(10.0 ** random.uniform(-1.0, 1.0))
     shift = random.normal(0.0, 0.1, 3)
     # x_world = pose x_thing = pose (turn^T (x_asset * scale) - shift)
     asset = _asset(library[name], turn, shift, scale)
     true = pose @ transforms.rigid(turn.T, -shift)
-    return Known(name, seen, asset, scale, true, visible)
+    return Known(name, seen, asset, scale, true, visible, away)
 
 
 def _standing(corners: np.ndarray, random: np.random.Generator) -> np.ndarray:
@@ -163,7 +180,7 @@ def _table() -> raycast.Surface:
     return raycast.Surface(flat, np.array([[0, 1, 2], [0, 2, 3]]), colour=(0.5, 0.42, 0.33))
 
 
-def _ragged(mask: np.ndarray, random: np.random.Generator) -> np.ndarray:
+def ragged(mask: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """The mask with a border that is off by about a pixel, alike over some ten pixels: no segmentation is exact."""
     off = ndimage.gaussian_filter(random.standard_normal(mask.shape), 5.0)
     off *= 1.0 / off.std()
@@ -171,20 +188,24 @@ def _ragged(mask: np.ndarray, random: np.random.Generator) -> np.ndarray:
     return np.asarray(inside - np.sign(inside) * 0.5 + off > 0.0)
 
 
-def _seen(rgb: np.ndarray, depth: np.ndarray, mask: np.ndarray, nearer: np.ndarray, eye: np.ndarray) -> Seen:
+def cropped(
+    shot: tuple[np.ndarray, np.ndarray], mask: np.ndarray, nearer: np.ndarray, eye: np.ndarray, lens: Camera
+) -> Seen:
+    """Colour and depth of a whole picture, cut out around the mask, with `nearer` as occluder."""
+    rgb, depth = shot
     mask &= ~nearer
     rows, columns = np.nonzero(mask)
     top, left = max(0, rows.min() - MARGIN), max(0, columns.min() - MARGIN)
-    bottom, right = min(480, rows.max() + MARGIN + 1), min(640, columns.max() + MARGIN + 1)
+    bottom, right = min(lens.height, rows.max() + MARGIN + 1), min(lens.width, columns.max() + MARGIN + 1)
     cut = (slice(top, bottom), slice(left, right))
-    lens = LENS.model_copy(
-        update={"width": int(right - left), "height": int(bottom - top), "cx": LENS.cx - left, "cy": LENS.cy - top}
+    part = lens.model_copy(
+        update={"width": int(right - left), "height": int(bottom - top), "cx": lens.cx - left, "cy": lens.cy - top}
     )
     view = ObjectView(
         rgb=Image(pixels=np.ascontiguousarray(rgb[cut])),
         mask=np.ascontiguousarray(mask[cut]),
         occluder=np.ascontiguousarray(nearer[cut]),
-        camera=lens,
+        camera=part,
         phrase="thing",
     )
     measured = MeasuredView(
