@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -83,7 +84,7 @@ class Symmetry:
         return ", ".join("round" if order == ROUND else f"order {order}" for order in orders) or "none"
 
 
-def find(vertices: np.ndarray, faces: np.ndarray, distances: Distances, samples: int = 500) -> Symmetry:
+def find(vertices: np.ndarray, faces: np.ndarray, distances: Distances, samples: int = 300) -> Symmetry:
     """Look for rotations that lay a surface onto itself.
 
     Every symmetry keeps the centroid and the second moments of the surface, so axes are principal axes, or, where
@@ -115,7 +116,7 @@ def find(vertices: np.ndarray, faces: np.ndarray, distances: Distances, samples:
             continue
         if all(alike(direction, angle) for angle in _ODD):
             found.append(Axis(direction, ROUND))
-        elif order := _order(lambda angle, axis=direction: alike(axis, angle)):
+        elif order := _order(partial(alike, direction)):
             found.append(Axis(direction, order))
     return Symmetry(centre, tuple(found))
 

@@ -28,5 +28,7 @@ class IcpOptions(Options):
     """Number of starts registered after all were ranked."""
     coarse_iterations: PositiveInt = 6
     """Iterations of the registration of each of them."""
-    enough_iou: Fraction = 0.85
-    """Mask IoU below which more starts and sizes are tried."""
+    enough_cost: PositiveFloat = 0.09
+    """Cost of the render, beside that of the depth's noise, above which four times as many starts are tried."""
+    sure_iou: Fraction = 0.75
+    """Mask IoU below which a placement that was found from scratch is marked as ambiguous."""

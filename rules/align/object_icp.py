@@ -59,8 +59,10 @@ def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: 
             best, method = guess, f"guess kept (IoU {score.iou:.2f}, {method} gained too little)"
         else:
             chosen = lookalikes.choose(model, body, seen, best, others, alike)
-            best = polish.polished(model, chosen.best, options.start_scale_sigma, spread.FREE)
-            ambiguous |= chosen.rivals > 0
+            thin = model.coarser(seen, 6000)
+            best = polish.polished(thin, chosen.best, options.start_scale_sigma, spread.FREE)
+            # What explains the mask badly may be any placement.
+            ambiguous |= chosen.rivals > 0 or model.score(best).iou < options.sure_iou
             method += f", {chosen.rivals} look-alikes" if chosen.rivals else ""
     best, rested = _rested(model, vertices, best, options)
     placed = _result(model, vertices, points, best, method + rested, ambiguous=ambiguous)

@@ -12,7 +12,7 @@ from dextera_build.geometry.registration import Similarity
 from . import spread
 from .model_view import ModelView
 
-STEPS = 8
+STEPS = 6
 """Most steps."""
 _SMALL = 0.02
 """Change, over its standard deviation, from which on nothing more is gained."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dextera_build.artifacts.view import Seen
-from dextera_build.geometry import metrics, registration, transforms
+from dextera_build.geometry import metrics, planes, registration, transforms
 from dextera_build.geometry.registration import Search, Similarity
 
 from . import proposals
@@ -75,34 +75,37 @@ def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen
 
     centre = metrics.surface_centroid(vertices, faces)
     ends: list[Similarity] = []
-    for count, sizes in ((options.finalists, ()), (3 * options.finalists, _SIZES)):
-        starts = _ranked(samples, seen, count, sizes)
+    enough = options.enough_cost + 0.8 * _noise(seen) / 0.02
+    for more in (1, 4):
+        starts = ranked(samples, seen, options.finalists * more, more)
         tried = _sorted(cost, registered(starts, options.coarse_iterations))
         turned = _sorted(cost, [turn for one in tried[:2] for turn in _turns(samples, centre, one)])
         tried = _sorted(cost, tried + registered(turned[: options.finalists // 2], options.coarse_iterations))
         last = _distinct(tried, _LAST)
         ends = _sorted(cost, [*ends, *last, *registered(last, options.coarse_iterations)])
-        if judge.score(ends[0]).iou >= options.enough_iou:
+        if cost(ends[0]) < enough:
             break
     others = [one for one in _distinct(ends, _LAST)[1:] if cost(one) < cost(ends[0]) + _ALIKE]
-    return Found(_finished(model, vertices, ends[0], seen, options), others, f"best of {144 + _SPREAD} starts")
+    return Found(_finished(judge, corners, ends[0], seen, options), others, f"best of {144 + _SPREAD} starts")
 
 
-def _ranked(samples: np.ndarray, seen: Seen, most: int, sizes: tuple[float, ...]) -> list[Similarity]:
+def ranked(samples: np.ndarray, seen: Seen, most: int, more: int = 1) -> list[Similarity]:
     """The starts that agree best with mask and depth, different from each other.
 
     Args:
         samples: (N, 3) of the surface.
         seen: The view.
         most: How many.
-        sizes: Sizes over that of the visible part that are tried; empty: one where an axis is whole.
+        more: Times the usual number of rotations; with more than one, other sizes are tried where a side is hidden.
     """
     goal = proposals.target(seen)
     if goal is None:
         return []
     from_world = seen.world_from_camera[:3, :3].T
-    rotations = np.array([from_world @ turn for turn in (*_upright(), *registration.spread_rotations(_SPREAD))])
-    tries = sizes or (_GROWN if goal.open.any(axis=0).all() else (1.0,))
+    rotations = np.array([from_world @ turn for turn in (*_upright(), *registration.spread_rotations(more * _SPREAD))])
+    tries: tuple[float, ...] = (1.0,)
+    if goal.open.any():
+        tries = _GROWN if goal.open.any(axis=0).all() else (_SIZES if more > 1 else tries)
     made = [proposals.fitted(samples, rotations, goal, grow) for grow in tries]
     costs = np.concatenate([proposals.costs(samples, starts, goal) for starts in made])
     every = np.concatenate([rotations] * len(tries))
@@ -116,6 +119,11 @@ def _upright() -> list[np.ndarray]:
     ups = [tuple(np.round(rotation[2]).astype(int).tolist()) for rotation in rotations]
     tops = [rotations[ups.index(up)] for up in sorted(set(ups))]
     return [yaw @ top for top in tops for yaw in registration.yaws(24)]
+
+
+def _noise(seen: Seen) -> float:
+    """Standard deviation of the depth of the object [m]."""
+    return float(planes.depth_sigma(np.median(seen.depth[seen.mask & (seen.depth > 0.0)])))
 
 
 def _hull(vertices: np.ndarray) -> Any:
@@ -156,12 +164,12 @@ def _turns(samples: np.ndarray, centre: np.ndarray, placed: Similarity) -> list[
     return [Similarity(placed.scale, pose) for pose in poses]
 
 
-def _finished(model: ModelView, vertices: np.ndarray, start: Similarity, seen: Seen, options: IcpOptions) -> Similarity:
-    """The candidate registered with all points, and set flat if it nearly lies on a face."""
-    points, judge = seen_points(seen, 3 * _POINTS), model.coarser(seen, _RAYS)
+def _finished(model: ModelView, corners: np.ndarray, start: Similarity, seen: Seen, options: IcpOptions) -> Similarity:
+    """The candidate registered with more points, and set flat if it nearly lies on a face of its hull's `corners`."""
+    points = seen_points(seen, 3 * _POINTS)
     how = Search(registration.FREE, start.scale, options.start_scale_sigma, options.iterations)
-    free = registration.icp(start, judge.visible, points, how)
-    ends = [start, free, *_squared(judge, vertices, free, points, options)]
+    free = registration.icp(start, model.visible, points, how)
+    ends = [start, free, *_squared(model, corners, free, points, options)]
     return min(ends, key=lambda candidate: model.score(candidate).cost)
 
 

@@ -3,6 +3,10 @@
 Nothing imports this file: rules are found, not imported.
 """
 
+import rules.align.canonical
+import rules.align.canonical_geometry
+import rules.align.canonical_qwen3_vl
+import rules.align.canonical_stub
 import rules.align.follow
 import rules.align.follow_flow
 import rules.align.follow_sam3_video

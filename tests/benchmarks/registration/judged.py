@@ -49,7 +49,7 @@ def truth(known: Known) -> Truth:
 
     return Truth(
         Similarity(known.scale, known.pose),
-        symmetry.find(vertices, faces, distances),
+        symmetry.find(vertices, faces, distances, samples=1000),
         metrics.sample_surface(vertices, faces, 40000, 0),
     )
 
