@@ -333,7 +333,8 @@ class Placement(Artifact):
     method: str
     """Method that found it."""
     ambiguous: bool = False
-    """True if the shape's symmetry leaves the rotation about an axis undetermined."""
+    """True if the rotation is undetermined: by the shape's symmetry, by another placement that explains the view alike,
+    or because none explains it well."""
     asset_source: AssetSource = "rgb"
     """What the placed body was made from; the placement itself may use every measurement."""
 

@@ -85,6 +85,26 @@ class Similarity(Artifact):
     stamp: float | None = None
     """Time at which it held [s]; None if it always holds."""
 
+    @classmethod
+    def of(cls, matrix: np.ndarray, parent: str, child: str) -> Self:
+        """The similarity of a (4, 4) matrix X_parent = matrix @ [X_child, 1].
+
+        Raises:
+            ArtifactError: It scales axes differently, shears, mirrors or is no affine motion.
+        """
+        lengths = np.linalg.norm(matrix[:3, :3], axis=0)
+        scale = float(np.mean(lengths))
+        if not (scale > 0 and np.ptp(lengths) <= 1e-5 * scale):
+            shown = ", ".join(f"{length:.4g}" for length in lengths)
+            raise ArtifactError(
+                f"the axes of a similarity are scaled alike, those of T_{parent}_{child} by {shown}",
+                code="DXB-A209",
+                hint="scale all axes by one factor: joints between parts that are stretched no longer close",
+            )
+        rigid = np.array(matrix, np.float64)
+        rigid[:3, :3] /= scale
+        return cls(parent=parent, child=child, matrix=rigid, scale=scale)
+
     def __matmul__(self, other: Similarity) -> Similarity:
         """S_a_c = S_a_b @ S_b_c; covariances are propagated to first order as independent, None as exact.
 

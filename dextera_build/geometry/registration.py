@@ -109,7 +109,8 @@ class _Step:
 
 
 def _trimmed(distances: np.ndarray, keep: float) -> np.ndarray:
-    return np.asarray(distances <= np.quantile(distances, keep))
+    last = min(int(keep * len(distances)), len(distances) - 1)
+    return np.asarray(distances <= np.partition(distances, last)[last])
 
 
 def _step(
@@ -128,16 +129,15 @@ def _step(
     jacobian[:, :, :3] = np.stack([[zero, z, -y], [-z, zero, x], [y, -x, zero]]).transpose(2, 0, 1)
     jacobian[:, :, 3:6] = np.eye(3)
     jacobian[:, :, 6] = arms
-    along = np.einsum("ni,nij->nj", normals, jacobian)
+    # n . d placed, row by row
+    along = np.column_stack([np.cross(arms, normals), normals, (arms * normals).sum(axis=1)])
     trust = search.samples / search.noise_m**2
-    system = trust * (
-        np.einsum("n,ni,nj->ij", weights, along, along)
-        + search.point_weight * np.einsum("n,nki,nkj->ij", weights, jacobian, jacobian)
-    )
-    right = trust * (
-        np.einsum("n,ni,n->i", weights, along, (normals * offsets).sum(axis=1))
-        + search.point_weight * np.einsum("n,nki,nk->i", weights, jacobian, offsets)
-    )
+    # Rows of both terms below each other; matrix products are ten times as fast as contractions of (N, 3, 7).
+    rows = np.concatenate([along, jacobian.reshape(-1, 7)])
+    each = trust * np.concatenate([weights, np.repeat(search.point_weight * weights, 3)])
+    wanted = np.concatenate([(normals * offsets).sum(axis=1), offsets.reshape(-1)])
+    system = rows.T @ (rows * each[:, None])
+    right = rows.T @ (each * wanted)
     system[6, 6] += 1.0 / search.scale_sigma**2
     right[6] += np.log(search.scale / scale) / search.scale_sigma**2
     basis = search.freedom

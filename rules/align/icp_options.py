@@ -22,7 +22,13 @@ class IcpOptions(Options):
     """Minimum improvement of the render score for a pose found from scratch to replace a poor guess."""
     rest_m: NonNegativeFloat = 0.02
     """Maximum distance from the support of the lowest point of a body that stands on it [m]."""
-    iterations: PositiveInt = 40
-    """Iterations of the final refinement."""
-    finalists: PositiveInt = 6
-    """Number of starts refined after coarse scoring."""
+    iterations: PositiveInt = 15
+    """Iterations of the last registration; steps by depth and outline follow."""
+    finalists: PositiveInt = 10
+    """Number of starts registered after all were ranked."""
+    coarse_iterations: PositiveInt = 6
+    """Iterations of the registration of each of them."""
+    enough_cost: PositiveFloat = 0.09
+    """Cost of the render, beside that of the depth's noise, above which four times as many starts are tried."""
+    sure_iou: Fraction = 0.75
+    """Mask IoU below which a placement that was found from scratch is marked as ambiguous."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.object import Body
 from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, transforms
 from dextera_build.geometry.registration import Similarity
@@ -89,6 +92,15 @@ class ModelView:
             o3d.core.Tensor(np.ascontiguousarray(vertices, np.float32)),
             o3d.core.Tensor(np.ascontiguousarray(faces, np.uint32)),
         )
+        self._watch(seen, pixels)
+
+    def coarser(self, seen: Seen, pixels: int) -> ModelView:
+        """The same model before the same view, with fewer rays."""
+        other = copy.copy(self)
+        other._watch(seen, pixels)
+        return other
+
+    def _watch(self, seen: Seen, pixels: int) -> None:
         height, width = seen.mask.shape
         stride = max(1, round(float(np.sqrt(height * width / pixels))))
         rows, columns = slice(stride // 2, None, stride), slice(stride // 2, None, stride)
@@ -136,27 +148,54 @@ class ModelView:
             stride=self._stride,
         )
 
+    def painted(self, placed: Similarity, body: Body) -> tuple[np.ndarray, np.ndarray]:
+        """Unlit colours (h, w, 3), 0..1, of the placed body and where they are also in the mask, (h, w) bool."""
+        answer = self._hits(placed)
+        where = np.isfinite(answer["t_hit"].numpy()) & self._known & self._mask
+        faces = answer["primitive_ids"].numpy()[where].astype(np.int64)
+        weights = answer["primitive_uvs"].numpy()[where].astype(np.float64)
+        corners = np.column_stack([1.0 - weights.sum(axis=1), weights])
+        pixels, first = np.zeros((*where.shape, 3)), 0
+        found = np.zeros((len(faces), 3))
+        for name in sorted(body.links):
+            mesh = body.links[name].mesh
+            own = (faces >= first) & (faces < first + len(mesh.faces))
+            found[own] = mesh.paint(faces[own] - first, corners[own])
+            first += len(mesh.faces)
+        pixels[where] = found
+        return pixels, where
+
+    def thinned(self, pixels: np.ndarray) -> np.ndarray:
+        """The pixels of the crop (H, W, ...) through which rays are cast."""
+        step = int(self._stride)
+        return pixels[step // 2 :: step, step // 2 :: step]
+
     def distances(self, placed: Similarity, points: np.ndarray) -> np.ndarray:
         """Distance (N,) of world points to the placed surface [m]."""
         local = np.ascontiguousarray(placed.unapply(points), np.float32)
         return np.asarray(self._scene.compute_distance(self._tensor(local)).numpy() * placed.scale, np.float64)
 
-    def turned_distances(self, points: np.ndarray, rotation: np.ndarray, middle: np.ndarray) -> np.ndarray:
-        """Distance (N,) of model points to the model rotated about `middle`, in model units."""
-        moved = np.ascontiguousarray((points - middle) @ rotation.T + middle, np.float32)
-        return np.asarray(self._scene.compute_distance(self._tensor(moved)).numpy(), np.float64)
+    def model_distances(self, points: np.ndarray) -> np.ndarray:
+        """Distance (N,) of model points (N, 3) to the surface, in model units."""
+        local = np.ascontiguousarray(points, np.float32)
+        return np.asarray(self._scene.compute_distance(self._tensor(local)).numpy(), np.float64)
 
     def _cast(self, placed: Similarity) -> tuple[np.ndarray, np.ndarray]:
         """Depth (h, w) [m], inf if empty, and model-frame normals (h, w, 3) towards the camera."""
+        answer = self._hits(placed)
+        directions = self._directions @ placed.pose[:3, :3]
+        normals = answer["primitive_normals"].numpy().astype(np.float64)
+        away = (normals * directions).sum(axis=-1) > 0.0
+        return answer["t_hit"].numpy().astype(np.float64), np.where(away[..., None], -normals, normals)
+
+    def _hits(self, placed: Similarity) -> Any:
+        """What Open3D says of the rays."""
         # Rays are transformed to the model's frame; their parameter, and so the depth, is unchanged.
         rotation = placed.pose[:3, :3]
         origin = (self._origin - placed.pose[:3, 3]) @ rotation / placed.scale
         directions = self._directions @ rotation / placed.scale
         rays = np.concatenate([np.broadcast_to(origin, directions.shape), directions], axis=-1)
-        answer = self._scene.cast_rays(self._tensor(np.ascontiguousarray(rays, np.float32)))
-        normals = answer["primitive_normals"].numpy().astype(np.float64)
-        away = (normals * directions).sum(axis=-1) > 0.0
-        return answer["t_hit"].numpy().astype(np.float64), np.where(away[..., None], -normals, normals)
+        return self._scene.cast_rays(self._tensor(np.ascontiguousarray(rays, np.float32)))
 
 
 def seen_points(seen: Seen, most: int = MOST) -> np.ndarray:

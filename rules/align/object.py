@@ -57,11 +57,7 @@ def object(
     if measured is not None and valid < 50:
         ctx.fail(f"only {valid} pixels of the object have depth", hint="drop the element, or capture it nearer")
     placed = ctx.backend.place(ctx, body, seen, options, ctx.backend_options)
-    bad = ""
-    if placed.iou < options.least_iou:
-        bad = f"the placed render covers the mask with IoU {placed.iou:.2f}, {options.least_iou:.2f} is needed"
-    elif placed.violation > options.most_violation:
-        bad = f"{placed.violation:.0%} of the placed render lies in free space, {options.most_violation:.0%} is allowed"
+    bad = misfit(placed, options)
     if bad and measured is not None and body.pose is not None:
         # It was fitted to the depth of this view, so its place is right, whatever its shape is worth.
         ctx.warn(bad)
@@ -86,6 +82,17 @@ def object(
     turn = ", turn undetermined" if placement.ambiguous else ""
     ctx.say(f"scale {placement.scale:.4f}, IoU {placed.iou:.2f}, {residual}{placement.method}{turn}")
     return placement
+
+
+def misfit(placed: Placed, options: ObjectOptions) -> str:
+    """Why a placement is not believed; empty for a good one."""
+    if placed.iou < options.least_iou:
+        return f"the placed render covers the mask with IoU {placed.iou:.2f}, {options.least_iou:.2f} is needed"
+    if placed.violation > options.most_violation:
+        return (
+            f"{placed.violation:.0%} of the placed render lies in free space, {options.most_violation:.0%} is allowed"
+        )
+    return ""
 
 
 def _seen(ctx: Context, view: ObjectView, measured: MeasuredView | None, support: Support | None) -> Seen:

@@ -10,11 +10,11 @@ import numpy as np
 from dextera_build.artifacts.object import Body, Placement
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.view import Seen
-from dextera_build.geometry import kinematics, registration, transforms
+from dextera_build.geometry import kinematics, registration, symmetry, transforms
 from dextera_build.geometry.registration import Search, Similarity
 from dextera_build.rule import Backend, Context
 
-from . import overlay_picture, silhouette, spread, starts
+from . import lookalikes, overlay_picture, polish, silhouette, spread, starts
 from .icp_options import IcpOptions
 from .model_view import ModelView, Score, seen_points
 from .placed import Placed
@@ -49,14 +49,23 @@ def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: 
     points = seen_points(seen)
     guess = None if body.pose is None else Similarity(1.0, np.array(body.pose.matrix))
     score = None if guess is None else model.score(guess)
+    alike = symmetry.find(vertices, faces, model.model_distances)
+    ambiguous = alike.round_axis is not None
     if guess and score and score.iou >= options.guess_iou and score.violation <= common.most_violation:
         best, method = _refined(model, vertices, points, guess, score, options)
     else:
-        best, method = starts.search(model, vertices, faces, seen, options)
+        best, others, method = starts.search(model, vertices, faces, seen, options)
         if guess and score and model.score(best).cost > score.cost - options.search_gain:
             best, method = guess, f"guess kept (IoU {score.iou:.2f}, {method} gained too little)"
+        else:
+            chosen = lookalikes.choose(model, body, seen, best, others, alike)
+            thin = model.coarser(seen, 6000)
+            best = polish.polished(thin, chosen.best, options.start_scale_sigma, spread.FREE)
+            # What explains the mask badly may be any placement.
+            ambiguous |= chosen.rivals > 0 or model.score(best).iou < options.sure_iou
+            method += f", {chosen.rivals} look-alikes" if chosen.rivals else ""
     best, rested = _rested(model, vertices, best, options)
-    placed = _result(model, vertices, points, best, method + rested)
+    placed = _result(model, vertices, points, best, method + rested, ambiguous=ambiguous)
     of_shape = None if body.pose is None else body.pose.covariance
     return replace(placed, placement=_with_spread(placed.placement, model, vertices, best, seen, of_shape, options))
 
@@ -72,7 +81,7 @@ def _by_silhouette(model: ModelView, vertices: np.ndarray, faces: np.ndarray, se
         pose=Pose(parent="world", child="object", matrix=found.pose),
         scale=found.scale,
         method="silhouette on the support",
-        ambiguous=_is_round(model, vertices),
+        ambiguous=symmetry.find(vertices, faces, model.model_distances).round_axis is not None,
     )
     return Placed(placement, model.score(found).iou, violation=0.0, gap_m=_lowest(vertices, found))
 
@@ -109,7 +118,9 @@ def _rested(model: ModelView, vertices: np.ndarray, placed: Similarity, options:
     return moved, f", set down by {lowest * 1000:.1f} mm"
 
 
-def _result(model: ModelView, vertices: np.ndarray, points: np.ndarray, placed: Similarity, method: str) -> Placed:
+def _result(
+    model: ModelView, vertices: np.ndarray, points: np.ndarray, placed: Similarity, method: str, *, ambiguous: bool
+) -> Placed:
     distances = np.sort(model.distances(placed, points))
     score = model.score(placed)
     placement = Placement(
@@ -118,7 +129,7 @@ def _result(model: ModelView, vertices: np.ndarray, points: np.ndarray, placed: 
         residual_m=float(distances[: max(1, int(0.9 * len(distances)))].mean()),
         overlap=float((distances <= 0.005).mean()),
         method=method,
-        ambiguous=_is_round(model, vertices),
+        ambiguous=ambiguous,
     )
     return Placed(placement, score.iou, score.violation, _lowest(vertices, placed))
 
@@ -149,16 +160,3 @@ def _with_spread(
         covariance[5, 5] = max(covariance[5, 5], spread.ANY_TURN**2)
     pose = placement.pose.model_copy(update={"covariance": covariance})
     return placement.model_copy(update={"pose": pose, "scale_sigma": float(np.sqrt(found[6, 6]))})
-
-
-def _is_round(model: ModelView, vertices: np.ndarray) -> bool:
-    """Whether the model is rotationally symmetric about one of its axes."""
-    low, high = vertices.min(axis=0), vertices.max(axis=0)
-    size = float(np.linalg.norm(high - low))
-    sample = vertices[:: max(1, len(vertices) // 2000)]
-    for axis in np.eye(3):
-        turns = [registration.rotation(axis * angle) for angle in (0.37, 0.9, 1.7)]
-        off = [np.quantile(model.turned_distances(sample, turn, (low + high) / 2.0), 0.995) for turn in turns]
-        if max(off) < 0.015 * size:
-            return True
-    return False

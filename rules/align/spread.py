@@ -21,6 +21,10 @@ OUTLINE_ALIKE_PX = 10.0
 """Length along a mask's border over which its errors are alike [px]."""
 GRAZING = 0.15
 """Cosine between normal and line of sight below which a depth says nothing about the surface."""
+STEP_PX, STEP = 3.0, 0.03
+"""Distance from a step of the depth within which depth is not used [px], and its height over the depth."""
+LEAST = 0.2
+"""Part of the pixels that must remain for that; thin things are all border."""
 FARTHEST = 5.0
 """Residuals beyond this many standard deviations are cut off: flying pixels, and depth of something else."""
 ANY_TURN = float(np.pi / np.sqrt(3.0))
@@ -51,14 +55,40 @@ def covariance(
         scale_sigma: Standard deviation of the log scale if nothing else was known.
         freedom: (7, K) basis of the changes that are possible: `FREE`, `UPRIGHT` or `resting`.
     """
+    step, inverse = _solved(model, placed, size_m, scale_sigma, freedom, away_from_steps=False)
+    # A search may stop where depth and outline would still move the model; that is an error of this size.
+    return np.asarray(inverse + np.outer(step, step))
+
+
+def step(
+    model: ModelView, placed: Similarity, scale_sigma: float, freedom: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The change (7,) that depth and outline ask for, and the covariance (7, 7) without it; see `covariance`.
+
+    Unlike there, depth at steps takes no part: it is behind the nearer side, and would pull the model away.
+    """
+    return _solved(model, placed, float("inf"), scale_sigma, freedom, away_from_steps=True)
+
+
+def _solved(
+    model: ModelView,
+    placed: Similarity,
+    size_m: float,
+    scale_sigma: float,
+    freedom: np.ndarray,
+    *,
+    away_from_steps: bool,
+) -> tuple[np.ndarray, np.ndarray]:
     view = model.compare(placed)
     origin = placed.pose[:3, 3]
     before = np.concatenate([np.full(3, size_m), np.full(3, ANY_TURN), [scale_sigma]])
-    (by_depth, depth_pull), (by_outline, outline_pull) = _by_depth(view, origin), _by_outline(view, origin)
-    inverse = np.linalg.inv(freedom.T @ (np.diag(before**-2.0) + by_depth + by_outline) @ freedom)
-    # A search may stop where depth and outline would still move the model; that is an error of this size.
-    left = freedom @ inverse @ freedom.T @ (depth_pull + outline_pull)
-    return np.asarray(freedom @ inverse @ freedom.T + np.outer(left, left))
+    (by_depth, depth_pull), (by_outline, outline_pull) = (
+        _by_depth(view, origin, away_from_steps),
+        _by_outline(view, origin),
+    )
+    inverse = np.linalg.pinv(freedom.T @ (np.diag(before**-2.0) + by_depth + by_outline) @ freedom)
+    wide = freedom @ inverse @ freedom.T
+    return np.asarray(wide @ (depth_pull + outline_pull)), np.asarray(wide)
 
 
 def by_support(covariance: np.ndarray, world_from_camera: np.ndarray, pose: np.ndarray) -> np.ndarray:
@@ -73,7 +103,7 @@ def by_support(covariance: np.ndarray, world_from_camera: np.ndarray, pose: np.n
     return np.asarray(found * np.outer(by, by))
 
 
-def _by_depth(view: Compared, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _by_depth(view: Compared, origin: np.ndarray, away_from_steps: bool) -> tuple[np.ndarray, np.ndarray]:
     """Information (7, 7) in the distances of the measured points along the normals of the surface, and its pull (7,).
 
     Information times a small change is the pull that the change would undo.
@@ -81,6 +111,9 @@ def _by_depth(view: Compared, origin: np.ndarray) -> tuple[np.ndarray, np.ndarra
     slant = np.abs((view.normals * view.directions).sum(axis=-1))
     lengths = np.linalg.norm(view.directions, axis=-1)
     used = view.drawn & view.mask & view.known & (view.seen > 0.0) & (slant > GRAZING * lengths)
+    # Depth at a step is lost, or that of something between both sides, and always behind the nearer one.
+    inside = used & ~_steps(view) if away_from_steps else used
+    used = inside if inside.sum() >= LEAST * used.sum() else used
     if not used.any():
         return np.zeros((7, 7)), np.zeros(7)
     sigma = planes.depth_sigma(view.seen[used])
@@ -90,6 +123,15 @@ def _by_depth(view: Compared, origin: np.ndarray) -> tuple[np.ndarray, np.ndarra
     alike = max(_alike(residual, used), (WINDOW_PX / view.stride) ** 2, 1.0)
     # Normals face the camera, so that a larger measured depth pulls against them.
     return np.asarray(rows.T @ rows / alike), np.asarray(-rows.T @ residual[used] / alike)
+
+
+def _steps(view: Compared) -> np.ndarray:
+    """Rays (h, w) bool near a step of the drawn depth."""
+    from scipy import ndimage
+
+    depth = np.where(view.drawn, view.depth, 1e3)
+    width = 2 * max(1, round(STEP_PX / view.stride)) + 1
+    return np.asarray(ndimage.maximum_filter(depth, width) - ndimage.minimum_filter(depth, width) > STEP * depth)
 
 
 def _alike(residual: np.ndarray, used: np.ndarray) -> float:

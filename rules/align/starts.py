@@ -2,29 +2,57 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from dextera_build.artifacts.view import Seen
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import metrics, planes, registration, transforms
 from dextera_build.geometry.registration import Search, Similarity
 
+from . import proposals
 from .model_view import ModelView, seen_points
 
 if TYPE_CHECKING:
     from .icp_options import IcpOptions
 
-_COARSE = 3000
-"""Rays per render when ranking the starts."""
+_RAYS, _FEW = 2500, 900
+"""Rays per render when judging and when registering candidates."""
+_POINTS = 250
+"""Seen points that candidates are registered to."""
+_SAMPLES = 200
+"""Points of the model's surface whose projections rank the starts."""
+_SPREAD = 600
+"""Rotations spread over SO(3)."""
+_GROWN = (1.15, 1.5, 2.0)
+"""Sizes over that of the visible part that are tried where something hides both ends of every axis."""
+_SIZES = (0.85, 1.0, 1.2, 1.6)
+"""Sizes over that of the visible part that are tried, with more starts, where nothing explained the mask."""
+_LAST = 3
+"""Candidates that are registered to the end."""
+_ALIKE = 0.03
+"""Difference in cost up to which two placements explain the view alike."""
+_TOUCHING_M = 0.003
+"""Depth below the support that a fit may have by noise [m]."""
 _SQUARE = np.radians(6.0)
 """A flat face nearer to level than this is made level, because objects stand on flat bases [rad]."""
 
 
-def search(
-    model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen, options: IcpOptions
-) -> tuple[Similarity, str]:
+class Found(NamedTuple):
+    """What a search ends with."""
+
+    best: Similarity
+    others: list[Similarity]  # that explain the view alike
+    method: str
+
+
+def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen, options: IcpOptions) -> Found:
     """The best placement over 6 up directions x 24 turns, and 600 rotations spread over SO(3).
+
+    Projections of surface points rank all of them; the best, which differ in rotation, are registered with few points;
+    the best of these are turned about the vertical and about the model's principal axes, which is how look-alikes
+    differ; what is left is registered with all points, and the render decides.
 
     Args:
         model: The model in front of the camera, at full resolution.
@@ -33,25 +61,56 @@ def search(
         seen: The view.
         options: See `IcpOptions`.
     """
-    coarse = ModelView(vertices, faces, seen, pixels=_COARSE)
-    points = seen_points(seen)
-    upright, tilted = _upright(), list(registration.spread_rotations(600))
-    tried = []
-    for rotations in (upright, tilted):
-        for start in _finalists(coarse, vertices, seen, points, rotations, options.finalists):
-            step = Search(registration.FREE, start.scale, options.start_scale_sigma, iterations=15)
-            tried.append(registration.icp(start, coarse.visible, points, step))
-    best = min(tried, key=lambda candidate: coarse.score(candidate).cost)
-    # A handle or a lid fixes the yaw of a nearly round body; small refinement steps cannot find it.
-    for start in _sorted(coarse, _turns(_surface_middle(vertices, faces), best))[:4]:
-        step = Search(registration.FREE, start.scale, options.start_scale_sigma, iterations=15)
-        tried.append(registration.icp(start, coarse.visible, points, step))
-    best = min(tried, key=lambda candidate: coarse.score(candidate).cost)
-    last = Search(registration.FREE, best.scale, options.start_scale_sigma, options.iterations)
-    free = registration.icp(best, model.visible, points, last)
-    ends = [best, free, *_squared(model, vertices, free, points, options)]
-    final = min(ends, key=lambda candidate: model.score(candidate).cost)
-    return final, f"best of {len(upright)} upright and {len(tilted)} tilted starts"
+    judge, few = model.coarser(seen, _RAYS), model.coarser(seen, _FEW)
+    points, samples = seen_points(seen, _POINTS), metrics.sample_surface(vertices, faces, _SAMPLES, 0)
+    hull = _hull(vertices)
+    corners = vertices if hull is None else vertices[hull.vertices]
+
+    def cost(placed: Similarity) -> float:
+        return judge.score(placed).cost + _sunk(corners, placed)
+
+    def registered(starts: list[Similarity], iterations: int) -> list[Similarity]:
+        step = [Search(registration.FREE, one.scale, options.start_scale_sigma, iterations) for one in starts]
+        return [registration.icp(one, few.visible, points, how) for one, how in zip(starts, step, strict=True)]
+
+    centre = metrics.surface_centroid(vertices, faces)
+    ends: list[Similarity] = []
+    enough = options.enough_cost + 0.8 * _noise(seen) / 0.02
+    for more in (1, 4):
+        starts = ranked(samples, seen, options.finalists * more, more)
+        tried = _sorted(cost, registered(starts, options.coarse_iterations))
+        turned = _sorted(cost, [turn for one in tried[:2] for turn in _turns(samples, centre, one)])
+        tried = _sorted(cost, tried + registered(turned[: options.finalists // 2], options.coarse_iterations))
+        last = _distinct(tried, _LAST)
+        ends = _sorted(cost, [*ends, *last, *registered(last, options.coarse_iterations)])
+        if cost(ends[0]) < enough:
+            break
+    others = [one for one in _distinct(ends, _LAST)[1:] if cost(one) < cost(ends[0]) + _ALIKE]
+    return Found(_finished(judge, corners, ends[0], seen, options), others, f"best of {144 + _SPREAD} starts")
+
+
+def ranked(samples: np.ndarray, seen: Seen, most: int, more: int = 1) -> list[Similarity]:
+    """The starts that agree best with mask and depth, different from each other.
+
+    Args:
+        samples: (N, 3) of the surface.
+        seen: The view.
+        most: How many.
+        more: Times the usual number of rotations; with more than one, other sizes are tried where a side is hidden.
+    """
+    goal = proposals.target(seen)
+    if goal is None:
+        return []
+    from_world = seen.world_from_camera[:3, :3].T
+    rotations = np.array([from_world @ turn for turn in (*_upright(), *registration.spread_rotations(more * _SPREAD))])
+    tries: tuple[float, ...] = (1.0,)
+    if goal.open.any():
+        tries = _GROWN if goal.open.any(axis=0).all() else (_SIZES if more > 1 else tries)
+    made = [proposals.fitted(samples, rotations, goal, grow) for grow in tries]
+    costs = np.concatenate([proposals.costs(samples, starts, goal) for starts in made])
+    every = np.concatenate([rotations] * len(tries))
+    chosen = proposals.different(every, np.argsort(costs, kind="stable"), most)
+    return [proposals.in_world(made[k // len(rotations)], k % len(rotations), seen) for k in chosen]
 
 
 def _upright() -> list[np.ndarray]:
@@ -62,32 +121,56 @@ def _upright() -> list[np.ndarray]:
     return [yaw @ top for top in tops for yaw in registration.yaws(24)]
 
 
-def _finalists(
-    model: ModelView, vertices: np.ndarray, seen: Seen, points: np.ndarray, rotations: list[np.ndarray], most: int
-) -> list[Similarity]:
-    whole = np.array([_whole(seen.mask, seen.occluder), _whole(seen.mask.T, seen.occluder.T), False])
-    starts = [_placed(vertices, seen, points, rotation, whole) for rotation in rotations]
-    return _sorted(model, starts)[:most]
+def _noise(seen: Seen) -> float:
+    """Standard deviation of the depth of the object [m]."""
+    return float(planes.depth_sigma(np.median(seen.depth[seen.mask & (seen.depth > 0.0)])))
 
 
-def _sorted(model: ModelView, starts: list[Similarity]) -> list[Similarity]:
-    costs = [model.score(start).cost for start in starts]
+def _hull(vertices: np.ndarray) -> Any:
+    """Convex hull; None of a flat mesh."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return ConvexHull(vertices)
+    except QhullError:
+        return None
+
+
+def _sunk(corners: np.ndarray, placed: Similarity) -> float:
+    """Depth below the support of the hull's lowest corner, in 2 cm, as residuals count: nothing lies in the table."""
+    return max(0.0, -float(placed.apply(corners)[:, 2].min()) - _TOUCHING_M) / 0.02
+
+
+def _sorted(cost: Callable[[Similarity], float], starts: list[Similarity]) -> list[Similarity]:
+    costs = [cost(start) for start in starts]
     return [starts[index] for index in np.argsort(costs, kind="stable")]
 
 
-def _surface_middle(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Centroid (3,) of the surface: near the axis of a round body, even with a handle."""
-    corners = vertices[faces]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return np.asarray(np.average(corners.mean(axis=1), axis=0, weights=areas))
+def _distinct(ranked: list[Similarity], most: int) -> list[Similarity]:
+    rotations = np.array([one.pose[:3, :3] for one in ranked])
+    return [ranked[k] for k in proposals.different(rotations, np.arange(len(ranked)), most)]
 
 
-def _turns(centre: np.ndarray, placed: Similarity) -> list[Similarity]:
-    """The placement turned about the vertical through `centre` (model frame), in 24 steps, without the first."""
+def _turns(samples: np.ndarray, centre: np.ndarray, placed: Similarity) -> list[Similarity]:
+    """The placement turned about the vertical and the principal axes through `centre` (model frame), in 12 steps."""
+    own = np.linalg.eigh(np.cov((samples - centre).T))[1].T @ placed.pose[:3, :3].T
     middle = placed.apply(centre[None])[0]
-    turns = registration.yaws(24)[1:]
+    turns = [
+        registration.rotation(axis * angle)
+        for axis in (np.array([0.0, 0.0, 1.0]), *own)
+        for angle in np.arange(1, 12) * np.pi / 6.0
+    ]
     poses = [transforms.rigid(turn, middle - turn @ middle) @ placed.pose for turn in turns]
     return [Similarity(placed.scale, pose) for pose in poses]
+
+
+def _finished(model: ModelView, corners: np.ndarray, start: Similarity, seen: Seen, options: IcpOptions) -> Similarity:
+    """The candidate registered with more points, and set flat if it nearly lies on a face of its hull's `corners`."""
+    points = seen_points(seen, 3 * _POINTS)
+    how = Search(registration.FREE, start.scale, options.start_scale_sigma, options.iterations)
+    free = registration.icp(start, model.visible, points, how)
+    ends = [start, free, *_squared(model, corners, free, points, options)]
+    return min(ends, key=lambda candidate: model.score(candidate).cost)
 
 
 def _squared(
@@ -113,9 +196,9 @@ def _squared(
 
 def _base_normal(vertices: np.ndarray, rotation: np.ndarray) -> np.ndarray | None:
     """Area-weighted model-frame normal (3,) of the hull faces that point down under `rotation`."""
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(vertices)
+    hull = _hull(vertices)
+    if hull is None:
+        return None
     a, b, c = (vertices[hull.simplices[:, corner]] for corner in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     normals = hull.equations[:, :3]
@@ -124,32 +207,3 @@ def _base_normal(vertices: np.ndarray, rotation: np.ndarray) -> np.ndarray | Non
         return None
     total = (normals[down] * areas[down, None]).sum(axis=0)
     return np.asarray(total / np.linalg.norm(total))
-
-
-def _whole(mask: np.ndarray, occluder: np.ndarray) -> bool:
-    """Whether neither the image border nor an occluder cuts the mask's first and last column."""
-    columns = np.flatnonzero(mask.any(axis=0))
-    last = mask.shape[1] - 1
-    if columns[0] <= 1 or columns[-1] >= last - 1:
-        return False
-    ends = ((columns[0], columns[0] - 2), (columns[-1], columns[-1] + 2))
-    return all(float(occluder[mask[:, end], np.clip(beyond, 0, last)].mean()) < 0.3 for end, beyond in ends)
-
-
-def _placed(
-    vertices: np.ndarray, seen: Seen, points: np.ndarray, rotation: np.ndarray, whole: np.ndarray
-) -> Similarity:
-    """The model in one orientation, with scale and position from the seen extents."""
-    camera_from_world = transforms.invert(seen.world_from_camera)
-    local = transforms.apply(camera_from_world, points)
-    turned = vertices @ (camera_from_world[:3, :3] @ rotation).T
-    # If both axes are cut, there is nothing better.
-    usable = whole if whole.any() else np.array([True, True, False])
-    scale = registration.extent_scale(turned, local, usable) or 1.0
-    middle = (turned.min(axis=0) + turned.max(axis=0)) / 2.0
-    depth = float(turned[:, 2].max() - turned[:, 2].min()) * scale
-    low, high = np.quantile(local, 0.01, axis=0), np.quantile(local, 0.99, axis=0)
-    # Only the front half is visible; its nearest point is the model's nearest point.
-    centre = np.array([*((low + high) / 2.0)[:2], low[2] + depth / 2.0])
-    place = transforms.apply(seen.world_from_camera, (centre - scale * middle)[None])[0]
-    return Similarity(scale, transforms.rigid(rotation, place))

@@ -6,14 +6,12 @@ import math
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Hull, Mesh
+from dextera_build.artifacts import similar
 from dextera_build.artifacts.object import (
     Asset,
     Body,
     Collision,
     Inertial,
-    Joint,
-    Link,
     Physics,
     Placement,
     Support,
@@ -50,7 +48,8 @@ def asset(
     factor, known = (1.0, "depth") if support is None else (support.factor, support.scale)
     s = placement.scale * factor
     ctx.check(bool(np.isfinite(s)) and s > 0.0, f"the scale is {s}, but it is positive")
-    scaled = widened(scale_physics(physics, s), placement.scale_sigma)
+    sized = similar.scaled(s)
+    scaled = widened(similar.physics(physics, sized), placement.scale_sigma)
     mass = sum(link.mass_kg for link in scaled.links.values())
     pieces = sum(len(link.hulls) for link in collision.links.values())
     ctx.metric("mass", mass, "kg")
@@ -62,14 +61,9 @@ def asset(
         f"{mass:.3f} kg, scale {s:.4f}, {counts}, {body.asset_source}{unknown}; {_intervals(scaled, pose, scale_sigma)}"
     )
     return Asset(
-        body=scale_body(body, s),
+        body=similar.body(body, sized),
         physics=scaled,
-        collision=Collision(
-            links={
-                name: link.model_copy(update={"hulls": tuple(scale_hull(hull, s) for hull in link.hulls)})
-                for name, link in collision.links.items()
-            }
-        ),
+        collision=similar.collision(collision, sized),
         pose=pose,
         category=traits.category,
         asset_source=body.asset_source,
@@ -133,53 +127,3 @@ def _moved(pose: Pose, factor: float) -> Pose:
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
-
-
-def scale_body(body: Body, s: float) -> Body:
-    """Scale the body by `s` about the object's origin, so its pose is unchanged."""
-    links = {
-        name: Link(mesh=scale_mesh(link.mesh, s), walls=tuple(scale_hull(wall, s) for wall in link.walls))
-        for name, link in body.links.items()
-    }
-    joints = tuple(scale_joint(joint, s) for joint in body.joints)
-    return body.model_copy(update={"links": links, "joints": joints})
-
-
-def scale_joint(joint: Joint, s: float) -> Joint:
-    """Scale the joint's origin, and its limits if they are lengths, by `s`."""
-    length = s if joint.type == "prismatic" else 1.0
-    x, y, z = joint.origin
-    changes: dict[str, object] = {name: getattr(joint, name) * length for name in ("lower", "upper", "position")}
-    for name in ("lower_range", "upper_range"):
-        if (interval := getattr(joint, name)) is not None:
-            changes[name] = tuple(end * length for end in interval)
-    if joint.origin_sigma_m is not None:
-        changes["origin_sigma_m"] = joint.origin_sigma_m * s
-    return joint.model_copy(update={"origin": (x * s, y * s, z * s), **changes})
-
-
-def scale_physics(physics: Physics, s: float) -> Physics:
-    """Mass properties after scaling by `s` at constant density, or at constant mass if that was weighed."""
-    grows = 1.0 if physics.weighed else s**3
-    links = {name: _inertial(link, s, grows) for name, link in physics.links.items()}
-    return physics.model_copy(update={"links": links})
-
-
-def _inertial(link: Inertial, s: float, grows: float) -> Inertial:
-    masses = {name: getattr(link, name) * grows for name in ("mass_kg", "mass_low_kg", "mass_high_kg")}
-    vectors = {"centre": tuple(v * s for v in link.centre), "inertia": tuple(v * (grows * s**2) for v in link.inertia)}
-    return link.model_copy(update={**masses, **vectors})
-
-
-def scale_mesh(mesh: Mesh, s: float) -> Mesh:
-    """Scale the mesh by `s`."""
-    return mesh.model_copy(update={"vertices": _larger(mesh.vertices, s)})
-
-
-def scale_hull(hull: Hull, s: float) -> Hull:
-    """Scale the convex piece by `s`."""
-    return Hull(vertices=_larger(hull.vertices, s))
-
-
-def _larger(vertices: np.ndarray, s: float) -> np.ndarray:
-    return (vertices.astype(np.float64) * s).astype(np.float32)

@@ -23,6 +23,7 @@ from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.panorama import Panorama
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.rgbd_video import RgbdFrame, RgbdVideo
 from dextera_build.artifacts.rig import Rig
 from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene_description import SceneDescription
@@ -207,6 +208,20 @@ def video() -> Video:
         return made.model_copy(update={"file": type(made.file)(data=made.file.data)})
 
 
+def rgbd() -> RgbdVideo:
+    """Colour and depth of a camera that moves over `table`."""
+    seen = table().capture
+    assert seen.measured is not None
+    depth = np.minimum(seen.measured.depth.depth, 2.0)
+    frames = [
+        RgbdFrame(number / 12.0, rgb, np.ascontiguousarray(depth[100:340, 60 + 8 * number : 380 + 8 * number]))
+        for number, rgb in enumerate(moving())
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        made = RgbdVideo.write(Path(folder, "a.zip"), tabletops.LENS.crop(60, 100, 320, 240), frames)
+        return made.model_copy(update={"file": type(made.file)(data=made.file.data)})
+
+
 def masks() -> MaskTrack:
     """The things in the frames of `moving`."""
     labels = table().labels.labels.astype(np.uint8)
@@ -263,6 +278,7 @@ EXAMPLES: dict[str, Callable[[], Artifact]] = {
     "Stream": stream,
     "Video": video,
     "MaskTrack": masks,
+    "RgbdVideo": rgbd,
 }
 """Type -> a value that shows what its picture looks like."""
 

@@ -12,6 +12,10 @@ import rules.align.calibration.hand_eye_stub
 import rules.align.calibration.robot_camera
 import rules.align.calibration.robot_camera_icp
 import rules.align.calibration.robot_camera_stub
+import rules.align.canonical
+import rules.align.canonical_geometry
+import rules.align.canonical_qwen3_vl
+import rules.align.canonical_stub
 import rules.align.follow
 import rules.align.follow_deaot
 import rules.align.follow_flow
@@ -21,10 +25,15 @@ import rules.align.matches
 import rules.align.matches_disk_lightglue
 import rules.align.matches_sift
 import rules.align.matches_stub
+import rules.align.matches_superpoint_lightglue
 import rules.align.matches_xfeat
 import rules.align.object
 import rules.align.object_icp
 import rules.align.object_stub
+import rules.align.scene.scene
+import rules.align.scene.scene_sift
+import rules.align.scene.scene_stub
+import rules.align.scene.scene_superpoint_lightglue
 import rules.align.track.track
 import rules.align.track.track_foundation_pose
 import rules.align.track.track_model
@@ -168,6 +177,9 @@ robot_camera_icp: rules.align.calibration.robot_camera.RefinementBackend = rules
 robot_camera_stub: rules.align.calibration.robot_camera.RefinementBackend = rules.align.calibration.robot_camera_stub
 posed_mujoco: rules.capture.posed.reference_views.ViewsBackend = rules.capture.posed.reference_views_mujoco
 posed_stub: rules.capture.posed.reference_views.ViewsBackend = rules.capture.posed.reference_views_stub
+align_canonical_geometry: rules.align.canonical.CanonicalBackend = rules.align.canonical_geometry
+align_canonical_qwen3_vl: rules.align.canonical.CanonicalBackend = rules.align.canonical_qwen3_vl
+align_canonical_stub: rules.align.canonical.CanonicalBackend = rules.align.canonical_stub
 align_follow_flow: rules.align.follow.FollowBackend = rules.align.follow_flow
 align_follow_sam3_video: rules.align.follow.FollowBackend = rules.align.follow_sam3_video
 align_follow_stub: rules.align.follow.FollowBackend = rules.align.follow_stub
@@ -271,3 +283,7 @@ capture_draw_stub: rules.capture.drawn.draw.FallBackend = rules.capture.drawn.dr
 bounding_box: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_bounding_box
 convex_hull: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_convex_hull
 poisson: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_poisson
+align_matches_superpoint: rules.align.matches.MatchesBackend = rules.align.matches_superpoint_lightglue
+align_scene_sift: rules.align.scene.scene.SceneBackend = rules.align.scene.scene_sift
+align_scene_stub: rules.align.scene.scene.SceneBackend = rules.align.scene.scene_stub
+align_scene_superpoint: rules.align.scene.scene.SceneBackend = rules.align.scene.scene_superpoint_lightglue

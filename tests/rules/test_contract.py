@@ -77,7 +77,12 @@ UNBOUNDED = re.compile(
     r"|facing|pointing|(inertia_)?quaternion|(lower|upper|home|offset|open|closed)_rad|joints_deg|clock_offset_s|ratio)$"
 )
 """Positions, directions, signed angles and ratios, which may have either sign."""
-POSITIONS = {"align.base.position_m", "align.support.base_above_m", "capture.world.robot.position_m"}
+POSITIONS = {
+    "align.base.position_m",
+    "align.support.base_above_m",
+    "capture.world.robot.position_m",
+    "capture.moved_camera.turn_deg",
+}
 
 
 def numbers(kind: type[BaseModel], path: str) -> Iterator[tuple[str, str]]:

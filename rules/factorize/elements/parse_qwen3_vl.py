@@ -17,7 +17,7 @@ from ..measured import Measurements, Workspace
 from . import questions
 
 if TYPE_CHECKING:
-    from .qwen3_vl import Chat, Speaker
+    from dextera_build.learning.qwen3_vl import Chat, Speaker
 
 BACKEND = Backend(
     summary="Qwen3-VL names things and boxes; no service is asked",
@@ -83,7 +83,7 @@ def ask(say: Callable[[Chat], str], attempts: int) -> questions.Answer:
 
 
 def _speaker(folder: Path, device: str) -> Speaker:
-    from .qwen3_vl import Speaker
+    from dextera_build.learning.qwen3_vl import Speaker
 
     return Speaker.load(folder, device)
 

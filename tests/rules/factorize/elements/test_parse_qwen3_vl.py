@@ -38,7 +38,7 @@ def knowing(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def speaker(knowing):
-    from rules.factorize.elements.qwen3_vl import Speaker
+    from dextera_build.learning.qwen3_vl import Speaker
 
     return Speaker.load(knowing, "cpu")
 
@@ -110,7 +110,7 @@ def test_pixels_are_scaled_as_the_saved_numbers_say(speaker):
 def test_the_template_may_be_in_a_file_of_its_own(tmp_path, knowing):
     import shutil
 
-    from rules.factorize.elements.qwen3_vl import Speaker
+    from dextera_build.learning.qwen3_vl import Speaker
 
     folder = shutil.copytree(knowing, tmp_path / "old")
     (folder / "chat_template.jinja").unlink()

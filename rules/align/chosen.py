@@ -1,0 +1,23 @@
+"""The result of a backend of align.canonical."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.canonical import Open
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Up and front of a body."""
+
+    up: np.ndarray  # (3,) unit, along one of the own axes
+    front: np.ndarray  # (3,) unit, along another one
+    undecided: tuple[Open, ...]
+    method: str
+    by_colour: bool = False
+    """Whether the front is that of a picture, which a symmetry of the shape does not contain."""
+    up_lead: float | None = None
+    front_lead: float | None = None

@@ -1,0 +1,86 @@
+"""Placements that explain mask and depth alike: which of them has the photograph's colours, if that can be told."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from dextera_build.artifacts.object import Body
+from dextera_build.artifacts.view import Seen
+from dextera_build.geometry import transforms
+from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.symmetry import Symmetry
+
+from .model_view import ModelView
+
+CLEARLY = 0.08
+"""Difference of correlations from which colours decide."""
+PLAIN = 0.03
+"""Standard deviation of the drawn colours, 0..1, under which the asset has no pattern."""
+APART = np.radians(12.0)
+"""Angle from which two placements are not the same one."""
+
+
+class Chosen(NamedTuple):
+    """The placement, and what was not decided."""
+
+    best: Similarity
+    rivals: int  # placements of another rotation that neither depth and mask nor colours tell from it
+    by_colour: bool
+
+
+def choose(
+    model: ModelView, body: Body, seen: Seen, best: Similarity, others: list[Similarity], symmetry: Symmetry
+) -> Chosen:
+    """Compare the colours of the best placement, its turns by finite symmetries, and others that explain the view.
+
+    Rotations that a symmetry of the shape turns into each other are no rivals: nothing but colour tells them apart.
+    """
+    same = [_turned(best, turn, symmetry.centre) for turn in symmetry.turns()[1:24]]
+    rivals = [one for one in others if _angle(symmetry, one, best) > APART]
+    scores = [_likeness(model, body, seen, one) for one in (best, *same, *rivals)]
+    if None in scores:
+        return Chosen(best, len(rivals), by_colour=False)
+    values = np.array(scores, np.float64)
+    first = int(np.argmax(values))
+    if not _beats(values[first], values[0]):
+        first = 0
+    others_left = [k for k in range(1 + len(same), len(values)) if k != first and not _beats(values[first], values[k])]
+    return Chosen((best, *same, *rivals)[first], len(others_left), by_colour=first > 0)
+
+
+def _beats(one: float, other: float) -> bool:
+    """Whether a correlation is clearly better: by a step, or by half of what it leaves unexplained."""
+    return one > other + CLEARLY or 1.0 - one < 0.5 * (1.0 - other)
+
+
+def _angle(symmetry: Symmetry, one: Similarity, other: Similarity) -> float:
+    return symmetry.angle(one.pose[:3, :3], other.pose[:3, :3])
+
+
+def _turned(placed: Similarity, turn: np.ndarray, centre: np.ndarray) -> Similarity:
+    """The placement of the model turned about its centre."""
+    about = transforms.rigid(turn, placed.scale * (centre - turn @ centre))
+    return Similarity(placed.scale, placed.pose @ about)
+
+
+def _likeness(model: ModelView, body: Body, seen: Seen, placed: Similarity) -> float | None:
+    """Correlation of drawn and seen colours over common pixels, -1 to 1; None if the asset has no pattern there."""
+    drawn, where = model.painted(placed, body)
+    if where.sum() < 100:
+        return None
+    photo = model.thinned(seen.rgb).astype(np.float64) / 255.0
+    one, other = (_smooth(picture, where) for picture in (drawn, photo))
+    one, other = one - one.mean(axis=0), other - other.mean(axis=0)
+    if one.std() < PLAIN:
+        return None
+    return float((one * other).sum() / max(np.sqrt((one**2).sum() * (other**2).sum()), 1e-12))
+
+
+def _smooth(picture: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """Colours (N, 3) of the pixels `where`, each the mean of its neighbourhood there: borders are off by a pixel."""
+    weight = ndimage.uniform_filter(where.astype(np.float64), 3)
+    sums = ndimage.uniform_filter(np.where(where[..., None], picture, 0.0), (3, 3, 1))
+    return np.asarray((sums / np.maximum(weight, 1e-9)[..., None])[where])

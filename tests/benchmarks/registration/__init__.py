@@ -1,0 +1,1 @@
+"""Objects of unknown unit and frame, placed by several methods."""
