@@ -119,11 +119,12 @@ def test_depth_of_a_recording_is_in_metres(tmp_path: Path, unit: str):
     for (stamp, depth), frame in zip(stream.depths("/depth"), frames(), strict=True):
         assert stamp == pytest.approx(frame.stamp + 1)
         assert np.abs(depth - frame.depth).max() <= 0.00051
-    lens = stream.camera("/info")
-    assert (lens.model, lens.width, lens.focal) == ("pinhole", 40, (50.0, 51.0))
+    lens = stream.lens("/info")
+    assert isinstance(lens, Camera)
+    assert (lens.width, lens.fx, lens.fy) == (40, 50.0, 51.0)
 
 
 def test_colour_is_no_depth(tmp_path: Path):
     stream = recording(tmp_path / "a.mcap", "mm")
-    with pytest.raises(ArtifactError, match="there is no topic `/colour` of sensor_msgs/msg/Image"):
+    with pytest.raises(ArtifactError, match="`colour` cannot be read as depth"):
         next(stream.depths("/colour"))
