@@ -22,7 +22,10 @@ SIDE_PX = 480
 
 def preview(ctx: Context, views: RobotViews, found: Checked, setup: Setup, calibration: Calibration) -> None:
     """Show the residuals, and the board as the robot's pose implies it in every picture."""
-    ctx.preview(np.array(Image.open(io.BytesIO(calibration.picture()))), "residuals (blue) and change without (orange)")
+    ctx.preview(
+        np.array(Image.open(io.BytesIO(calibration.picture()), formats=("PNG",))),
+        "residuals (blue) and change without (orange)",
+    )
     tiles = []
     for view in found.views[:MOST]:
         pixels = views.captures[view.name].photograph.rgb.pixels

@@ -18,7 +18,7 @@ def track(request: Any) -> Any:
     import numpy as np
 
     inputs = request.inputs
-    video, numbers = inputs["video"], np.load(inputs["numbers"].path)
+    video, numbers = inputs["video"], np.load(inputs["numbers"].path, allow_pickle=False)
     camera = video.camera
     k = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]], np.float64)
     names = list(inputs["vertices"].parts)
@@ -62,21 +62,21 @@ def _estimator(np: Any, inputs: Any, name: str) -> Any:
     library = importlib.import_module("estimater")
     rasteriser = importlib.import_module("nvdiffrast.torch")
     mesh = trimesh.Trimesh(
-        vertices=np.load(inputs["vertices"][name].path),
-        faces=np.load(inputs["faces"][name].path),
-        vertex_colors=np.load(inputs["colours"][name].path),
+        vertices=np.load(inputs["vertices"][name].path, allow_pickle=False),
+        faces=np.load(inputs["faces"][name].path, allow_pickle=False),
+        vertex_colors=np.load(inputs["colours"][name].path, allow_pickle=False),
         process=False,
     )
     made = library.FoundationPose(
         model_pts=mesh.vertices,
         model_normals=mesh.vertex_normals,
-        symmetry_tfs=np.load(inputs["symmetries"][name].path),
+        symmetry_tfs=np.load(inputs["symmetries"][name].path, allow_pickle=False),
         mesh=mesh,
         scorer=library.ScorePredictor(),
         refiner=library.PoseRefinePredictor(),
         glctx=rasteriser.RasterizeCudaContext(),
     )
-    start = np.load(inputs["starts"][name].path)
+    start = np.load(inputs["starts"][name].path, allow_pickle=False)
     # It keeps the pose of the mesh with its middle at the origin.
     centred = np.asarray(made.get_tf_to_centered_mesh().cpu())
     device = made.get_tf_to_centered_mesh().device
@@ -90,9 +90,9 @@ def _frame(np: Any, frames: zipfile.ZipFile, number: int, scale: float) -> tuple
 
     known = set(frames.namelist())
     colour = next(name for name in (f"{number:05d}.png", f"{number:05d}.jpg") if name in known)
-    with Image.open(io.BytesIO(frames.read(colour))) as picture:
+    with Image.open(io.BytesIO(frames.read(colour)), formats=("PNG", "JPEG")) as picture:
         rgb = np.asarray(picture.convert("RGB"))
-    with Image.open(io.BytesIO(frames.read(f"{number:05d}.depth.png"))) as picture:
+    with Image.open(io.BytesIO(frames.read(f"{number:05d}.depth.png")), formats=("PNG",)) as picture:
         counts = np.asarray(picture).astype(np.float32)
     return rgb, np.where(counts < 65535, counts * scale, 0).astype(np.float32)
 
@@ -107,7 +107,7 @@ def _masks(np: Any, masks: Any, number: int) -> dict[str, Any]:
         return {}
     with zipfile.ZipFile(masks.path) as archive:
         names = json.loads(archive.read("meta.json"))["names"]
-        with Image.open(io.BytesIO(archive.read(f"{number:05d}.png"))) as picture:
+        with Image.open(io.BytesIO(archive.read(f"{number:05d}.png")), formats=("PNG",)) as picture:
             labels = np.asarray(picture)
     shown = {name: labels == label for label, name in enumerate(names, 1)}
     return {name: mask for name, mask in shown.items() if mask.any()}
@@ -115,7 +115,7 @@ def _masks(np: Any, masks: Any, number: int) -> dict[str, Any]:
 
 def _middle(np: Any, path: Any) -> Any:
     """Middle of a mesh (4,), homogeneous: meshes need not be centred."""
-    vertices = np.load(path)
+    vertices = np.load(path, allow_pickle=False)
     return np.append((vertices.min(axis=0) + vertices.max(axis=0)) / 2, 1.0)
 
 
