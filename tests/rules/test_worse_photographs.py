@@ -132,9 +132,12 @@ def test_every_interval_is_wider(good, worse, name):
     first, second = intervals(good.assets[name]), intervals(worse.assets[name])
     if name == "bowl":
         assert first.pop("yaw") == second.pop("yaw"), "nothing is known of the turn of a round body"
+        assert first.pop("friction") <= second.pop("friction"), "both photographs are sure that it is a vessel"
     for what, width in first.items():
         assert second[what] > 1.02 * width > 0.0, what
     spread, wider = spreads(good.bundle, name), spreads(worse.bundle, name)
+    if name == "bowl":
+        assert 0.99 * spread.pop("friction") <= wider.pop("friction")
     for what, width in spread.items():
         assert wider[what] > 1.01 * width > 0.0, what
 
