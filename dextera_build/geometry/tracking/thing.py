@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from dextera_build.geometry import transforms
+from dextera_build.geometry import registration, transforms
 from dextera_build.geometry.tracking import camera_motion, judge, landmarks, motions, search, solve, terms
 from dextera_build.geometry.tracking.colours import Colours, bins
 from dextera_build.geometry.tracking.frame import Frame
@@ -131,7 +131,8 @@ class Thing:
         assert self.state is not None
         last = self.state.pose[:3, :3]
         axis = last[:, 2]
-        return [motions.rotation(axis * angle) @ last for angle in np.radians([0.0, 45.0, -45.0, 90.0, -90.0, 180.0])]
+        angles = np.radians([0.0, 45.0, -45.0, 90.0, -90.0, 180.0])
+        return [registration.rotation(axis * angle) @ last for angle in angles]
 
     def turn(self, of: int, count: int) -> list[int]:
         """The next `count` of `of` numbers in turn, so that a long search tries all."""

@@ -50,6 +50,14 @@ class Kinematics:
             hint="name the part whose poses were recorded, or on which the board is, in `effector_frame`",
         )
 
+    def frames(self, names: Sequence[str], positions: np.ndarray, frame: str) -> np.ndarray:
+        """T_base_frame (K, 4, 4) [m] at joint positions (K, J) of joints `names`."""
+        found = []
+        for row in positions:
+            self.pose(dict(zip(names, row.tolist(), strict=True)))
+            found.append(self.frame(frame))
+        return np.array(found).reshape(-1, 4, 4)
+
     @staticmethod
     def _of(thing: Any) -> np.ndarray:
         return transforms.rigid(thing.xmat.reshape(3, 3).copy(), thing.xpos.copy())
@@ -72,8 +80,4 @@ def drifts(robot: RobotModel, names: Sequence[str], positions: np.ndarray, frame
 
 def frames(robot: RobotModel, names: Sequence[str], positions: np.ndarray, frame: str) -> np.ndarray:
     """T_base_frame (K, 4, 4) [m] at joint positions (K, J) of joints `names`."""
-    kinematics, found = Kinematics(robot), []
-    for row in positions:
-        kinematics.pose(dict(zip(names, row.tolist(), strict=True)))
-        found.append(kinematics.frame(frame))
-    return np.array(found).reshape(-1, 4, 4)
+    return Kinematics(robot).frames(names, positions, frame)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import metrics, transforms
-from dextera_build.geometry.tracking import motions
+from dextera_build.geometry import metrics, registration, transforms
 
 SAMPLES = 1500
 ROUND = 36
@@ -38,5 +37,5 @@ def turns(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _turn(angle: float, middle: np.ndarray) -> np.ndarray:
-    turn = motions.rotation(np.array([0.0, 0.0, angle]))
+    turn = registration.rotation(np.array([0.0, 0.0, angle]))
     return transforms.rigid(turn, middle - turn @ middle)

@@ -54,14 +54,21 @@ def check_poses(ctx: Context, robot: RobotModel, joints: Joints, effectors: np.n
     """
     if len(effectors) < 3 or frame not in {*robot.links, *robot.frames}:
         return
-    wanted = _turns(effectors[:, 3:])
-    found = _turns(places(robot, joints.names, joints.positions, frame)[:, 3:])
-    error = float(np.median(np.abs(found - wanted)))
+    from dextera_build.sim.model.forward import Kinematics
+
+    kinematics, wanted = Kinematics(robot), _turns(effectors[:, 3:])
+
+    def off(positions: np.ndarray) -> float:
+        """Median difference of the turns at joint positions (K, J) [rad]."""
+        found = [poses.from_matrix(each)[3:] for each in kinematics.frames(joints.names, positions, frame)]
+        return float(np.median(np.abs(_turns(np.array(found)) - wanted)))
+
+    error = off(joints.positions)
     if error <= TURNED_RAD:
         return
     why = ""
     for text, positions in _hypotheses(joints):
-        if np.median(np.abs(_turns(places(robot, joints.names, positions, frame)[:, 3:]) - wanted)) <= TURNED_RAD:
+        if off(positions) <= TURNED_RAD:
             why = text
             break
     ctx.fail(
@@ -70,27 +77,6 @@ def check_poses(ctx: Context, robot: RobotModel, joints: Joints, effectors: np.n
         turns=f"differ by {np.degrees(error):.1f} deg in the median over {len(wanted)} pairs of poses",
         hint="check order, signs and units of the joints, the stamps of both, and which frame the poses are of",
     )
-
-
-def places(robot: RobotModel, names: Sequence[str], positions: np.ndarray, frame: str) -> np.ndarray:
-    """(K, 7) poses of a frame or link in the base at joint positions (K, J); other joints are at home."""
-    import mujoco
-
-    from dextera_build.sim.model import robot as robots
-
-    model = robots.load(robot.model).compile()
-    data = mujoco.MjData(model)
-    place = data.site(robot.frames[frame]) if frame in robot.frames else data.body(frame)
-    found = []
-    for row in positions:
-        posture = robot.followed({**robot.home, **dict(zip(names, row, strict=True))})
-        for name, position in posture.items():
-            data.joint(name).qpos[0] = position
-        mujoco.mj_kinematics(model, data)
-        base = transforms.rigid(data.body("base").xmat.reshape(3, 3), data.body("base").xpos)
-        matrix = transforms.invert(base) @ transforms.rigid(place.xmat.reshape(3, 3), place.xpos)
-        found.append(poses.from_matrix(matrix))
-    return np.array(found)
 
 
 def _hypotheses(joints: Joints) -> Iterator[tuple[str, np.ndarray]]:

@@ -12,7 +12,7 @@ from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Joint
 from dextera_build.artifacts.world import Thing
-from dextera_build.geometry import solids, transforms
+from dextera_build.geometry import registration, solids, transforms
 from dextera_build.testing import RuleRunner
 
 REPO = Path(__file__).parents[3]
@@ -111,7 +111,5 @@ def hand() -> Mesh:
 
 def turned(axis: tuple[float, float, float], degrees: float) -> np.ndarray:
     """(4, 4) rotation about an axis through the origin."""
-    from dextera_build.geometry.tracking import motions
-
     way = np.array(axis, np.float64)
-    return transforms.rigid(motions.rotation(way / np.linalg.norm(way) * np.radians(degrees)), np.zeros(3))
+    return transforms.rigid(registration.rotation(way / np.linalg.norm(way) * np.radians(degrees)), np.zeros(3))

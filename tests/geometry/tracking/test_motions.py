@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dextera_build.geometry import transforms
+from dextera_build.geometry import registration, transforms
 from dextera_build.geometry.tracking import motions
 
 SEEDS = st.integers(0, 10_000)
@@ -22,8 +22,8 @@ def pose(random: np.random.Generator) -> np.ndarray:
 @given(SEEDS)
 def test_a_rotation_vector_is_that_of_scipy(seed):
     vector = np.random.default_rng(seed).normal(size=3)
-    assert motions.rotation(vector) == pytest.approx(Rotation.from_rotvec(vector).as_matrix())
-    assert motions.vector(motions.rotation(vector * 0.5)) == pytest.approx(vector * 0.5)
+    assert registration.rotation(vector) == pytest.approx(Rotation.from_rotvec(vector).as_matrix())
+    assert registration.rotation_vector(registration.rotation(vector * 0.5)) == pytest.approx(vector * 0.5)
 
 
 @given(SEEDS)
@@ -41,7 +41,7 @@ def test_a_twist_moves_a_point_by_translation_and_rotation_about_the_origin_of_t
 
 
 def test_products_that_are_rounded_off_become_rotations_again():
-    off = transforms.rigid(motions.rotation(np.array([0.1, 0.2, 0.3])) * 1.001, np.ones(3))
+    off = transforms.rigid(registration.rotation(np.array([0.1, 0.2, 0.3])) * 1.001, np.ones(3))
     made = motions.proper(off)
     assert made[:3, :3] @ made[:3, :3].T == pytest.approx(np.eye(3))
 
@@ -49,5 +49,5 @@ def test_products_that_are_rounded_off_become_rotations_again():
 def test_the_way_of_points_includes_the_rotation():
     """A turn of a long thing about its middle is a motion, though its origin stays."""
     corners = np.array([(1.0, 0, 0), (-1.0, 0, 0)])
-    turned = transforms.rigid(motions.rotation(np.array([0, 0, 0.01])), np.zeros(3))
+    turned = transforms.rigid(registration.rotation(np.array([0, 0, 0.01])), np.zeros(3))
     assert motions.displacement(np.eye(4), turned, corners) == pytest.approx(0.01, rel=1e-3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry import cameras, registration, transforms
 from dextera_build.geometry.tracking import motions, terms
 from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.model import Model, State
@@ -20,7 +20,7 @@ def laptop() -> Model:
 
 
 def state() -> State:
-    pose = transforms.rigid(motions.rotation(np.array([-2.0, 0.3, 0.1])), np.array([0.02, 0.03, 0.7]))
+    pose = transforms.rigid(registration.rotation(np.array([-2.0, 0.3, 0.1])), np.array([0.02, 0.03, 0.7]))
     return State(pose, np.array([1.4]))
 
 

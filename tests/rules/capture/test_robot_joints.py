@@ -14,9 +14,10 @@ from dextera_build.artifacts.image import png
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.stream import Joints
 from dextera_build.errors import RuleError
+from dextera_build.geometry import poses
+from dextera_build.sim.model import forward
 from dextera_build.testing import RuleRunner
 from rules.capture.robot import moved
-from rules.capture.robot.moved import places
 from tests.rules.capture.moving_robot import CAMERA, NAMES, POSTURES, picture, three_hinges
 from tests.rules.simulate.robot_files import arm
 
@@ -28,7 +29,8 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
 
 def poses_of(robot: RobotModel, joints: Joints) -> np.ndarray:
     """Poses of the flange, with a tool and a base elsewhere."""
-    return places(robot, joints.names, joints.positions, "flange")
+    placed = forward.frames(robot, joints.names, joints.positions, "flange")
+    return np.array([poses.from_matrix(each) for each in placed])
 
 
 @pytest.mark.parametrize(
