@@ -45,7 +45,7 @@ class SceneFit(Artifact):
     """T_camera_scene with its scale: X_camera = matrix @ [scale * X_scene, 1] [m]. In the paper's symbols its scale is
     s_G and the inverse of its matrix is T_G_C, the camera in the scene once that has its scale."""
     evidence: SceneEvidence
-    """Why it is believed, or is not."""
+    """Evidence for and against the fit."""
     doubts: tuple[str, ...] = ()
     """What speaks against it; empty: nothing."""
 

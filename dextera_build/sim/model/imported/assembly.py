@@ -231,9 +231,9 @@ def _add_drive(spec: Any, drive: Drive) -> None:
 
 
 def _set_groups(spec: Any, named: set[str]) -> None:
-    """Groups and contacts of geometry as in other robot models: seen, only seen, only touching.
+    """Groups and contacts of geometry as in other robot models: visual and collision, visual only, collision only.
 
-    What touches is not drawn where something seen stands for it: a mesh that stands out from all that is seen of its
+    A collision geometry is hidden where a visual one covers it. A mesh that extends beyond the visual geometry of its
     link, such as a fingertip, is drawn.
     """
     model = _compiled(spec)

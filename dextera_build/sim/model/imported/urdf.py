@@ -91,7 +91,7 @@ class _Reader:
         return self._found
 
     def _check_masses(self, children: Mapping[str, list[tuple[str, str]]]) -> None:
-        """Refuse links that move but weigh nothing, also with all that is fixed to them."""
+        """Refuse moving links without mass, counting the links that are fixed to them."""
         for name, joint in self._joints.items():
             if joint.get("type") == "fixed":
                 continue
