@@ -40,11 +40,11 @@ def test_another_material_meshes_nothing_again(tmp_path):
         "parse",
         "objects",
         "named",
+        "corrected",
         *mug,
         "composed",
         "scene",
         "usd",
         "settle",
         "overlay",
-        "metrics",
     }
