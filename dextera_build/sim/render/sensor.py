@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.noise import ColourNoise, DepthNoise
-from dextera_build.geometry import cameras
 
 DARK, SHINE = 0.2, 0.98
 """Mean of sRGB 0..1 below which surfaces return less of the projector's light, and above which they dazzle."""
@@ -74,11 +73,29 @@ def edges(depth: np.ndarray, width: int, step: float) -> np.ndarray:
 
 
 def facing(depth: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Cosine (H, W) of the angle between each pixel's ray and the surface's normal, from neighbours' points."""
-    points = cameras.backproject(depth, k)
-    normal = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
-    length = np.linalg.norm(normal, axis=-1) * np.linalg.norm(points, axis=-1)
-    return np.asarray(np.abs((normal * points).sum(axis=-1)) / np.maximum(length, 1e-18))
+    """Cosine (H, W) of the angle between each pixel's ray and the surface's normal, from neighbours; 0 if empty.
+
+    With the point P = z (x, y, 1), differences of neighbours are dP/du = (m / fx + x z_u, y z_u, z_u), where m is the
+    mean of both depths, and dP/dv alike; the product of their cross product with the ray (x, y, 1) is m m' / (fx fy).
+    """
+    (fx, fy), (cx, cy) = (k[0, 0], k[1, 1]), k[:2, 2]
+    x, y = (np.arange(depth.shape[1]) - cx) / fx, ((np.arange(depth.shape[0]) - cy) / fy)[:, None]
+    right, across = np.gradient(depth, axis=1), _between_neighbours(depth, 1) / fx
+    down, along = np.gradient(depth, axis=0), _between_neighbours(depth, 0) / fy
+    head_on = across * along
+    square = np.square(right * along) + np.square(across * down)
+    square += np.square(head_on + across * y * down + x * right * along)
+    length = np.sqrt(square * (x**2 + y**2 + 1.0))
+    return np.asarray(np.where(depth > 0, np.abs(head_on) / np.maximum(length, 1e-18), 0.0))
+
+
+def _between_neighbours(depth: np.ndarray, axis: int) -> np.ndarray:
+    """Mean of the two neighbours along an axis (H, W), and the only one at the border, as `np.gradient` takes them."""
+    z = np.moveaxis(depth, axis, 0)
+    mean = np.empty_like(z)
+    mean[1:-1] = (z[2:] + z[:-2]) / 2
+    mean[0], mean[-1] = z[1], z[-2]
+    return np.moveaxis(mean, 0, axis)
 
 
 def _loss(rgb: np.ndarray, options: DepthNoise) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.noise import DepthNoise
+from dextera_build.geometry import cameras
 from dextera_build.sim.render import sensor
 
 K = np.array([[300.0, 0, 99.5], [0, 300.0, 74.5], [0, 0, 1]])
@@ -77,3 +78,16 @@ def test_smeared_edges_lie_between_both_sides() -> None:
     assert ((band >= 1.0) & (band <= 1.5)).all()
     assert ((band > 1.05) & (band < 1.45)).mean() > 0.6
     assert (seen[:, :97] == 1.0).all()
+
+
+def test_facing_is_that_of_the_cross_product_of_neighbours():
+    random = np.random.default_rng(4)
+    depth = plane(0.5) + random.normal(0.0, 0.002, (150, 200))
+    depth[40:60, 50:90] = 0.6
+    points = cameras.backproject(depth, K)
+    normal = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
+    product = np.linalg.norm(normal, axis=-1) * np.linalg.norm(points, axis=-1)
+    expected = np.abs((normal * points).sum(axis=-1)) / product
+    assert sensor.facing(depth, K) == pytest.approx(expected, abs=1e-9)
+    depth[40:60, 50:90] = 0.0
+    assert (sensor.facing(depth, K)[40:60, 50:90] == 0).all()
