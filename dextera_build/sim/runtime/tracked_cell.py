@@ -130,8 +130,8 @@ class TrackedCell:
         self._poses = np.array([poses.from_matrix(pose) for pose in self._photographed.values()])
         self._displacement = np.array([joint.position for name in self._row for joint in assets[name].body.joints])
         self._waiting: deque[tuple[float, Found]] = deque()
-        self._clock: float = 0.0  # when the next frame is due [s]
-        self._begun: float = 0.0  # when the trial began [s]
+        self._clock = 0.0  # when the next frame is due [s]
+        self._begun = 0.0  # when the trial began [s]
         self._found_s: float | None = None
         self._frames, self._errors = 0, list[tuple[float, float, float]]()
 
