@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from .replay import ReplayOptions
 
 BACKEND = Backend(
-    summary="MuJoCo; inverse kinematics by mink",
+    summary="MuJoCo; inverse kinematics by mink; with a cell, the tracker of `align.track`",
     profiles=("cpu",),
-    packages=("mujoco", "mink", "daqp"),
+    packages=("mujoco", "mink", "daqp", "open3d", "opencv-python-headless", "scipy"),
     extra="twin",
 )
 

@@ -22,9 +22,9 @@ from dextera_build.sim.runtime.tracked_cell import TrackedCell
 from .filmed import stills as stills
 
 BACKEND = Backend(
-    summary="MuJoCo; networks by torch on one thread",
+    summary="MuJoCo; networks by torch on one thread; with a cell, the tracker of `align.track`",
     profiles=("cpu",),
-    packages=("mujoco", "torch", "safetensors"),
+    packages=("mujoco", "torch", "safetensors", "open3d", "opencv-python-headless", "scipy"),
     extra="learn",
 )
 
