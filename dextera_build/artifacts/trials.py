@@ -3,16 +3,39 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
+from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Value
-from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskSpec, WorldKind
 
 Actor = Literal["policy", "replay"]
 """`policy`: closed loop. `replay`: joint targets that succeeded in the twin, sent open loop."""
+
+
+Poses = Literal["exact", "tracked"]
+"""Where a policy's poses of objects come from: `exact` from the simulator, `tracked` from a tracker on frames of its
+camera, placed by a calibration."""
+
+
+class Sighting(Value):
+    """How a tracker saw the task's object in one trial, compared with the truth afterwards."""
+
+    found_s: float | None
+    """Time until it was found before the trial [s]; None: it was not."""
+    frames: int
+    """Frames that arrived during the trial."""
+    tracked: int
+    """Frames of these that confirmed its pose."""
+    distances_m: tuple[float, ...]
+    """Distance of its origin from the true one, per such frame [m]."""
+    angles_rad: tuple[float, ...]
+    """Angle to its true orientation, per such frame [rad]."""
+    joints_rad: tuple[float, ...]
+    """Largest error of its joints, per such frame [rad or m]; empty without joints."""
 
 
 class Trial(Value):
@@ -28,10 +51,32 @@ class Trial(Value):
     """Why it failed; empty for a success."""
     steps: int
     """Control periods until it ended."""
+    sighting: Sighting | None = None
+    """How the tracker did; None for exact poses."""
+
+
+class Attempt(Artifact):
+    """What came of one seed, complete: a trial, or why there was none."""
+
+    seed: int
+    """Seed of the start."""
+    episode: Episode | None = None
+    """The trial, or None if excluded."""
+    placed: Annotated[np.ndarray, Array("O 7", "float32", frame="base")] | None = None
+    """Poses of the bundle's objects at the start."""
+    excluded: str = ""
+    """Reason of the exclusion."""
+    rehearsal: Episode | None = None
+    """The rollout in the twin that is replayed."""
+    sighting: Sighting | None = None
+    """How the tracker did; None for exact poses."""
 
 
 class Trials(Artifact):
     """Trials of one actor in one task of one world. Equal seeds give equal starts."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.unchanged}
 
     actor: Actor
     """Source of the actions."""
@@ -49,6 +94,8 @@ class Trials(Artifact):
     """Name of the robot's model."""
     world: WorldKind
     """Kind of world; none is real."""
+    poses: Poses = "exact"
+    """Where the actor's poses of objects come from."""
     items: tuple[Trial, ...]
     """Valid attempts, in order."""
     placed: Annotated[np.ndarray, Array("N O 7", "float32", frame="base")]

@@ -13,9 +13,10 @@ from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import World
 from dextera_build.rule import Context, Options, rule
+from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.sim.render.shot import Shot
 
-from .sensor import ColourNoiseOptions, DepthNoiseOptions, measure_colour, measure_depth
+from .sensor import ColourNoiseOptions, DepthNoiseOptions
 
 
 class ReferenceOptions(Options):

@@ -11,8 +11,14 @@ import numpy as np
 from .panels import INK, PAPER, typeface
 
 FRAME, FAINT, RULE = (120, 126, 136), (176, 182, 190), (226, 228, 232)
-WORLDS = {"twin": (58, 110, 165), "reference": (214, 120, 46), "perturbed": (150, 104, 170)}
-"""Colour of each kind of world, the same in every chart."""
+WORLDS = {
+    "twin": (58, 110, 165),
+    "reference": (214, 120, 46),
+    "reference, tracked": (150, 78, 22),
+    "perturbed": (150, 104, 170),
+    "perturbed, tracked": (98, 60, 116),
+}
+"""Colour of each kind of world, and of those in which objects are tracked, the same in every chart."""
 HUES = ((58, 110, 165), (214, 120, 46), (70, 140, 90), (170, 70, 90), (120, 90, 160), (110, 110, 110))
 
 

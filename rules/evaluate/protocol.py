@@ -11,29 +11,13 @@ import numpy as np
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.trials import Actor, Trial, Trials
+from dextera_build.artifacts.trials import Actor, Attempt, Poses, Sighting, Trial, Trials
 from dextera_build.policy.layout import embodiment, of_bundle
 from dextera_build.rule import Context
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.statistics import Rate
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """The outcome of one seed."""
-
-    seed: int
-    """Seed of the start."""
-    episode: Episode | None = None
-    """The trial, or None if excluded."""
-    placed: np.ndarray | None = None
-    """Poses (O, 7) of the bundle's objects at the start, in the base frame."""
-    excluded: str = ""
-    """Reason of the exclusion."""
-    rehearsal: Episode | None = None
-    """The rollout in the twin that is replayed."""
 
 
 def seeds(seed: int, count: int) -> list[int]:
@@ -47,9 +31,11 @@ class Record:
 
     Args:
         bundle: The world.
+        poses: Where the actor's poses of objects come from.
     """
 
     bundle: TaskBundle
+    poses: Poses = "exact"
     items: list[Trial] = field(default_factory=list)
     placed: list[np.ndarray] = field(default_factory=list)
     excluded: Counter[str] = field(default_factory=Counter)
@@ -70,6 +56,7 @@ class Record:
                 success=episode.success,
                 reason=episode.reason,
                 steps=len(episode.action),
+                sighting=attempt.sighting,
             )
         )
 
@@ -89,6 +76,7 @@ class Record:
             embodiment=embodiment(self.bundle.robot),
             robot=robot_name(self.bundle),
             world=self.bundle.kind,
+            poses=self.poses,
             items=tuple(self.items),
             placed=np.array(self.placed, np.float32).reshape(len(self.items), len(self.bundle.objects), 7),
             excluded=dict(self.excluded),
@@ -133,11 +121,32 @@ def close(ctx: Context, record: Record) -> None:
     ctx.metric("success, high", 100 * high, "%")
     if without:
         ctx.metric("without a trial", without, f"of {len(record.items) + without}")
-    ctx.say(f"{rate} in the {record.bundle.kind}" + (f", {without} starts left out" if without else ""))
+    how = ", poses tracked" if record.poses == "tracked" else ""
+    ctx.say(f"{rate} in the {record.bundle.kind}{how}" + (f", {without} starts left out" if without else ""))
+    told(ctx, [trial.sighting for trial in record.items if trial.sighting is not None])
     for reason, count in Counter(trial.reason for trial in record.items if not trial.success).most_common():
         ctx.log(f"{count} x {reason}")
     for reason, count in record.excluded.most_common():
         ctx.log(f"{count} x left out: {reason}")
+
+
+def told(ctx: Context, sightings: Sequence[Sighting]) -> None:
+    """Report how a tracker did over all trials; nothing without one."""
+    if not sightings:
+        return
+    ctx.metric("found", sum(sighting.found_s is not None for sighting in sightings), f"of {len(sightings)}")
+    frames = sum(sighting.frames for sighting in sightings)
+    ctx.metric("frames tracked", sum(sighting.tracked for sighting in sightings) / max(frames, 1), "fraction")
+    for name, unit, factor in (("distances_m", "mm", 1000.0), ("angles_rad", "deg", DEG), ("joints_rad", "deg", DEG)):
+        errors = factor * np.array([error for sighting in sightings for error in getattr(sighting, name)])
+        if len(errors):
+            ctx.metric(f"tracker, {WHAT[name]}, median", float(np.median(errors)), unit)
+            ctx.metric(f"tracker, {WHAT[name]}, 95 %", float(np.quantile(errors, 0.95)), unit)
+
+
+WHAT = {"distances_m": "position", "angles_rad": "rotation", "joints_rad": "joint"}
+"""Field of a sighting -> what it is the error of."""
+DEG = 180.0 / np.pi
 
 
 def reasons(counts: Counter[str], most: int = 3) -> dict[str, str]:

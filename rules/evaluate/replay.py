@@ -8,14 +8,16 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
+from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.trials import Trials
+from dextera_build.artifacts.trials import Attempt, Trials
 from dextera_build.policy.contract import check_data
 from dextera_build.policy.layout import embodiment
 from dextera_build.rule import Context, Options, rule
 
-from .protocol import Attempt, Record, close, seeds
+from .attempts import resumed
+from .protocol import Record, close, seeds
 from .strip import moments, strip
 
 
@@ -33,9 +35,9 @@ class ReplayOptions(Options):
     nearest: int = Field(5, ge=1)
     """The demonstration is drawn from this many with the most similar object pose."""
     tracker_m: float = Field(0.0, ge=0)
-    """Standard deviation of the object tracker's positions, per axis [m]."""
+    """Standard deviation of a made-up tracker's positions, per axis; added to the measured ones [m]."""
     tracker_deg: float = Field(0.0, ge=0)
-    """Standard deviation of the object tracker's rotations, per axis [deg]."""
+    """Standard deviation of a made-up tracker's rotations, per axis; added to the measured ones [deg]."""
     lag_m: PositiveFloat = 0.02
     """Syntheses in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
@@ -55,11 +57,12 @@ class ReplayBackend(Protocol):
         twin: TaskBundle,
         world: TaskBundle,
         sources: Episodes,
+        cell: Cell | None,
         seeds: list[int],
         common: ReplayOptions,
         options: Any,
     ) -> Iterator[Attempt]:
-        """One attempt per seed, in order."""
+        """One attempt per seed, in order, none of which depends on the ones before."""
         ...
 
     def stills(
@@ -69,13 +72,14 @@ class ReplayBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy",), memory_gb=2.0)
+@rule(version=2, packages=("numpy",), memory_gb=2.0)
 def replay(
     ctx: Context[ReplayBackend],
     twin: TaskBundle,
     world: TaskBundle,
     sources: Episodes,
     view: View | None = None,
+    cell: Cell | None = None,
     *,
     options: ReplayOptions,
 ) -> Trials:
@@ -83,15 +87,22 @@ def replay(
 
     At every reset of `world`, its tracked objects and joints are copied to the twin, `sources` are adapted to them by
     object-centric synthesis (Eq. 4) without action noise, and a rollout that succeeds in the twin is replayed in
-    `world`. Resets without a success in the twin count as excluded, not as failures.
+    `world`. Resets without a success in the twin count as excluded, not as failures. With a `cell`, its tracker
+    measures the world at the reset, and a reset whose object it does not find is a failure. Trials of an interrupted
+    build are kept.
     """
     _agree(ctx, twin, world)
     check_data(twin, sources)
     ctx.check(bool(sources.items), "no demonstrations were given", hint="look at `dxb log` of the demonstrations")
-    record = Record(world)
-    resets = seeds(options.seed, max(options.resets, options.trials))
-    attempts: Iterator[Attempt] = ctx.backend.replays(ctx, twin, world, sources, resets, options, ctx.backend_options)
-    for attempt in attempts:
+    record = Record(world, "exact" if cell is None else "tracked")
+
+    def make(left: list[int]) -> Iterator[Attempt]:
+        made: Iterator[Attempt] = ctx.backend.replays(
+            ctx, twin, world, sources, cell, left, options, ctx.backend_options
+        )
+        return made
+
+    for attempt in resumed(ctx, seeds(options.seed, max(options.resets, options.trials)), make):
         record.add(attempt)
         ctx.progress(len(record.items), options.trials, f"{record.rate.successes} succeeded")
         if len(record.items) == options.trials:
@@ -137,13 +148,15 @@ def _show(
     ctx: Context, worlds: tuple[TaskBundle, TaskBundle], attempt: Attempt, view: View | None, count: int, title: str
 ) -> None:
     """Show two film strips: the rollout in the twin above its replay, at the same times."""
-    episodes = [episode for episode in (attempt.rehearsal, attempt.episode) if episode is not None]
-    rows = moments(max(len(episode.action) for episode in episodes), count)
+    both = zip(worlds, (attempt.rehearsal, attempt.episode), strict=True)
+    episodes = [(world, episode) for world, episode in both if episode is not None]
+    rows = moments(max(len(episode.action) for _, episode in episodes), count)
     shown: dict[str, np.ndarray] = {
         world.kind: pictures
-        for world, episode in zip(worlds, episodes, strict=True)
+        for world, episode in episodes
         if (pictures := ctx.backend.stills(ctx, world, episode, rows, view, ctx.backend_options)) is not None
     }
     if shown:
-        verdict = "success" if episodes[-1].success else f"failure: {episodes[-1].reason}"
+        last = episodes[-1][1]
+        verdict = "success" if last.success else f"failure: {last.reason}"
         ctx.preview(strip(shown, rows / worlds[0].task.control_hz), f"{title}, {verdict}")

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.episode import Episode, Episodes, Start
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.drive import Driver, Filters
@@ -16,17 +19,17 @@ from dextera_build.sim.experts.synthesis import Manner
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.reconstruction import Tracker
 from dextera_build.sim.runtime.replay import Replay
+from dextera_build.sim.runtime.tracked_cell import TrackedCell
 
 from .filmed import stills as stills
-from .protocol import Attempt
 
 if TYPE_CHECKING:
     from .replay import ReplayOptions
 
 BACKEND = Backend(
-    summary="MuJoCo; inverse kinematics by mink",
+    summary="MuJoCo; inverse kinematics by mink; with a cell, the tracker of `align.track`",
     profiles=("cpu",),
-    packages=("mujoco", "mink", "daqp"),
+    packages=("mujoco", "mink", "daqp", "open3d", "opencv-python-headless", "scipy"),
     extra="twin",
 )
 
@@ -36,6 +39,7 @@ def replays(
     twin: TaskBundle,
     world: TaskBundle,
     sources: Episodes,
+    cell: Cell | None,
     seeds: list[int],
     common: ReplayOptions,
     options: Options,
@@ -47,14 +51,25 @@ def replays(
     def synthesise(start: Start, seed: int) -> Episode:
         return synthesis.synthesise(driver, sources, start, seed, manner)
 
-    replay = Replay(
-        driver.environment,
-        Environment(world),
-        synthesise,
-        tries=common.tries,
-        tracker=Tracker(common.tracker_m, float(np.radians(common.tracker_deg))),
-        linger_s=common.linger_s,
-    )
-    for seed in seeds:
-        there = replay.attempt(seed)
-        yield Attempt(seed, there.episode, there.placed, there.reason, there.rehearsal)
+    there = Environment(world)
+    watched = nullcontext() if cell is None else TrackedCell(there, cell, world.objects)
+    with watched as watching:
+        replay = Replay(
+            driver.environment,
+            there,
+            synthesise,
+            tries=common.tries,
+            tracker=Tracker(common.tracker_m, float(np.radians(common.tracker_deg))),
+            cell=watching,
+            linger_s=common.linger_s,
+        )
+        for seed in seeds:
+            done = replay.attempt(seed)
+            yield Attempt(
+                seed=seed,
+                episode=done.episode,
+                placed=None if done.placed is None else done.placed.astype(np.float32),
+                excluded=done.reason,
+                rehearsal=done.rehearsal,
+                sighting=None if watching is None or done.episode is None else watching.sighting,
+            )

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.runtime.pretence import pretended
-
-from .protocol import Attempt
 
 if TYPE_CHECKING:
     from .replay import ReplayOptions
@@ -25,6 +25,7 @@ def replays(
     twin: TaskBundle,
     world: TaskBundle,
     sources: Episodes,
+    cell: Cell | None,
     seeds: list[int],
     common: ReplayOptions,
     options: Options,
@@ -33,7 +34,7 @@ def replays(
     for seed in seeds:
         rehearsal = pretended(twin, seed, "synthesis", success=True)
         episode = pretended(world, seed, "replay", success=seed % 10 > 0)
-        yield Attempt(seed, episode, episode.objects[0], rehearsal=rehearsal)
+        yield Attempt(seed=seed, episode=episode, placed=episode.objects[0], rehearsal=rehearsal)
 
 
 def stills(

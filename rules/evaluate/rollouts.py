@@ -8,14 +8,16 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field
 
+from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.trials import Trials
+from dextera_build.artifacts.trials import Attempt, Trials
 from dextera_build.policy import contract as contracts
 from dextera_build.rule import Context, Options, rule
 
-from .protocol import Attempt, Record, close, seeds
+from .attempts import resumed
+from .protocol import Record, close, seeds
 from .strip import moments, strip
 
 
@@ -41,10 +43,11 @@ class RolloutsBackend(Protocol):
         bundle: TaskBundle,
         checkpoint: Checkpoint,
         view: View | None,
+        cell: Cell | None,
         seeds: list[int],
         options: Any,
     ) -> Iterator[Attempt]:
-        """One attempt per seed, in order."""
+        """One attempt per seed, in order, none of which depends on the ones before."""
         ...
 
     def stills(
@@ -54,12 +57,13 @@ class RolloutsBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy",), memory_gb=2.0)
+@rule(version=2, packages=("numpy",), memory_gb=2.0)
 def rollouts(
     ctx: Context[RolloutsBackend],
     bundle: TaskBundle,
     checkpoint: Checkpoint,
     view: View | None = None,
+    cell: Cell | None = None,
     *,
     options: RolloutsOptions,
 ) -> Trials:
@@ -67,14 +71,17 @@ def rollouts(
 
     The loop is closed: at every control period the policy gets a deployable observation and returns joint targets.
     A policy that returns no usable action fails that trial only. A state policy ignores `view`; film strips
-    use it.
+    use it. With a `cell`, poses and joints of objects come from its tracker instead of the simulator, and a trial whose
+    object is not found beforehand fails; the verdict is always on the truth. Trials of an interrupted build are kept.
     """
     contracts.check(checkpoint.contract, bundle, view=view)
-    record = Record(bundle)
-    attempts: Iterator[Attempt] = ctx.backend.rollouts(
-        ctx, bundle, checkpoint, view, seeds(options.seed, options.trials), ctx.backend_options
-    )
-    for done, attempt in enumerate(attempts, 1):
+    record = Record(bundle, "exact" if cell is None else "tracked")
+
+    def make(left: list[int]) -> Iterator[Attempt]:
+        made: Iterator[Attempt] = ctx.backend.rollouts(ctx, bundle, checkpoint, view, cell, left, ctx.backend_options)
+        return made
+
+    for done, attempt in enumerate(resumed(ctx, seeds(options.seed, options.trials), make), 1):
         record.add(attempt)
         ctx.progress(done, options.trials, f"{record.rate.successes} succeeded")
     close(ctx, record)

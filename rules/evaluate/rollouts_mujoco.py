@@ -7,42 +7,59 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from dextera_build.artifacts.policy import Checkpoint
+from dextera_build.artifacts.cell import Cell
+from dextera_build.artifacts.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.trials import Attempt
 from dextera_build.errors import RuleError
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.render.rendering import through
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.policies import load
 from dextera_build.sim.runtime.rollout import closed_loop
+from dextera_build.sim.runtime.tracked_cell import TrackedCell
 
 from .filmed import stills as stills
-from .protocol import Attempt
 
 BACKEND = Backend(
-    summary="MuJoCo; networks by torch on one thread",
+    summary="MuJoCo; networks by torch on one thread; with a cell, the tracker of `align.track`",
     profiles=("cpu",),
-    packages=("mujoco", "torch", "safetensors"),
+    packages=("mujoco", "torch", "safetensors", "open3d", "opencv-python-headless", "scipy"),
     extra="learn",
 )
 
 
 def rollouts(
-    ctx: Context, bundle: TaskBundle, checkpoint: Checkpoint, view: View | None, seeds: list[int], options: Options
+    ctx: Context,
+    bundle: TaskBundle,
+    checkpoint: Checkpoint,
+    view: View | None,
+    cell: Cell | None,
+    seeds: list[int],
+    options: Options,
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     policy = load(checkpoint, bundle, view)
     environment = Environment(bundle)
     sees = view is not None and any(channel.name == "rgb" for channel in checkpoint.contract.inputs)
     opened = through(environment.model, view) if view and sees else nullcontext()
-    with opened as eye:
+    tracked = nullcontext() if cell is None else TrackedCell(environment, cell, objects_of(checkpoint.contract, bundle))
+    with opened as eye, tracked as watching:
         look = (lambda: np.asarray(eye.rgb(environment.data))) if eye is not None else None
         for seed in seeds:
             try:
                 start = environment.draw(seed)
             except RuleError as error:
-                yield Attempt(seed, excluded=error.message)
+                yield Attempt(seed=seed, excluded=error.message)
                 continue
             environment.begin(start)
-            placed = environment.object_poses()
-            yield Attempt(seed, closed_loop(environment, policy, start, look), placed)
+            placed = environment.object_poses().astype(np.float32)
+            episode = closed_loop(environment, policy, start, look, watching)
+            yield Attempt(seed=seed, episode=episode, placed=placed, sighting=watching and watching.sighting)
+
+
+def objects_of(contract: PolicyContract, bundle: TaskBundle) -> set[str]:
+    """Objects whose poses or joints a policy takes."""
+    taken = {channel.name: set(channel.names) for channel in contract.inputs}
+    joints = taken.get("displacement", set())
+    return taken.get("objects", set()) | {name for name, thing in bundle.objects.items() if joints & {*thing.joints}}

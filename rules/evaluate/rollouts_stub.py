@@ -6,24 +6,30 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.runtime.pretence import pretended
-
-from .protocol import Attempt
 
 BACKEND = Backend(summary="no simulation: nine of ten tries succeed", profiles=("stub",))
 
 
 def rollouts(
-    ctx: Context, bundle: TaskBundle, checkpoint: Checkpoint, view: View | None, seeds: list[int], options: Options
+    ctx: Context,
+    bundle: TaskBundle,
+    checkpoint: Checkpoint,
+    view: View | None,
+    cell: Cell | None,
+    seeds: list[int],
+    options: Options,
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     for seed in seeds:
         episode = pretended(bundle, seed, "policy", success=seed % 10 > 0)
-        yield Attempt(seed, episode, episode.objects[0])
+        yield Attempt(seed=seed, episode=episode, placed=episode.objects[0])
 
 
 def stills(

@@ -22,6 +22,10 @@ class SeriesOptions(Options):
     """Name of a robot's model -> name in tables; the paper has KL and OB."""
 
 
+TRACKED = ", tracked"
+"""Follows the name of a world in which a tracker measured the objects."""
+
+
 @dataclass(frozen=True, order=True)
 class Pair:
     """A task and an embodiment: a row of the paper's tables."""
@@ -48,8 +52,8 @@ class Cell:
 
     @property
     def world(self) -> str:
-        """Kind of world."""
-        return self.trials.world
+        """Kind of world, and whether objects were tracked there: `reference`, `reference, tracked`."""
+        return self.trials.world + (TRACKED if self.trials.poses == "tracked" else "")
 
     @property
     def rate(self) -> Rate:
@@ -92,8 +96,9 @@ class Series:
         return sorted({cell.label for cell in self.cells if cell.trials.actor == "policy"})
 
     def worlds(self, pair: Pair) -> list[str]:
-        """Kinds of worlds other than the twin with trials of a pair."""
-        return sorted({cell.world for cell in self.cells if cell.pair == pair} - {"twin"}, reverse=True)
+        """Worlds other than the twin with trials of a pair, the reference world and exact poses first."""
+        found = {cell.world for cell in self.cells if cell.pair == pair} - {"twin"}
+        return sorted(found, key=lambda world: (not world.startswith("reference"), world))
 
     def find(self, pair: Pair, label: str, world: str) -> Cell | None:
         """Return a cell, or None."""

@@ -12,7 +12,7 @@ from dextera_build.statistics import Rate, mean
 
 from . import published
 from .charts import Bar, bars
-from .series import Pair, Series, SeriesOptions
+from .series import TRACKED, Pair, Series, SeriesOptions
 
 Row = tuple[table.Cell, ...]
 
@@ -26,7 +26,7 @@ class SuccessOptions(SeriesOptions):
     """Whether to append the paper's rows for the same tasks."""
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=2, packages=("numpy",))
 def success(ctx: Context, trials: Collection[Trials], *, options: SuccessOptions) -> table.Table:
     """Return success rates [%] with 95 % Wilson intervals, one row per task, robot and pair of worlds.
 
@@ -35,7 +35,8 @@ def success(ctx: Context, trials: Collection[Trials], *, options: SuccessOptions
     series = Series(ctx, trials, options.robots)
     columns = list(options.policies or series.policies)
     rows = [_row(series, pair, world, columns) for pair in series.pairs for world in series.worlds(pair) or [""]]
-    rows.append(_mean(series, columns))
+    ways = [TRACKED] if any(cell.world.endswith(TRACKED) for cell in series.cells) else []
+    rows += [_mean(series, columns, way) for way in ["", *ways]]
     if options.paper:
         rows += _paper(series.pairs, columns)
     best = [f"{label} {_both(_means(series, label), short=True)}" for label in columns if any(_means(series, label))]
@@ -64,22 +65,32 @@ def _row(series: Series, pair: Pair, world: str, columns: Sequence[str]) -> Row:
     return (str(pair), f"twin / {world or '-'}", ", ".join(counts), *texts, last)
 
 
-def _mean(series: Series, columns: Sequence[str]) -> Row:
-    texts = [_both(_means(series, label)) for label in columns]
-    _, replayed = _means(series, "replay")
+def _mean(series: Series, columns: Sequence[str], way: str) -> Row:
+    texts = [_both(_means(series, label, way)) for label in columns]
+    _, replayed = _means(series, "replay", way)
     last = _both([replayed]) if replayed else None
-    return (f"mean of {len(series.pairs)} tasks", "twin / other", "", *texts, last)
+    return (f"mean of {len(series.pairs)} tasks", f"twin / other{way}", "", *texts, last)
 
 
 Limits = tuple[float, float, float]
 """A rate and its interval, as fractions."""
 
 
-def _means(series: Series, label: str) -> list[Limits | None]:
-    """Mean over tasks in the twin and in the other world, preferring the reference world over a perturbed one."""
+def _means(series: Series, label: str, way: str = "") -> list[Limits | None]:
+    """Mean over tasks in the twin and in the other world, preferring the reference world over a perturbed one.
+
+    `way` is `TRACKED` for the trials with a tracker in the other world, empty for those with exact poses.
+    """
     here = [series.rate(pair, label, "twin") for pair in series.pairs]
     there = [
-        next((rate for world in series.worlds(pair) if (rate := series.rate(pair, label, world))), None)
+        next(
+            (
+                rate
+                for world in series.worlds(pair)
+                if world.endswith(TRACKED) == bool(way) and (rate := series.rate(pair, label, world))
+            ),
+            None,
+        )
         for pair in series.pairs
     ]
     return [mean([rate for rate in rates if rate]) for rates in (here, there)]
@@ -157,6 +168,8 @@ def _notes(series: Series, columns: Sequence[str], paper: bool) -> tuple[str, ..
         "a / b: success in the twin / in the other world [%], in brackets the 95 % Wilson interval",
         "reference: a simulated world with its own shapes and physics, a stand-in for hardware; perturbed: the twin"
         " with disturbed geometry and physics; neither is real",
+        "tracked: poses of objects are those of a tracker on noisy frames of one camera, placed by a calibration; an"
+        " object that it does not find before the trial is a failure; elsewhere poses are exact",
         "replay: joint targets that succeeded in the twin, sent open loop to the other world",
         f"mean: every task counts the same; {', '.join(over)}; the interval adds those of the tasks (MOVER)",
         f"starts left out because no trial came about: {excluded}",

@@ -41,7 +41,7 @@ class Match:
         return self.twin.rate.value, self.other.rate.value
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=2, packages=("numpy",))
 def transfer(ctx: Context, trials: Collection[Trials], *, options: TransferOptions) -> table.Table:
     """Return Pearson's correlation and MMRV of success in the twin and in other worlds, over cells and over policies.
 
@@ -63,7 +63,7 @@ def transfer(ctx: Context, trials: Collection[Trials], *, options: TransferOptio
     for name, value in (("Pearson", r), ("MMRV", violation)):
         if isinstance(value, float):
             ctx.metric(name, value)
-    worlds = sorted({match.other.world for match in matches}, reverse=True)
+    worlds = sorted({match.other.trials.world for match in matches}, reverse=True)
     dots = [Dot(match.twin.label, _span(match.twin), _span(match.other)) for match in matches]
     ctx.preview(scatter(dots, f"success in the {' or '.join(worlds)} world [%]"), "each point is a policy in a task")
     return table.Table(
@@ -95,15 +95,15 @@ def _matches(series: Series) -> list[Match]:
 def _rows(matches: Sequence[Match]) -> list[tuple[table.Cell, ...]]:
     """All cells, the cells of each kind of world if there are several, and the policies' means over tasks."""
     rows = [_row("cells: policy in a task", [match.point for match in matches])]
-    worlds = sorted({match.other.world for match in matches}, reverse=True)
+    worlds = list(dict.fromkeys(match.other.world for match in matches))
     if len(worlds) > 1:
         rows += [
             _row(f"cells, {world} world", [match.point for match in matches if match.other.world == world])
             for world in worlds
         ]
-    by_policy: dict[str, list[Point]] = {}
+    by_policy: dict[tuple[str, str], list[Point]] = {}
     for match in matches:
-        by_policy.setdefault(match.twin.label, []).append(match.point)
+        by_policy.setdefault((match.twin.label, match.other.trials.poses), []).append(match.point)
     rows.append(_row("means of policies", [_middle(points) for points in by_policy.values()]))
     return rows
 

@@ -22,6 +22,7 @@ from dextera_build.artifacts.feature_map import FeatureMap
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.noise import ColourNoise, DepthNoise
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose, Similarity
 from dextera_build.artifacts.pretrained import Adapter, PretrainedModel
@@ -202,6 +203,9 @@ def _attachment(draw: Draw) -> dict[str, Any]:
 
 
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
+    # Its numbers are those of a sensor, with bounds.
+    DepthNoise: lambda draw: {"smear": draw(st.floats(0, 1)), "correlation_px": draw(st.integers(1, 9))},
+    ColourNoise: lambda draw: {"sigma": draw(st.floats(0, 1)), "vignetting": draw(st.floats(0, 1))},
     Folder: _folder,
     Mesh: _mesh,
     Capture: _capture,

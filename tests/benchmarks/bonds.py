@@ -20,9 +20,10 @@ import torch
 from dextera_build.api import Project
 from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.noise import DepthNoise
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Truth
-from rules.capture.sensor import DepthNoiseOptions, measure_depth
+from dextera_build.sim.render.sensor import measure_depth
 from rules.factorize.measured import Workspace, without_dropout
 from rules.factorize.regions import heights, patches, proposals
 from rules.factorize.regions.bonds import NAMES, USUAL, Bonds
@@ -110,7 +111,7 @@ def _as_drawn(photo: Capture, support: Support) -> Workspace:
 def varied(photo: Capture, truth: Truth, support: Support, rng: np.random.Generator) -> Workspace:
     """The scene in another light, larger or smaller as a whole, measured by a depth camera drawn at random."""
     photograph = photo.photograph
-    options = DepthNoiseOptions(
+    options = DepthNoise(
         subpixel_px=0.05 * 2 ** rng.uniform(-1.5, 1.5),
         correlation_px=int(rng.integers(1, 6)),
         edge_px=int(rng.integers(1, 4)),

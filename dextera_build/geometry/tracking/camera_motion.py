@@ -38,6 +38,8 @@ def flow(first: Frame, second: Frame, extra: np.ndarray) -> Ways:
     import cv2
 
     start = np.concatenate([_corners(first), extra.astype(np.float32)])[:, None]
+    if not len(start):
+        return Ways(np.zeros((0, 2)), np.zeros((0, 2)))  # a black picture
     options = {"winSize": (15, 15), "maxLevel": 3}
     end, found, _ = cv2.calcOpticalFlowPyrLK(first.grey, second.grey, start, None, **options)
     back, again, _ = cv2.calcOpticalFlowPyrLK(second.grey, first.grey, end, None, **options)

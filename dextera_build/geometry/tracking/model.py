@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -73,6 +73,11 @@ class Model:
         self.centre = (points.min(axis=0) + points.max(axis=0)) / 2
         self.radius = float(np.linalg.norm(points - self.centre, axis=1).max())
         self.corners = points
+
+    @classmethod
+    def of(cls, body: kinematics.BodyLike) -> Self:
+        """A body as a tracker knows it; `artifacts.object.Body` is one."""
+        return cls({name: (link.mesh.vertices, link.mesh.faces) for name, link in body.links.items()}, body.joints)
 
     @property
     def at_rest(self) -> np.ndarray:

@@ -92,6 +92,8 @@ def places(
     owner = frame.owner[half, half]
     belief = 1.0 / (1.0 + np.exp(-colours.odds()[bins(frame.rgb[half, half])]))
     belief = np.where((z > 0) & ((owner < 0) | (owner == number)), np.square(belief), 0.0)
+    if not belief.any():
+        return []  # without any depth, as behind a covered lens
     if mask is not None and mask[half, half].any():
         belief = belief * np.where(mask[half, half], 1.0, 0.02)
     points = frame.measured(*np.mgrid[STEP // 2 : frame.shape[0] : STEP, STEP // 2 : frame.shape[1] : STEP])

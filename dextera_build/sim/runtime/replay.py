@@ -12,7 +12,8 @@ from dextera_build.errors import RuleError
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.reconstruction import Tracker, reconstruct
-from dextera_build.sim.runtime.rollout import open_loop
+from dextera_build.sim.runtime.recorder import Recorder
+from dextera_build.sim.runtime.rollout import Sensing, begin, open_loop
 from dextera_build.sim.runtime.seeds import seed_of
 
 Synthesise = Callable[[Start, int], Episode]
@@ -41,7 +42,8 @@ class Replay:
         world: Environment in which they are replayed; same task, robot and objects.
         synthesise: Synthesis in `twin`.
         tries: Maximum number of syntheses per reset until one succeeds.
-        tracker: Errors of the object tracker in `world`.
+        tracker: Errors that are added to the measured poses of objects.
+        cell: Measures `world` instead of the simulator.
         linger_s: Time to hold the last target after the trajectory [s].
     """
 
@@ -53,11 +55,12 @@ class Replay:
         *,
         tries: int,
         tracker: Tracker | None = None,
+        cell: Sensing | None = None,
         linger_s: float = 1.0,
     ) -> None:
         self._twin, self._world = twin, world
         self._synthesise, self._tries = synthesise, tries
-        self._tracker, self._linger_s = tracker or Tracker(), linger_s
+        self._tracker, self._cell, self._linger_s = tracker or Tracker(), cell, linger_s
 
     def attempt(self, seed: int) -> Replayed:
         """Reset the world with `seed`, measure it, synthesise a success in the twin, and replay it."""
@@ -65,8 +68,11 @@ class Replay:
             start = self._world.draw(seed)
         except RuleError as error:
             return Replayed(reason=error.message)
-        self._world.begin(start)
+        refused = begin(self._world, start, self._cell)
         placed = self._world.object_poses()
+        if refused:
+            failed = Recorder(self._world).episode("replay", success=False, reason=refused)
+            return Replayed(failed, placed)
         seen = reconstruct(self._measured(), self._world.previous_action, self._twin, self._tracker, seed)
         reason = ""
         for number in range(self._tries):
@@ -79,7 +85,8 @@ class Replay:
 
     def _measured(self) -> Measurement:
         """Tracked poses in the world, in the twin's order of objects and joints."""
-        seen, here, there = self._world.measure(), self._twin.bundle.objects, self._world.bundle.objects
+        measured = self._world if self._cell is None else self._cell
+        seen, here, there = measured.measure(), self._twin.bundle.objects, self._world.bundle.objects
         rows = [list(there).index(name) for name in here]
         inner = [joint for thing in there.values() for joint in thing.joints]
         columns = [inner.index(joint) for thing in here.values() for joint in thing.joints]

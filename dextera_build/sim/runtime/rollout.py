@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Start
-from dextera_build.policy.observation import DeployableObservation
+from dextera_build.policy.observation import DeployableObservation, Measurement, deployable
 from dextera_build.policy.running import PolicyFault
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.recorder import Recorder
@@ -31,7 +31,19 @@ class Acting(Protocol):
         """
 
 
-def closed_loop(environment: Environment, policy: Acting, start: Start, look: Look | None = None) -> Episode:
+class Sensing(Protocol):
+    """What measures a robot cell, other than the simulator itself."""
+
+    def begin(self, start: Start) -> str:
+        """Begin an episode of the environment that is measured; why that is not possible, or empty."""
+
+    def measure(self, rgb: np.ndarray | None = None) -> Measurement:
+        """What is known at this control period, with the given picture."""
+
+
+def closed_loop(
+    environment: Environment, policy: Acting, start: Start, look: Look | None = None, cell: Sensing | None = None
+) -> Episode:
     """Run `policy` from `start`; without a usable action the episode fails with the reason.
 
     Args:
@@ -39,13 +51,18 @@ def closed_loop(environment: Environment, policy: Acting, start: Start, look: Lo
         policy: Receives only deployable observations.
         start: Start of the episode.
         look: Camera of an image policy; called once per control period.
+        cell: Measures instead of the simulator. The episode and its verdict hold the truth all the same.
     """
-    environment.begin(start)
+    refused = begin(environment, start, cell)
     policy.reset()
     recorder = Recorder(environment)
+    if refused:
+        return recorder.episode("policy", success=False, reason=refused)
+    measure = environment.measure if cell is None else cell.measure
     while True:
         try:
-            action = policy.act(environment.observe(look() if look else None))
+            seen = measure(look() if look else None)
+            action = policy.act(deployable(seen, environment.previous_action, environment.goal))
         except PolicyFault as fault:
             return recorder.episode("policy", success=False, reason=fault.message)
         recorder.before(action)
@@ -53,6 +70,14 @@ def closed_loop(environment: Environment, policy: Acting, start: Start, look: Lo
         recorder.after(outcome.executed)
         if outcome.over:
             return recorder.episode("policy", success=outcome.success, reason=outcome.reason)
+
+
+def begin(environment: Environment, start: Start, cell: Sensing | None) -> str:
+    """Begin an episode, measured by a cell if there is one; why that is not possible, or empty."""
+    if cell is not None:
+        return cell.begin(start)
+    environment.begin(start)
+    return ""
 
 
 def open_loop(environment: Environment, start: Start, targets: np.ndarray, linger_s: float = 1.0) -> Episode:

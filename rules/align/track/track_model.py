@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.object import Asset
 from dextera_build.geometry import transforms
 from dextera_build.geometry.tracking.model import Model
 from dextera_build.geometry.tracking.thing import Tracked
@@ -36,7 +35,7 @@ class ModelOptions(Options):
 
 def track(ctx: Context, job: Job, options: ModelOptions) -> list[dict[str, Tracked]]:
     """Poses by `geometry.tracking.tracker.Tracker`, which a live camera drives the same way."""
-    models = {name: model_of(asset) for name, asset in job.assets.items()}
+    models = {name: Model.of(asset.body) for name, asset in job.assets.items()}
     tuning = Tuning(patience_s=options.patience_s, hidden_s=options.hidden_s)
     tracker = Tracker(models, job.video.camera.matrix(), tuning)
     tracker.start(job.starts)
@@ -54,9 +53,3 @@ def track(ctx: Context, job: Job, options: ModelOptions) -> list[dict[str, Track
         stamp = abs(frame.stamp - begin)
         found.append(tracker.step(frame.rgb, frame.depth, stamp, masks=masks, moved=moved))
     return found
-
-
-def model_of(asset: Asset) -> Model:
-    """An asset as the tracker knows it."""
-    links = {name: (link.mesh.vertices, link.mesh.faces) for name, link in asset.body.links.items()}
-    return Model(links, asset.body.joints)

@@ -8,9 +8,10 @@ import numpy as np
 
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.noise import DepthNoise
 from dextera_build.artifacts.view import Instance, MeasuredView, ObjectView, Traits
 from dextera_build.geometry import cameras, kinematics, raycast, transforms
-from rules.capture.sensor import DepthNoiseOptions, measure_depth
+from dextera_build.sim.render.sensor import measure_depth
 from tests import factories
 
 from .kinds import Thing
@@ -21,7 +22,7 @@ TABLE = raycast.Surface(
     np.array([[0, 1, 2], [0, 2, 3]]),
     colour=(0.5, 0.4, 0.3),
 )
-NOISE = DepthNoiseOptions()
+NOISE = DepthNoise()
 GRAZING = np.cos(np.radians(NOISE.grazing_deg - 10.0))
 """Cosine between ray and normal from which depth is surely measured."""
 

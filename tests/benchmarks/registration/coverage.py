@@ -17,14 +17,15 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.noise import DepthNoise
 from dextera_build.artifacts.object import Body, Link
 from dextera_build.geometry import kinematics, raycast, registration, solids, transforms
 from dextera_build.geometry.registration import Search, Similarity
+from dextera_build.sim.render import sensor
 from dextera_build.statistics import wilson
 from rules.align import polish, spread
 from rules.align.icp_options import IcpOptions
 from rules.align.model_view import ModelView, seen_points
-from rules.capture import sensor
 from tests import factories, object_views
 
 from . import scenes
@@ -50,7 +51,7 @@ def draw(number: int, seed: int) -> tuple[str, float, float]:
     surfaces = [raycast.posed(mesh.vertices.astype(np.float64), mesh.faces, pose), object_views.TABLE]
     shot = raycast.render(surfaces, k, eye, 240, 320)
     rgb = np.full((240, 320, 3), 0.6)
-    noise = sensor.DepthNoiseOptions(edge_loss=0.5, smear=0.5)
+    noise = DepthNoise(edge_loss=0.5, smear=0.5)
     depth = sensor.measure_depth(shot.depth, rgb, k, noise, random)
     mask = scenes.ragged(shot.index == 0, random)
     seen = scenes.cropped((np.uint8(255 * rgb), depth), mask, np.zeros(mask.shape, bool), eye, LENS)

@@ -92,7 +92,8 @@ def _size(parts: tuple[Mesh, ...]) -> float:
 def _draw(
     library: dict[str, tuple[Mesh, ...]], name: str, other: str, random: np.random.Generator, how: Conditions
 ) -> Known | None:
-    from rules.capture import sensor
+    from dextera_build.artifacts.noise import ColourNoise, DepthNoise
+    from dextera_build.sim.render import sensor
 
     corners = np.concatenate([mesh.vertices for mesh in library[name]]).astype(np.float64)
     pose = _standing(corners, random)
@@ -114,11 +115,9 @@ def _draw(
     rgb = raycast.shade(surfaces, shot) / 255.0
     facing = np.abs((shot.normal * np.array([0.3, -0.5, 0.8])).sum(axis=-1))
     rgb = np.clip(rgb * (0.45 + 0.55 * facing)[..., None], 0.0, 1.0)
-    noise = sensor.DepthNoiseOptions(
-        subpixel_px=0.05 * how.noise, edge_loss=0.5, smear=0.5, dark_loss=0.4, shine_loss=0.8
-    )
+    noise = DepthNoise(subpixel_px=0.05 * how.noise, edge_loss=0.5, smear=0.5, dark_loss=0.4, shine_loss=0.8)
     depth = sensor.measure_depth(shot.depth, rgb, LENS.matrix(), noise, random)
-    colour = sensor.measure_colour(rgb, sensor.ColourNoiseOptions(), random)
+    colour = sensor.measure_colour(rgb, ColourNoise(), random)
     nearer = (shot.depth > 0) & (shot.index >= parts) & (shot.index < len(surfaces) - 1)
     seen = cropped((colour, depth), ragged(mine, random), nearer & whole, eye, LENS)
     turn = registration.spread_rotations(5000)[int(random.integers(5000))]

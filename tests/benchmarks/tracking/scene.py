@@ -9,16 +9,17 @@ import numpy as np
 
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.noise import ColourNoise, DepthNoise
 from dextera_build.artifacts.object import Joint
 from dextera_build.artifacts.rgbd_video import RgbdFrame
 from dextera_build.geometry import cameras, kinematics, raycast, transforms
 from dextera_build.geometry.tracking.model import Model
-from rules.capture.sensor import ColourNoiseOptions, DepthNoiseOptions, measure_colour, measure_depth
+from dextera_build.sim.render.sensor import measure_colour, measure_depth
 
 CAMERA = Camera(width=640, height=480, fx=600.0, fy=600.0, cx=319.5, cy=239.5)
 RATE = 30.0
 LIGHT = np.array([0.35, -0.5, -0.8]) / np.linalg.norm([0.35, -0.5, -0.8])
-DEPTH = DepthNoiseOptions(smear=0.3, dark_loss=0.2, shine_loss=0.5)
+DEPTH = DepthNoise(smear=0.3, dark_loss=0.2, shine_loss=0.5)
 Path = Callable[[float], np.ndarray]
 
 
@@ -147,7 +148,7 @@ def frames(
     strain = strain or Strain()
     rate = strain.rate or sequence.rate
     deeper = DEPTH.model_copy(update={"subpixel_px": DEPTH.subpixel_px * strain.noise})
-    colours = ColourNoiseOptions(sigma=ColourNoiseOptions().sigma * strain.noise)
+    colours = ColourNoise(sigma=ColourNoise().sigma * strain.noise)
     scenery, drawn = surroundings(), None
     for number in range(round(sequence.seconds * rate)):
         time = number / rate

@@ -14,6 +14,7 @@ from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import episodes, factories, gate
 from tests.policy import policies
+from tests.sim.runtime import cells
 
 
 @pytest.fixture
@@ -136,6 +137,36 @@ def test_a_film_strip_of_a_success_and_of_a_failure(runner, view):
     assert (one.endswith(", success"), "failure: not done within 3 s" in other) == (True, True)
     assert one.startswith("OpenGate, trial ")
     assert first != second
+
+
+def test_with_a_cell_the_policy_sees_what_its_tracker_sees(runner):
+    bundle = gate.bundle("reference")
+    given = {"bundle": bundle, "checkpoint": saying(gate.PUSHES, bundle), "options": {"trials": 2}}
+    exact = runner.run("evaluate.rollouts", **given)
+    assert (exact.poses, exact.items[0].sighting) == ("exact", None)
+    tracked = runner.run("evaluate.rollouts", cell=cells.cell(), **given)
+    assert tracked.poses == "tracked"
+    assert runner.outcome.line == "2/2 (34-100 %) in the reference, poses tracked"
+    assert [trial.start for trial in tracked.items] == [trial.start for trial in exact.items]
+    assert np.array_equal(tracked.placed, exact.placed)
+    assert all(trial.sighting.tracked == trial.sighting.frames > 10 for trial in tracked.items)
+    assert runner.outcome.metrics["found"] == (2.0, "of 2")
+    assert runner.outcome.metrics["tracker, position, median"][0] < 2.0
+
+
+def test_an_object_that_is_not_found_is_a_failure(runner):
+    bundle = gate.bundle("reference")
+    blind = cells.cell(loss=1.0, search_s=0.2)
+    found = runner.run(
+        "evaluate.rollouts",
+        bundle=bundle,
+        checkpoint=saying(gate.PUSHES, bundle),
+        cell=blind,
+        options={"trials": 2},
+    )
+    assert (found.reasons, found.excluded) == ({"the tracker did not find the object": 2}, {})
+    assert [trial.sighting.found_s for trial in found.items] == [None, None]
+    assert runner.outcome.metrics["found"] == (0.0, "of 2")
 
 
 @pytest.mark.parametrize("backend", ["mujoco", "stub"])

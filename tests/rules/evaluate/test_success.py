@@ -102,6 +102,30 @@ def test_a_perturbed_world_is_named_and_reference_comes_first(runner):
     assert [row[1] for row in table.rows[:2]] == ["twin / reference", "twin / perturbed"]
 
 
+def test_trials_with_a_tracker_have_rows_of_their_own(runner):
+    exact = (trials((18, 20)), trials((17, 20), world="reference"))
+    tracked = trials((14, 20), world="reference", poses="tracked")
+    table = runner.run(
+        "evaluate.success",
+        trials=together(*exact, tracked, trials((19, 20), "replay", "reference", poses="tracked")),
+        options={"paper": False},
+    )
+    first, second, mean, mean_tracked = rows(table)
+    assert (first["worlds"], second["worlds"]) == ("twin / reference", "twin / reference, tracked")
+    assert first["ACT"].startswith("90 (")
+    assert " / 85 (" in first["ACT"]
+    assert " / 70 (" in second["ACT"]
+    assert (first["replay"], second["replay"][:4]) == (None, "95 (")
+    assert (mean["worlds"], mean_tracked["worlds"]) == ("twin / other", "twin / other, tracked")
+    assert (" / 85 (" in mean["ACT"], " / 70 (" in mean_tracked["ACT"]) == (True, True)
+    moved = runner.run("evaluate.transfer", trials=together(*exact, tracked)).rows
+    assert [row[0] for row in moved[:4]] == [
+        *("cells: policy in a task", "cells, reference world", "cells, reference, tracked world"),
+        "means of policies",
+    ]
+    assert [row[1] for row in moved[:4]] == [2, 1, 1, 2]
+
+
 @pytest.mark.parametrize(
     ("parts", "message"),
     [

@@ -12,7 +12,9 @@ from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.reconstruction import Tracker, reconstruct
 from dextera_build.sim.runtime.replay import Replay
 from dextera_build.sim.runtime.rollout import open_loop
+from dextera_build.sim.runtime.tracked_cell import NOT_FOUND, TrackedCell
 from tests import gate
+from tests.sim.runtime import cells
 
 
 def drawn(environment: Environment, seed: int = 0) -> Start:
@@ -138,3 +140,26 @@ def test_objects_are_matched_by_name(twin):
     world_case = found.episode.objects[0, 1]
     assert twin_case[:3] == pytest.approx(world_case[:3], abs=1e-6)
     assert quaternions.to_matrix(twin_case[3:]) == pytest.approx(quaternions.to_matrix(world_case[3:]), abs=1e-5)
+
+
+@pytest.mark.parametrize("found", [True, False])
+def test_with_a_cell_the_twin_is_set_up_as_its_tracker_sees_the_world(found):
+    twin, world = Environment(gate.bundle()), Environment(gate.bundle("reference"))
+    seen: list[Start] = []
+
+    def synthesise(start: Start, seed: int) -> Episode:
+        seen.append(start)
+        return open_loop(twin, start, np.full((50, 1), gate.target(gate.PUSHES)))
+
+    cell = cells.cell(**({} if found else {"loss": 1.0}))
+    with TrackedCell(world, cell, ("case",)) as watching:
+        done = Replay(twin, world, synthesise, tries=1, cell=watching).attempt(5)
+    assert done.episode is not None
+    assert done.episode.success is found
+    if not found:
+        assert (done.episode.reason, done.rehearsal, seen) == (NOT_FOUND, None, [])
+        return
+    twin.begin(seen[0])
+    placed = twin.object_poses()
+    assert placed[:, :3] == pytest.approx(done.placed[:, :3], abs=0.003)
+    assert not np.array_equal(placed, done.placed)

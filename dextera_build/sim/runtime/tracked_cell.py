@@ -1,0 +1,220 @@
+"""A simulated world that is measured as hardware is: frames of one camera, a tracker, and a calibration.
+
+Frames show the true world from where the camera truly stands. They come at the camera's rate with the noise of a
+sensor, some are lost, and what the tracker finds in one arrives after a delay. Until then, and while an object is not
+found, its last known pose holds; before it was ever found, that of the photograph. Nothing here reads the simulator's
+poses, except to be compared in a `Sighting`, which only evaluations see.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Mapping
+from contextlib import ExitStack
+from typing import Self
+
+import numpy as np
+
+from dextera_build.artifacts.cell import Cell
+from dextera_build.artifacts.episode import Start
+from dextera_build.artifacts.trials import Sighting
+from dextera_build.errors import RuleError, listing
+from dextera_build.geometry import poses, transforms
+from dextera_build.geometry.tracking.model import Model
+from dextera_build.geometry.tracking.thing import Tracked
+from dextera_build.geometry.tracking.tracker import Tracker
+from dextera_build.policy.observation import Measurement
+from dextera_build.sim.render.rendering import Eye
+from dextera_build.sim.render.sensor import measure_colour, measure_depth
+from dextera_build.sim.runtime import starts
+from dextera_build.sim.runtime.environment import Environment
+
+NOT_FOUND = "the tracker did not find the object"
+PHOTOGRAPHED = 5
+"""Frames of the scene as photographed, from which the tracker learns how its objects look."""
+AWAY_S = 10.0
+"""Time in which somebody moves the objects, unseen [s]."""
+CONFIRMED = 5
+"""Frames in a row in which an object must be tracked before a trial begins."""
+
+Found = Mapping[str, Tracked]
+
+
+class TrackedCell:
+    """Measures an environment through a cell; a context manager, because it holds a GL context.
+
+    Every trial begins with a new tracker, so it does not depend on the trials before.
+
+    Args:
+        environment: The true world.
+        cell: Its camera and tracker.
+        names: Objects to track; the poses of others stay those of the photograph.
+
+    Raises:
+        RuleError: The cell has no asset of an object.
+    """
+
+    def __init__(self, environment: Environment, cell: Cell, names: Collection[str]) -> None:
+        self.environment, self.cell = environment, cell
+        bundle = environment.bundle
+        check(cell, bundle.objects)
+        self._names = tuple(name for name in bundle.objects if name in {*names, bundle.task.object})
+        self._models = {name: Model.of(cell.assets[name].body) for name in self._names}
+        base = transforms.invert(bundle.base_pose.matrix)
+        self._photographed = {name: base @ cell.assets[name].pose.matrix for name in bundle.objects}
+        self._row = {name: number for number, name in enumerate(bundle.objects)}
+        self._columns = _columns({name: len(thing.joints) for name, thing in bundle.objects.items()})
+        self._held = ExitStack()
+        self._reset(0)
+
+    def __enter__(self) -> Self:
+        """Open the camera."""
+        environment, cell = self.environment, self.cell
+        pose = environment.bundle.base_pose.matrix @ cell.eye.matrix
+        self._eye = self._held.enter_context(Eye(environment.model, cell.camera, pose, samples=1))
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Close the camera."""
+        self._held.close()
+
+    def begin(self, start: Start) -> str:
+        """Show the camera the scene as photographed, then that of a start until the objects are found.
+
+        The world stands still meanwhile.
+
+        Returns:
+            Why there can be no trial; empty if the task's object was found.
+        """
+        self._reset(start.seed)
+        self.environment.begin(starts.photographed(self.environment.bundle, self.environment.model))
+        scene = self._picture()
+        for _ in range(PHOTOGRAPHED):
+            self._step(scene, self._clock)
+        self.environment.begin(start)
+        self._clock += AWAY_S
+        self._search(self._picture())
+        if self._found_s is None:
+            return NOT_FOUND
+        # The robot waits at rest, so that all of this has arrived.
+        self._arrive(np.inf)
+        self._begun = self._clock
+        return ""
+
+    def measure(self, rgb: np.ndarray | None = None) -> Measurement:
+        """Readings of the encoders, the last poses that arrived from the tracker, and the given picture."""
+        now = self._begun + self.environment.steps * self.environment.period_s
+        if now >= self._clock - 1e-9:
+            self._compare(self._step(self._picture(), now))
+        self._arrive(now)
+        joints = self.environment.measure().joints
+        return Measurement(joints, self._poses.copy(), self._displacement.copy(), rgb)
+
+    @property
+    def sighting(self) -> Sighting:
+        """How the tracker did in the present trial."""
+        return Sighting(
+            found_s=self._found_s,
+            frames=self._frames,
+            tracked=len(self._errors),
+            distances_m=tuple(error[0] for error in self._errors),
+            angles_rad=tuple(error[1] for error in self._errors),
+            joints_rad=tuple(error[2] for error in self._errors if np.isfinite(error[2])),
+        )
+
+    def _reset(self, seed: int) -> None:
+        self._random = np.random.default_rng([seed, self.cell.seed, 3])
+        self._tracker = Tracker(self._models, self.cell.camera.matrix())
+        assets = self.cell.assets
+        self._tracker.start({name: self.cell.mount.matrix @ self._photographed[name] for name in self._names})
+        self._poses = np.array([poses.from_matrix(pose) for pose in self._photographed.values()])
+        self._displacement = np.array([joint.position for name in self._row for joint in assets[name].body.joints])
+        self._waiting: deque[tuple[float, Found]] = deque()
+        self._clock = 0.0  # when the next frame is due [s]
+        self._begun = 0.0  # when the trial began [s]
+        self._found_s: float | None = None
+        self._frames, self._errors = 0, list[tuple[float, float, float]]()
+
+    def _picture(self) -> tuple[np.ndarray, np.ndarray]:
+        """Colours (H, W, 3) 0..1 and depth (H, W) [m] of the present state, without noise."""
+        data = self.environment.data
+        return self._eye.rgb(data) / 255.0, self._eye.depth(data).astype(np.float64)
+
+    def _search(self, scene: tuple[np.ndarray, np.ndarray]) -> None:
+        """Send frames to the tracker until all objects are found, or the time is over."""
+        times = dict.fromkeys(self._names, 0)
+        first, object_name = self._clock, self.environment.task.object
+        while min(times.values()) < CONFIRMED and self._clock - first < self.cell.search_s - 1e-9:
+            stamp = self._clock
+            found = self._step(scene, stamp)
+            for name, tracked in (found or {}).items():
+                times[name] = times[name] + 1 if tracked.status == "tracked" else 0
+            if times[object_name] == 0:
+                self._found_s = None
+            elif self._found_s is None:
+                self._found_s = stamp - first
+
+    def _step(self, scene: tuple[np.ndarray, np.ndarray], stamp: float) -> Found | None:
+        """Send a frame through the sensor to the tracker, and set the time of the next one; None if it is lost."""
+        cell = self.cell
+        self._clock += 1.0 / cell.rate_hz
+        if self._random.uniform() < cell.loss:
+            return None
+        depth = measure_depth(scene[1], scene[0], cell.camera.matrix(), cell.depth_noise, self._random)
+        rgb = measure_colour(scene[0], cell.colour_noise, self._random)
+        found = self._tracker.step(rgb, depth, stamp, moved=np.eye(4))
+        self._waiting.append((stamp + cell.delay_s, found))
+        return found
+
+    def _arrive(self, now: float) -> None:
+        """Take over what the tracker has sent by now; while it has no pose, the last one holds."""
+        while self._waiting and self._waiting[0][0] <= now + 1e-9:
+            for name, tracked in self._waiting.popleft()[1].items():
+                if tracked.pose is not None:
+                    self._poses[self._row[name]] = poses.from_matrix(self.cell.placed(tracked.pose))
+                    self._displacement[self._columns[name]] = tracked.joints
+
+    def _compare(self, found: Found | None) -> None:
+        """Note how far the pose of the task's object is from the true one."""
+        if found is None:
+            return
+        self._frames += 1
+        name = self.environment.task.object
+        tracked = found[name]
+        if tracked.status != "tracked" or tracked.pose is None:
+            return
+        truth = self.environment.measure()
+        away = transforms.invert(poses.to_matrix(truth.objects[self._row[name]])) @ self.cell.placed(tracked.pose)
+        joints = np.abs(tracked.joints - truth.displacement[self._columns[name]])
+        self._errors.append(
+            (
+                float(np.linalg.norm(away[:3, 3])),
+                transforms.angle(away[:3, :3]),
+                float(joints.max()) if len(joints) else np.nan,
+            )
+        )
+
+
+def check(cell: Cell, names: Collection[str]) -> None:
+    """Refuse a cell whose tracker does not know all objects.
+
+    Raises:
+        RuleError: An asset is missing.
+    """
+    missing = sorted(set(names) - set(cell.assets))
+    if missing:
+        raise RuleError(
+            f"the tracker of this cell does not know `{missing[0]}`",
+            code="DXB-B247",
+            facts={"known": listing(cell.assets)},
+            hint="make the cell from the assets of the task's twin",
+        )
+
+
+def _columns(counts: Mapping[str, int]) -> dict[str, slice]:
+    """Columns of `Measurement.displacement` that belong to each object, from the numbers of joints."""
+    found, first = {}, 0
+    for name, count in counts.items():
+        found[name] = slice(first, first + count)
+        first += count
+    return found
