@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
+from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskSpec, WorldKind
@@ -32,6 +33,9 @@ class Trial(Value):
 
 class Trials(Artifact):
     """Trials of one actor in one task of one world. Equal seeds give equal starts."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.unchanged}
 
     actor: Actor
     """Source of the actions."""
