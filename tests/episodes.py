@@ -11,6 +11,7 @@ import numpy as np
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.episode import Episode, Episodes, Segment, Start
+from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.artifacts.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.task import TaskBundle, TaskObject, TaskSpec, View
 from dextera_build.geometry import poses, quaternions, transforms
@@ -114,7 +115,7 @@ def bundle() -> TaskBundle:
         model=Folder(files={"scene.xml": xml.encode()}),
         robot=robot(),
         base_pose=factories.placed(WORLD_FROM_BASE, "base"),
-        task=TaskSpec(name="LiftBox", primitive="lift", object="box", height_m=RISE_M, timeout_s=4.0),
+        task=TaskSpec(name="LiftBox", object="box", goal=LiftGoal(height_m=RISE_M), timeout_s=4.0),
         objects={
             "box": _object(factories.pose(0.0, 0.0, BOX_HALF_M[2])),
             "case": _object(factories.pose(0.2, 0.15, 0.01), joints=("case_lid_hinge",)),
@@ -150,6 +151,7 @@ def small(count: int = 3, steps: int = 20, seed: int = 0) -> Episodes:
         object_names=("box", "case"),
         displacement_names=("case_lid_hinge",),
         tip_names=("tip_left", "tip_right"),
+        limb_names=("arm",),
     )
 
 
@@ -174,7 +176,7 @@ def episode(steps: int = 20, *, seed: int = 0) -> Episode:
         action=ahead.astype(np.float32),
         executed=(ahead + rng.normal(0.0, 0.002, ahead.shape)).astype(np.float32),
         joints=joints.astype(np.float32),
-        hand=np.array([_palm(row) for row in ahead], np.float32),
+        hand=np.array([[_palm(row)] for row in ahead], np.float32),
         objects=np.array([[_seven(place) for place in pair] for pair in places], np.float32),
         displacement=np.linspace(0.0, 0.3, steps, dtype=np.float32)[:, None],
         contact=np.stack([rise, -rise, 0.2 * rise], axis=-1)[:, None, :].repeat(2, axis=1).astype(np.float32),

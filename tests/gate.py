@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.artifacts.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.task import Reset, TaskBundle, TaskObject, TaskSpec, View, WorldKind
 from dextera_build.geometry import quaternions
@@ -82,10 +83,8 @@ def bundle(kind: WorldKind = "twin", *, peg_m: float = 0.15, yaw_rad: float = 0.
         base_pose=factories.placed(WORLD_FROM_BASE, "base"),
         task=TaskSpec(
             name="OpenGate",
-            primitive="articulate",
             object="case",
-            joints={"case_flap_hinge": 0.9},
-            tolerance=0.25,
+            goal=ArticulateGoal(joints={"case_flap_hinge": 0.9}, tolerance=0.25),
             hold_s=0.3,
             timeout_s=3.0,
             reset=Reset(position_m=0.005, yaw_rad=yaw_rad, clutter_m=0.02, robot_rad=0.05),

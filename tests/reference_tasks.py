@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.task import TaskBundle, TaskObject, TaskSpec
@@ -88,7 +89,7 @@ def bundle(placed: dict[str, Asset], moved: np.ndarray | None = None) -> TaskBun
         model=compose.with_robot(scene, robot(), base),
         robot=robot(),
         base_pose=factories.placed(base, "base"),
-        task=TaskSpec(name="Test", primitive="lift", object="red_box", height_m=0.1),
+        task=TaskSpec(name="Test", object="red_box", goal=LiftGoal(height_m=0.1)),
         objects={name: _object(name, asset) for name, asset in sorted(placed.items())},
     )
 

@@ -7,13 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.artifacts.task import TaskSpec, WorldKind
 from dextera_build.artifacts.trials import Trial, Trials
 
 
 def task(name: str = "CloseLaptop", **changed: float) -> TaskSpec:
     """A task of that name."""
-    return TaskSpec(name=name, primitive="articulate", object="laptop", joints={"hinge": 0.0}, **changed)
+    tolerance = changed.pop("tolerance", 0.0)
+    return TaskSpec(
+        name=name, object="laptop", goal=ArticulateGoal(joints={"hinge": 0.0}, tolerance=tolerance), **changed
+    )
 
 
 def trials(
@@ -80,4 +84,5 @@ def none() -> Episodes:
         object_names=("laptop",),
         displacement_names=("hinge",),
         tip_names=(),
+        limb_names=(),
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.goals import ArticulateGoal, LiftGoal
 from dextera_build.artifacts.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.task import Reset, TaskBundle, TaskObject, TaskSpec
 from dextera_build.geometry import quaternions
@@ -117,7 +118,7 @@ def lift(
         reset: Start distribution; None: always the same start.
         height_m: How far [m].
     """
-    task = TaskSpec(name="LiftBox", primitive="lift", object="box", height_m=height_m, timeout_s=4.0)
+    task = TaskSpec(name="LiftBox", object="box", goal=LiftGoal(height_m=height_m), timeout_s=4.0)
     return _bundle(task, world_from_base, extra, reset)
 
 
@@ -128,10 +129,8 @@ def close(
     joints = {"case_lid_hinge": goal}
     task = TaskSpec(
         name="CloseCase",
-        primitive="articulate",
         object="case",
-        joints=joints,
-        tolerance=0.1,
+        goal=ArticulateGoal(joints=joints, tolerance=0.1),
         hold_s=hold_s,
         timeout_s=4.0,
     )

@@ -16,6 +16,7 @@ from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.content import Content, Get, OnDisk, Stored
 from dextera_build.artifacts.identity import check
 from dextera_build.artifacts.lazy import contents
+from dextera_build.artifacts.limb import ONLY
 from dextera_build.errors import ArtifactError
 
 _MOST = 1 << 30
@@ -62,10 +63,25 @@ class Segment(Value):
     """The body that end-effector poses are kept relative to; empty: free motion that connects two segments."""
     contact: bool
     """Whether the hand should touch the task's object in this segment."""
+    limbs: tuple[str, ...] = ()
+    """Limbs that move; empty: the only one."""
+
+
+def _one_hand(fields: former.Fields) -> former.Fields:
+    """Version 1 held the palm pose of one hand (T, 7)."""
+    return {**fields, "hand": fields["hand"][:, None]}
+
+
+def _one_limb(fields: former.Fields) -> former.Fields:
+    """Version 1 knew robots with one hand only."""
+    return {**fields, "limb_names": (ONLY,)}
 
 
 class Episode(Artifact):
     """One attempt. Arrays are sampled at control rate: row t is the observation, then the command."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: _one_hand}
 
     start: Start
     """Its initial state."""
@@ -83,9 +99,9 @@ class Episode(Artifact):
     """Joint targets that were sent: `action` with added noise."""
     joints: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
     """Measured positions of the robot's joints."""
-    hand: Annotated[np.ndarray, Array("T 7", "float32", frame="base")]
-    """Palm pose that the targets in `action` were made for (operator, synthesis), or that was measured (policy,
-    replay): position [m] and unit quaternion w x y z, in the robot's base."""
+    hand: Annotated[np.ndarray, Array("T L 7", "float32", frame="base")]
+    """Palm pose of every limb that the targets in `action` were made for (operator, synthesis), or that was measured
+    (policy, replay, limbs that were not commanded): position [m] and unit quaternion w x y z, in the robot's base."""
     objects: Annotated[np.ndarray, Array("T O 7", "float32", frame="base")]
     """Poses of the bundle's objects in its order: position [m] and unit quaternion w x y z, in the robot's base."""
     displacement: Annotated[np.ndarray, Array("T K", "float32")]
@@ -93,11 +109,14 @@ class Episode(Artifact):
     contact: Annotated[np.ndarray, Array("T F 3", "float32", unit="N", frame="base")]
     """Force on each fingertip; privileged."""
     goal: Annotated[np.ndarray, Array("G", "float32")]
-    """The goal as policies see it: rise [m], or commanded joint positions [rad or m]."""
+    """The goal as policies see it, see `dextera_build.artifacts.goals`."""
 
 
 class Episodes(Artifact):
     """Episodes of one task, readable without the task's model."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: _one_limb}
 
     items: dict[str, Episode]
     """Index -> accepted episode, in order."""
@@ -119,6 +138,8 @@ class Episodes(Artifact):
     """Joints of `Episode.displacement`."""
     tip_names: tuple[str, ...]
     """Fingertips of `Episode.contact`."""
+    limb_names: tuple[str, ...]
+    """Limbs of `Episode.hand`."""
 
     def in_order(self) -> list[tuple[str, Episode]]:
         """Accepted episodes with their indices, `2` before `10`; the store sorts keys of dictionaries as text."""

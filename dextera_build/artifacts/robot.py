@@ -1,35 +1,20 @@
-"""Robots: a kinematic model that loads in MuJoCo, with its joints, frames and grips."""
+"""Robots: a kinematic model that loads in MuJoCo, with its joints, frames and limbs."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Any, ClassVar
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Artifact, Folder, Value
-
-Group = Literal["arm", "hand"]
-"""Morphology class of a link or joint; alignment weighs the two equally."""
-
-
-class RobotJoint(Value):
-    """One actuated joint."""
-
-    name: str
-    """Name in the MJCF."""
-    group: Group
-    """Arm or hand."""
-    lower: float
-    """Lower limit [rad or m]."""
-    upper: float
-    """Upper limit [rad or m]."""
-    velocity: float
-    """Largest speed [rad/s or m/s]."""
-    effort: float
-    """Largest torque or force [N m or N]."""
-    home: float
-    """Home position [rad or m]."""
+from dextera_build.artifacts.limb import Grip as Grip
+from dextera_build.artifacts.limb import Gripper as Gripper
+from dextera_build.artifacts.limb import Group as Group
+from dextera_build.artifacts.limb import Limb as Limb
+from dextera_build.artifacts.limb import RobotJoint as RobotJoint
+from dextera_build.artifacts.limb import limbs_of
 
 
 class Follower(Value):
@@ -47,27 +32,23 @@ class Follower(Value):
     """Its position when the leader is at 0 [rad or m]."""
 
 
-class Grip(Value):
-    """A way to use the hand, as data: finger postures by joint, and directions of the hand in its frame `palm`."""
-
-    against: Literal["thumb", "palm", "nothing"]
-    """The opposing side of the grip; `nothing`: the fingers push with their tips."""
-    open: dict[str, float]
-    """Joint -> position at its widest [rad]; joints left out are at home."""
-    closed: dict[str, float] = Field(default_factory=dict)
-    """Joint -> position with nothing in the hand [rad]; joints left out stay as in `open`."""
-    facing: tuple[float, float, float] = (0.0, 0.0, -1.0)
-    """Unit direction out of the palm."""
-    pointing: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    """Unit direction along the straight fingers."""
-    surface_m: float = 0.0
-    """Distance of the palm's surface from the palm's frame, along `facing` [m]."""
-    tip_radius_m: float = 0.0
-    """Distance of a finger's surface from its tip frame [m]."""
+def _without_grips(fields: former.Fields) -> former.Fields:
+    """Version 1 kept the grips of its one hand beside the joints, and had no limbs."""
+    grips = fields.pop("grips", {})
+    limbs = limbs_of(fields)
+    fitting = {
+        name: {key: grip for key, grip in grips.items() if {*grip.open, *grip.closed} <= set(limb.hand)}
+        for name, limb in limbs.items()
+    }
+    return {**fields, "limbs": {name: limb.model_copy(update={"grips": fitting[name]}) for name, limb in limbs.items()}}
 
 
 class RobotModel(Artifact):
     """A robot as data."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: _without_grips}
+    former_fields: ClassVar[Mapping[str, Any]] = {"grips": dict[str, Grip]}
 
     model: Folder
     """`robot.xml` (MJCF) and the files that it names, relative; root body `base`, fixed to the world, z up."""
@@ -76,11 +57,12 @@ class RobotModel(Artifact):
     links: dict[str, Group]
     """MJCF body -> class; the base belongs to the arm."""
     frames: dict[str, str]
-    """Role -> MJCF site: `flange`, `palm`, a fingertip per finger; of two arms also as `left_...` and `right_...`."""
+    """Role -> MJCF site: `flange`, `palm`, a fingertip per finger; of several limbs with their names first:
+    `left_palm`."""
     source: str
     """Source of kinematics, masses and limits."""
-    grips: dict[str, Grip] = Field(default_factory=dict)
-    """Name -> a way to use the hand: `pinch`, `wrap`, `point`."""
+    limbs: dict[str, Limb] = Field(default_factory=dict)
+    """Name -> limb: `left` and `right`, or `arm`. Left out, they follow from the roles of `frames`, see `limbs_of`."""
     followers: tuple[Follower, ...] = ()
     """Joints that move with an actuated one; they are not part of an action."""
 
@@ -94,9 +76,19 @@ class RobotModel(Artifact):
         return tuple(joint.name for joint in self.joints if joint.group == group)
 
     @property
+    def limb_names(self) -> tuple[str, ...]:
+        """Names of the limbs, in the order of all arrays by limb; the store sorts keys of dictionaries as text."""
+        return tuple(sorted(self.limbs))
+
+    @property
     def tips(self) -> tuple[str, ...]:
-        """Roles of the fingertips among `frames`, in order."""
-        return tuple(role for role in self.frames if role.startswith("tip_"))
+        """Roles of the fingertips of all limbs among `frames`, in order."""
+        return tuple(role for name in self.limb_names for role in self.limbs[name].tips)
+
+    def limb_home(self, name: str) -> dict[str, float]:
+        """Joint of a limb -> home position [rad or m]."""
+        limb = self.limbs[name]
+        return {joint: position for joint, position in self.home.items() if joint in (*limb.arm, *limb.hand)}
 
     def followed(self, joints: Mapping[str, float]) -> dict[str, float]:
         """`joints` with the position of every follower whose leader is among them [rad or m]."""
@@ -106,3 +98,10 @@ class RobotModel(Artifact):
             if follower.leader in joints
         }
         return {**joints, **led}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_limbs(cls, fields: dict[str, Any]) -> dict[str, Any]:
+        if fields.get("limbs"):
+            return fields
+        return {**fields, "limbs": limbs_of(fields)}

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from dextera_build.artifacts import former
+from dextera_build.artifacts import former, goals
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
+from dextera_build.artifacts.goals import Goal
+from dextera_build.artifacts.goals import Primitive as Primitive
 from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 
-Primitive = Literal["lift", "articulate"]
-"""Kind of objective; its success and reward are stated in `dextera_build.sim.primitives`."""
 WorldKind = Literal["twin", "reference", "perturbed"]
 """`twin`: built from the capture. `reference`: a simulated world with its own truth and physics, the stand-in for
 hardware. `perturbed`: the twin with disturbed geometry and physics, if no reference world exists. None is real."""
@@ -46,16 +46,12 @@ class TaskSpec(Value):
 
     name: str
     """`CloseLaptop`."""
-    primitive: Primitive
-    """Kind of objective."""
     object: str
     """Root body that the task is about."""
-    height_m: float = 0.0
-    """lift: required rise of the object's origin above its start [m]."""
-    joints: dict[str, float] = Field(default_factory=dict)
-    """articulate: joint in the model -> commanded position [rad or m]."""
-    tolerance: float = 0.0
-    """articulate: largest distance of every joint from its command [rad or m]."""
+    goal: Goal = Field(discriminator="primitive")
+    """What is to be reached; its type is the primitive."""
+    limbs: tuple[str, ...] = ()
+    """Limbs that must do it, together if there are several; empty: any."""
     hold_s: float = 0.5
     """The condition must hold without a break for this long at the end [s]; the same in every world."""
     timeout_s: float = 8.0
@@ -66,18 +62,42 @@ class TaskSpec(Value):
     """Start distribution."""
 
     @property
-    def goal(self) -> tuple[float, ...]:
-        """The goal as policies see it: commanded joint positions [rad or m], or the rise [m]."""
-        return tuple(self.joints.values()) if self.primitive == "articulate" else (self.height_m,)
+    def primitive(self) -> Primitive:
+        """Kind of objective."""
+        return self.goal.primitive
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_goal(cls, fields: dict[str, Any]) -> dict[str, Any]:
+        """Specs that were stored before there were goals state the fields of both primitives instead."""
+        if "primitive" not in fields:
+            return fields
+        parts = {name: fields[name] for name in ("primitive", "height_m", "joints", "tolerance") if name in fields}
+        rest = {name: value for name, value in fields.items() if name not in parts}
+        return {**rest, "goal": goals.former(**parts)}
+
+
+class Cavity(Artifact):
+    """The room inside a container that stands upright, by columns of a grid: open above, closed below and around."""
+
+    corner_m: tuple[float, float]
+    """x and y of the grid's first corner, in the object's frame [m]."""
+    cell_m: float
+    """Edge of a column [m]."""
+    floor_m: Annotated[np.ndarray, Array("X Y", "float32", unit="m", frame="object")]
+    """Height of the surface below the room; that of `rim_m` where there is no room."""
+    rim_m: Annotated[np.ndarray, Array("X Y", "float32", unit="m", frame="object")]
+    """Height of the lowest rim over which water would run out of this column."""
 
 
 class TaskObject(Artifact):
     """One movable object of a task's model."""
 
-    type_version: ClassVar[int] = 3
+    type_version: ClassVar[int] = 4
     readers: ClassVar[former.Readers] = {
         1: former.pose("world_from_object", "pose", "world", "object"),
         2: former.unchanged,
+        3: former.unchanged,
     }
 
     joints: tuple[str, ...]
@@ -96,6 +116,8 @@ class TaskObject(Artifact):
     """Standard deviation of `friction`."""
     points: Annotated[np.ndarray, Array("P 3", "float32", unit="m", frame="object")]
     """Points sampled on its surface by area, joints as in the photograph."""
+    cavity: Cavity | None = None
+    """The room inside a container; None where nothing asks for it."""
 
 
 class TaskBundle(Artifact):
@@ -105,8 +127,11 @@ class TaskBundle(Artifact):
     assets were tracked there: states, actions and success have the same meaning.
     """
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.pose("world_from_base", "base_pose", "world", "base")}
+    type_version: ClassVar[int] = 3
+    readers: ClassVar[former.Readers] = {
+        1: former.pose("world_from_base", "base_pose", "world", "base"),
+        2: former.unchanged,
+    }
 
     model: Folder
     """`scene.xml` and its files: scene and robot, whose names begin with `robot/`. No camera: see `View`."""
@@ -131,6 +156,11 @@ class TaskBundle(Artifact):
 
     latency_s: float = 0.0
     """Time from a command to its effect in this world [s]."""
+
+    @property
+    def goal_numbers(self) -> tuple[float, ...]:
+        """The goal as policies see it, in the base frame; `TaskSpec.goal` names the numbers."""
+        return self.task.goal.numbers(self.base_pose.inverse().matrix)
 
     @property
     def displacement_names(self) -> tuple[str, ...]:

@@ -59,7 +59,7 @@ def of_bundle(bundle: TaskBundle, view: View | None = None, rate_hz: float | Non
         joints=tuple(joint.name for joint in bundle.robot.joints),
         objects=tuple(bundle.objects),
         displacement=bundle.displacement_names,
-        goal=tuple(task.joints) if task.primitive == "articulate" else ("rise",),
+        goal=task.goal.names,
         picture=(view.camera.height, view.camera.width) if view else None,
     )
 
@@ -101,4 +101,5 @@ def gathered(
         object_names=here.objects,
         displacement_names=here.displacement,
         tip_names=bundle.robot.tips,
+        limb_names=bundle.robot.limb_names,
     )

@@ -39,7 +39,7 @@ class DeployableObservation:
     displacement: np.ndarray
     """Positions of the objects' joints (K,) float32 [rad or m]."""
     goal: np.ndarray
-    """Goal (G,) float32: rise [m], or commanded joint positions [rad or m]."""
+    """Goal (G,) float32 in the base frame, see `dextera_build.artifacts.goals`."""
     rgb: np.ndarray | None = None
     """Picture (H, W, 3) uint8 sRGB, or None."""
 
@@ -54,10 +54,10 @@ class PrivilegedObservation:
     """Speeds of the robot's joints (A,) float32 [rad/s]."""
     object_velocities: np.ndarray
     """Velocities of the objects' origins (O, 6) float32: linear [m/s], angular [rad/s], in the base frame."""
-    hand_pose: np.ndarray
-    """Pose of the palm (7,) float32 in the base frame."""
+    hand_poses: np.ndarray
+    """Pose of every limb's palm (L, 7) float32 in the base frame."""
     tip_poses: np.ndarray
-    """Poses of the fingertips (F, 7) float32 in the base frame."""
+    """Poses of the fingertips of all limbs (F, 7) float32 in the base frame."""
     tip_velocities: np.ndarray
     """Velocities of the fingertips (F, 6) float32: linear [m/s], angular [rad/s], in the base frame."""
     points: np.ndarray

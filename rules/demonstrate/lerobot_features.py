@@ -35,8 +35,8 @@ def features(episodes: Episodes, goal: tuple[str, ...]) -> dict[str, Feature]:
     """Features by name, without empty ones.
 
     LeRobot's policies use features whose names start with `observation` or `action`, so other features are named
-    differently: `executed_action` is `action` with noise as sent, `target.hand` the palm pose for `action`,
-    `privileged.contact` the force on the fingertips.
+    differently: `executed_action` is `action` with noise as sent, `target.hand` the palm pose for `action`, of several
+    limbs one after the other, `privileged.contact` the force on the fingertips.
 
     Args:
         episodes: Names and shapes of the channels.
@@ -44,13 +44,15 @@ def features(episodes: Episodes, goal: tuple[str, ...]) -> dict[str, Feature]:
     """
     objects = tuple(f"{name}.{part}" for name in episodes.object_names for part in POSE)
     forces = tuple(f"{name}.{part}" for name in episodes.tip_names for part in FORCE)
+    limbs = episodes.limb_names
+    hands = POSE if len(limbs) == 1 else tuple(f"{name}.{part}" for name in limbs for part in POSE)
     vectors = {
         "observation.state": episodes.joint_names,
         "observation.environment_state": (*objects, *episodes.displacement_names),
         "observation.goal": goal,
         "action": episodes.joint_names,
         "executed_action": episodes.joint_names,
-        "target.hand": POSE,
+        "target.hand": hands,
         "privileged.contact": forces,
     }
     found = {name: Feature("float32", parts) for name, parts in vectors.items() if parts}
@@ -79,7 +81,7 @@ def columns(rate_hz: float, episode: Episode, number: int, first: int) -> dict[s
         "observation.goal": np.tile(episode.goal, (steps, 1)),
         "action": episode.action,
         "executed_action": episode.executed,
-        "target.hand": episode.hand,
+        "target.hand": episode.hand.reshape(steps, -1),
         "privileged.contact": episode.contact.reshape(steps, -1),
         "next.done": last,
         "next.success": last & episode.success,

@@ -110,8 +110,10 @@ class EpisodeRecording:
         for topic, targets in (("/joint_trajectory", episode.action), ("/executed/joint_trajectory", episode.executed)):
             message = messages.joint_trajectory(t, names, targets[step], reach)
             self._out.send(topic, "trajectory_msgs/JointTrajectory", t, message)
-        hand = messages.pose(t, BASE, episode.hand[step])
-        self._out.send("/target/hand", "geometry_msgs/PoseStamped", t, hand)
+        limbs = self._episodes.limb_names
+        for limb, pose in zip(limbs, episode.hand[step], strict=True):
+            topic = "/target/hand" if len(limbs) == 1 else f"/target/{limb}/hand"
+            self._out.send(topic, "geometry_msgs/PoseStamped", t, messages.pose(t, BASE, pose))
         objects = zip(self._episodes.object_names, episode.objects[step], strict=True)
         edges = [(BASE, name, pose) for name, pose in objects]
         self._out.send("/tf", "tf2_msgs/TFMessage", t, messages.transforms(t, edges))

@@ -86,7 +86,6 @@ class Record:
     def kept(self) -> Episodes:
         """The kept examples, readable without the task's model."""
         layout = of_bundle(self.bundle)
-        roles = self.bundle.robot.frames
         kept = {
             success: {str(number): attempt.episode}
             for success, (number, attempt) in self.examples.items()
@@ -102,7 +101,8 @@ class Record:
             joint_names=layout.joints,
             object_names=layout.objects,
             displacement_names=layout.displacement,
-            tip_names=tuple(role for role in roles if role.startswith("tip_")),
+            tip_names=self.bundle.robot.tips,
+            limb_names=self.bundle.robot.limb_names,
         )
 
 

@@ -11,7 +11,7 @@ from dextera_build.artifacts.trials import Trials
 from dextera_build.rule import Context, Options
 from dextera_build.statistics import Rate
 
-JUDGED = ("primitive", "object", "height_m", "joints", "tolerance", "hold_s", "timeout_s", "control_hz")
+JUDGED = ("primitive", "object", "goal", "limbs", "hold_s", "timeout_s", "control_hz")
 """Fields of a task that define success; the distribution of starts may differ between worlds."""
 
 

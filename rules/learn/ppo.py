@@ -12,7 +12,7 @@ from dextera_build.rule import Context, rule
 from . import curve_picture
 from .ppo_options import PpoOptions
 from .practised import Practised
-from .reinforcement import contract_of
+from .reinforcement import contract_of, limb_of
 
 
 class PpoBackend(Protocol):
@@ -56,9 +56,10 @@ def _check(ctx: Context, bundle: TaskBundle, options: PpoOptions) -> None:
             ctx.fail(f"the policy moves targets by steps and needs `{name}`", hint=f"add `{name}` to `inputs`")
     if "rgb" in options.inputs:
         ctx.fail("learn.ppo learns from numbers, not from pictures", hint="leave `rgb` out of `inputs`")
-    if options.control == "palm" and "palm" not in bundle.robot.frames:
+    limb = bundle.robot.limbs[limb_of(bundle)]
+    if options.control == "palm" and not limb.palm:
         ctx.fail("the robot has no frame `palm` that could be steered", hint="set `control: joints`")
-    grips = bundle.robot.grips
+    grips = limb.grips
     if options.grip is not None and options.grip not in grips:
         ctx.fail(f"the robot has no grip `{options.grip}`", grips=listing(grips) or "none")
 

@@ -9,6 +9,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor, nn
 
+from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError
@@ -37,11 +38,11 @@ NEVER = 1 << 30
 
 
 def heading(ctx: Context, bundle: TaskBundle, options: Options) -> float | None:
-    """Initial push direction of the task's link about the vertical in the base [rad]; None for a lift."""
-    if bundle.task.primitive != "articulate":
+    """Initial push direction of the task's link about the vertical in the base [rad]; None if it has none."""
+    if not isinstance(bundle.task.goal, ArticulateGoal):
         return None
     environment = Environment(bundle)
-    name, goal = next(iter(bundle.task.joints.items()))
+    name, goal = next(iter(bundle.task.goal.joints.items()))
     joint = environment.data.joint(name)
     mechanism = Mechanism(environment.model, name)
     _, along = mechanism.pushed_at(goal - float(joint.qpos[0]), 1.0)

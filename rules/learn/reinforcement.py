@@ -36,13 +36,18 @@ def contract_of(bundle: TaskBundle, options: PpoOptions, heading_rad: float | No
     thing = bundle.objects[bundle.task.object]
     kept: dict[str, tuple[str, ...] | None] = {"objects": (bundle.task.object,), "displacement": thing.joints}
     inputs = [contracts.channel(layout, name, kept.get(name)) for name in options.inputs]
-    grip = grip_of(bundle, options.grip)
+    limb, grip = limb_of(bundle), grip_of(bundle, options.grip)
+    robot = bundle.robot
+    elsewhere = {name for other in robot.limbs.values() for name in (*other.arm, *other.hand)}
+    elsewhere -= {*robot.limbs[limb].arm, *robot.limbs[limb].hand}
     open_at = grip.open if grip else {}
     rest = tuple(float(open_at.get(joint.name, joint.home)) for joint in bundle.robot.joints)
     single = [
         joint.name
         for joint in bundle.robot.joints
-        if joint.group in options.groups and not (joint.group == "arm" and options.control == "palm")
+        if joint.group in options.groups
+        and not (joint.group == "arm" and options.control == "palm")
+        and joint.name not in elsewhere
     ]
     return PolicyContract(
         algorithm="ppo",
@@ -54,6 +59,7 @@ def contract_of(bundle: TaskBundle, options: PpoOptions, heading_rad: float | No
         dataset=bundle.encode(digest.of_bytes),
         settings={
             "control": options.control,
+            "limb": limb,
             "joints": " ".join(single),
             "decisions": len(single) + (3 if options.control == "palm" else 0),
             "places": 6 if options.control == "palm" else 0,
@@ -68,9 +74,14 @@ def contract_of(bundle: TaskBundle, options: PpoOptions, heading_rad: float | No
     )
 
 
+def limb_of(bundle: TaskBundle) -> str:
+    """The limb that the policy moves: the first that the task names, or the robot's first."""
+    return (*bundle.task.limbs, *bundle.robot.limb_names)[0]
+
+
 def grip_of(bundle: TaskBundle, name: str | None) -> Grip | None:
-    """The grip named `name`; None: a suitable one, if the robot has any."""
-    grips = bundle.robot.grips
+    """The grip named `name`; None: a suitable one, if the hand has any."""
+    grips = bundle.robot.limbs[limb_of(bundle)].grips
     if name is not None:
         return grips[name]
     wanted = ("nothing",) if bundle.task.primitive == "articulate" else ("thumb", "palm")

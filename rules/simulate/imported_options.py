@@ -6,7 +6,8 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from dextera_build.rule import Options
 
-from .robot import FrameOptions, GripOptions, Quaternion, Vector
+from .limbs import GripOptions, LimbOptions, Quaternion, Vector
+from .robot import FrameOptions
 
 
 class PartOptions(Options):
@@ -69,6 +70,8 @@ class ImportedRobotOptions(Options):
     effort_nm: PositiveFloat | None = None
     """Maximum torque of joints whose file states none [N m]."""
     grips: dict[str, GripOptions] = Field(default_factory=dict)
-    """Name -> grip of the hand."""
+    """Name -> grip of the only hand."""
+    limbs: dict[str, LimbOptions] = Field(default_factory=dict)
+    """Limb -> what the roles of `frames` do not say of it."""
     apart: tuple[tuple[str, str], ...] = ()
     """Pairs of links excluded from contact, in addition to neighbours and to those that touch at home."""

@@ -12,13 +12,13 @@ from dextera_build.rule import Context, rule
 
 from . import imported_parts
 from .imported_options import ImportedRobotOptions
-from .robot import grips_of
+from .limbs import limbs_of
 
 if TYPE_CHECKING:
     from dextera_build.sim.model.imported.assembly import Placed
 
 
-@rule(version=1, packages=("mujoco",))
+@rule(version=2, packages=("mujoco",))
 def imported_robot(ctx: Context, files: Folder, *, options: ImportedRobotOptions) -> RobotModel:
     """Return the robot of one file, or of an arm's and a hand's, with the roles that the options give.
 
@@ -50,9 +50,9 @@ def imported_robot(ctx: Context, files: Folder, *, options: ImportedRobotOptions
         links=found.links,
         frames={role: role for role in options.frames},
         source=options.source,
-        grips=grips_of(ctx, options.grips, found.joints),
         followers=found.followers,
     )
+    model = limbs_of(ctx, model, options.limbs, options.grips)
     imported_parts.check_places(ctx, model, parts, wanted, found.plan.fixed)
     mass = sum(each.mass for each in wanted)
     ctx.metric("mass", mass, "kg")

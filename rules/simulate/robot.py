@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.robot import Follower, Grip, Group, RobotJoint, RobotModel
+from dextera_build.artifacts.robot import Follower, Group, RobotJoint, RobotModel
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Fraction, Options, rule
 
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
+from .limbs import GripOptions, LimbOptions, Quaternion, Vector, limbs_of
 
 
 class PieceOptions(Options):
@@ -150,25 +148,6 @@ class FrameOptions(Options):
     """Rotation relative to the link, w x y z."""
 
 
-class GripOptions(Options):
-    """A grip of the hand."""
-
-    against: Literal["thumb", "palm", "nothing"]
-    """The opposing side of the grip; `nothing`: the fingers push with their tips."""
-    open_rad: dict[str, float]
-    """Joint -> position at the widest opening [rad]."""
-    closed_rad: dict[str, float] = Field(default_factory=dict)
-    """Joint -> position with nothing in the hand [rad]."""
-    facing: Vector = (0.0, 0.0, -1.0)
-    """Unit direction out of the palm, in frame `palm`."""
-    pointing: Vector = (1.0, 0.0, 0.0)
-    """Unit direction along the straight fingers, in frame `palm`."""
-    surface_m: float = 0.0
-    """Distance of the palm's surface from frame `palm`, along `facing` [m]."""
-    tip_radius_m: NonNegativeFloat = 0.0
-    """Distance of a finger's surface from its tip frame [m]."""
-
-
 class RobotOptions(Options):
     """Options of simulate.robot: the robot as data."""
 
@@ -181,14 +160,16 @@ class RobotOptions(Options):
     chains: tuple[ChainOptions, ...]
     """Chains; the first link of the first chain is named `base` and fixed."""
     frames: dict[str, FrameOptions]
-    """Role -> frame: `flange`, `palm`, `tip_index`, ..."""
+    """Role -> frame: `flange`, `palm`, `tip_index`, ...; of several limbs with their names: `left_palm`."""
     grips: dict[str, GripOptions] = Field(default_factory=dict)
-    """Name -> grip of the hand."""
+    """Name -> grip of the only hand."""
+    limbs: dict[str, LimbOptions] = Field(default_factory=dict)
+    """Limb -> what the roles of `frames` do not say of it."""
     apart: tuple[tuple[str, str], ...] = ()
     """Pairs of links excluded from contact, in addition to neighbours."""
 
 
-@rule(version=1, packages=("mujoco",))
+@rule(version=2, packages=("mujoco",))
 def robot(ctx: Context, *, options: RobotOptions) -> RobotModel:
     """Return the robot as MJCF of primitives: metres, kilograms, root body `base` in its own frame, z up."""
     from dextera_build.sim.model import robot as builder
@@ -206,9 +187,9 @@ def robot(ctx: Context, *, options: RobotOptions) -> RobotModel:
         links=links,
         frames={role: role for role in options.frames},
         source=options.source,
-        grips=grips_of(ctx, options.grips, joints),
         followers=followers,
     )
+    model = limbs_of(ctx, model, options.limbs, options.grips)
     ctx.preview(portrait.of_robot(model.model, model.followed(model.home)), "at home")
     return model
 
@@ -244,31 +225,6 @@ def _inventory(
     if unknown := sorted(named - set(links)):
         ctx.fail(f"no link is called `{unknown[0]}`", links=listing(links, most=40))
     return links, tuple(joints.values()), tuple(followers.values())
-
-
-def grips_of(ctx: Context, grips: Mapping[str, GripOptions], joints: tuple[RobotJoint, ...]) -> dict[str, Grip]:
-    """The grips, which move joints of the hand within their limits."""
-    hand = {joint.name: joint for joint in joints if joint.group == "hand"}
-    for name, grip in grips.items():
-        for joint, position in [*grip.open_rad.items(), *grip.closed_rad.items()]:
-            ctx.check(
-                joint in hand, f"grip `{name}` moves `{joint}`, which is not a joint of the hand", joints=listing(hand)
-            )
-            inside = hand[joint].lower <= position <= hand[joint].upper
-            limits = f"{hand[joint].lower:g} to {hand[joint].upper:g} rad"
-            ctx.check(inside, f"grip `{name}` bends `{joint}` beyond its limits", position=position, limits=limits)
-    return {
-        name: Grip(
-            against=grip.against,
-            open=grip.open_rad,
-            closed=grip.closed_rad,
-            facing=grip.facing,
-            pointing=grip.pointing,
-            surface_m=grip.surface_m,
-            tip_radius_m=grip.tip_radius_m,
-        )
-        for name, grip in grips.items()
-    }
 
 
 def _joint(ctx: Context, prefix: str, joint: JointOptions, group: Group) -> RobotJoint:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
+from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, ValidationError, model_validator
 
 from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.object import Asset
@@ -15,9 +15,12 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.scene import Scene
 from dextera_build.artifacts.task import Primitive, Reset, TaskBundle, TaskObject, TaskSpec
 from dextera_build.errors import listing
-from dextera_build.geometry import kinematics, metrics
 from dextera_build.rule import Context, Options, rule
 from dextera_build.sim.model import names
+from dextera_build.sim.primitives import catalogue
+from dextera_build.sim.primitives.base import Parameters, Setting, UnfitError
+
+from . import task_objects
 
 
 class ResetOptions(Options):
@@ -38,7 +41,7 @@ class ResetOptions(Options):
 
 
 class TaskOptions(Options):
-    """Options of simulate.task: the objective."""
+    """Options of simulate.task: the objective, and of its goal those that the primitive has."""
 
     name: str
     """Name of the task: `CloseLaptop`."""
@@ -46,12 +49,32 @@ class TaskOptions(Options):
     """Kind of objective."""
     object: str
     """Label of the task's asset."""
-    height_m: PositiveFloat = 0.10
-    """lift: required rise [m]."""
-    joints_deg: dict[str, float] = Field(default_factory=dict)
+    limbs: tuple[str, ...] = ()
+    """Limbs that must do it, together if there are several; empty: any."""
+    height_m: PositiveFloat | None = None
+    """lift: required rise [m]; 0.10."""
+    joints_deg: dict[str, float] | None = None
     """articulate: joint of the asset -> commanded position [deg]."""
-    tolerance_deg: PositiveFloat = 5.0
-    """articulate: maximum distance from the command [deg]."""
+    to_m: tuple[float, float] | tuple[float, float, float] | None = None
+    """Other primitives: target of the object's origin in the world, x and y for a push, else x, y and z [m]."""
+    by_m: tuple[float, float] | tuple[float, float, float] | None = None
+    """The same as a way from the photograph's position [m]."""
+    yaw_deg: float | None = None
+    """push: target turn about the vertical from the photograph's orientation [deg]; left out: any."""
+    turn_deg: tuple[float, float, float] | None = None
+    """pick_and_reorient, pick_and_place: target orientation as turns of the photograph's about x, y, z [deg]."""
+    into: str | None = None
+    """pick_and_place: label of the container in whose cavity the object must be, in place of a target."""
+    tolerance_m: PositiveFloat | None = None
+    """Maximum distance from a target [m]; 0.03."""
+    tolerance_deg: PositiveFloat | None = None
+    """Maximum distance of joints from their command, or rotation from a target [deg]; 5, or 15."""
+    symmetry: NonNegativeInt | None = None
+    """Orientations that look alike when the object turns about its own z axis; 0: all; 1."""
+    giver: str | None = None
+    """handover: limb that takes the object from its support."""
+    receiver: str | None = None
+    """handover: limb that holds it in the end."""
     hold_s: NonNegativeFloat = 0.5
     """Time for which the condition must hold [s]."""
     timeout_s: PositiveFloat = 8.0
@@ -62,6 +85,11 @@ class TaskOptions(Options):
     """Start distribution."""
     points: PositiveInt = 256
     """Number of points sampled on every object's surface."""
+
+    @model_validator(mode="after")
+    def _of_one_primitive(self) -> TaskOptions:
+        parameters_of(self)
+        return self
 
 
 class TaskBackend(Protocol):
@@ -82,7 +110,7 @@ class TaskBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=2, packages=("numpy",))
 def task(
     ctx: Context[TaskBackend],
     scene: Scene,
@@ -122,13 +150,15 @@ def task(
         hint=f"set `object: {next(iter(bodies), '')}`",
     )
     ctx.check(base.parent == "world", f"the robot's base is given in `{base.parent}`, not in the world")
-    spec = _spec(ctx, options, assets, labels)
+    objects = {body: task_objects.described(assets, label, options.points) for label, body in labels.items()}
+    if options.into in objects:
+        objects[options.into] = task_objects.hollowed(objects[options.into], bodies[options.into])
     bundle = TaskBundle(
         model=ctx.backend.compose(ctx, scene.model, robot, base.matrix, ctx.backend_options),
         robot=robot,
         base_pose=base,
-        task=spec,
-        objects={body: _object(assets, label, options.points) for label, body in labels.items()},
+        task=_spec(ctx, options, bodies[options.object], objects, robot),
+        objects=objects,
     )
     reach = float(np.linalg.norm(bodies[options.object].pose.matrix[:2, 3] - base.matrix[:2, 3]))
     ctx.metric("distance of base and object", reach, "m")
@@ -140,28 +170,51 @@ def task(
     return bundle
 
 
-def _spec(ctx: Context, options: TaskOptions, assets: Collection[Asset], labels: dict[str, str]) -> TaskSpec:
-    label = next(label for label, body in labels.items() if body == options.object)
-    goals: dict[str, float] = {}
-    if options.primitive == "articulate":
-        known = dict(zip(_joint_labels(assets, label), _joint_names(assets, label), strict=True))
-        ctx.check(bool(options.joints_deg), f"`{options.name}` names no joint to move", joints=listing(known, most=20))
-        for joint, goal in options.joints_deg.items():
-            ctx.check(
-                joint in known, f"`{options.object}` has no joint `{joint}`", joints=listing(known, most=20) or "none"
-            )
-            goals[known[joint]] = float(np.radians(goal))
-            _check_reachable(
-                ctx, assets.items[label], joint, goals[known[joint]], float(np.radians(options.tolerance_deg))
-            )
+def parameters_of(options: TaskOptions) -> Parameters:
+    """The parameters of the primitive that the options name.
+
+    Raises:
+        ValueError: An option belongs to another primitive, or has a value that this one does not take.
+    """
+    kind = catalogue.KINDS[options.primitive]
+    every = {name for each in catalogue.KINDS.values() for name in each.parameters.model_fields}
+    stated = {name: value for name in every if (value := getattr(options, name)) is not None}
+    own = kind.parameters.model_fields
+    if foreign := sorted(set(stated) - set(own)):
+        raise ValueError(f"`{foreign[0]}` is no option of primitive `{options.primitive}`, which has {listing(own)}")
+    try:
+        return kind.parameters(**stated)
+    except ValidationError as error:
+        first = error.errors()[0]
+        what = ".".join(map(str, first["loc"][:1]))
+        raise ValueError(f"`{what}` of primitive `{options.primitive}`: {first['msg']}") from None
+
+
+def _spec(
+    ctx: Context, options: TaskOptions, asset: Asset, objects: dict[str, TaskObject], robot: RobotModel
+) -> TaskSpec:
+    kind = catalogue.KINDS[options.primitive]
+    for limb in options.limbs:
+        ctx.check(limb in robot.limbs, f"the robot has no limb `{limb}`", limbs=listing(robot.limb_names))
+    if kind.hands > len(robot.limbs):
+        ctx.fail(
+            f"`{options.primitive}` takes {kind.hands} hands, but the robot has {len(robot.limbs)}",
+            limbs=listing(robot.limb_names),
+            hint="choose a robot with more limbs, such as robot/openarm_revo1",
+        )
+    within = {joint.name: (joint.lower, joint.upper) for joint in asset.body.joints}
+    in_model = dict(zip((joint.name for joint in asset.body.joints), objects[options.object].joints, strict=True))
+    joints = {label: (in_model[label], *limits) for label, limits in within.items()}
+    try:
+        goal = parameters_of(options).goal(Setting(options.name, options.object, objects, joints, robot))
+    except UnfitError as error:
+        ctx.fail(error.message, hint=error.hint, **error.facts)
     reset = options.reset
     return TaskSpec(
         name=options.name,
-        primitive=options.primitive,
         object=options.object,
-        height_m=options.height_m if options.primitive == "lift" else 0.0,
-        joints=goals,
-        tolerance=float(np.radians(options.tolerance_deg)) if goals else 0.0,
+        goal=goal,
+        limbs=options.limbs,
         hold_s=options.hold_s,
         timeout_s=options.timeout_s,
         control_hz=options.control_hz,
@@ -176,40 +229,5 @@ def _spec(ctx: Context, options: TaskOptions, assets: Collection[Asset], labels:
     )
 
 
-def _check_reachable(ctx: Context, asset: Asset, name: str, goal: float, tolerance: float) -> None:
-    joint = next(joint for joint in asset.body.joints if joint.name == name)
-    ctx.check(
-        joint.lower - tolerance <= goal <= joint.upper + tolerance,
-        f"joint `{name}` cannot reach {np.degrees(goal):.1f}°",
-        limits=f"{np.degrees(joint.lower):.1f}° to {np.degrees(joint.upper):.1f}°",
-        hint="set `joints_deg` inside the limits",
-    )
-
-
 def _joint_labels(assets: Collection[Asset], label: str) -> list[str]:
     return [joint.name for joint in assets.items[label].body.joints]
-
-
-def _joint_names(assets: Collection[Asset], label: str) -> list[str]:
-    """Names in the MJCF: body of the child link and joint."""
-    links = names.link_names(assets.items)
-    return [f"{links[label, joint.child]}_{names.plain(joint.name)}" for joint in assets.items[label].body.joints]
-
-
-def _object(assets: Collection[Asset], label: str, count: int) -> TaskObject:
-    asset = assets.items[label]
-    low, high = 1.0, 1.0
-    total = sum(link.mass_kg for link in asset.physics.links.values())
-    if total > 0:
-        low = sum(link.mass_low_kg for link in asset.physics.links.values()) / total
-        high = sum(link.mass_high_kg for link in asset.physics.links.values()) / total
-    return TaskObject(
-        joints=tuple(_joint_names(assets, label)),
-        pose=asset.pose,
-        positions=tuple(joint.position for joint in asset.body.joints),
-        mass_scale=(low, high),
-        scale_sigma=asset.scale_sigma,
-        friction=asset.physics.friction,
-        friction_sigma=asset.physics.friction_sigma,
-        points=metrics.sample_surface(*kinematics.posed_surface(asset.body), count, seed=0).astype(np.float32),
-    )

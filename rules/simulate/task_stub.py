@@ -27,11 +27,17 @@ def fitted(ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, o
         common: The rule's options.
         options: The backend's.
     """
-    if not joints or (common.object in joints and set(common.joints_deg) <= set(joints[common.object])):
+    if common.into is not None:  # stubs find no containers
+        common = common.model_copy(update={"into": None, "by_m": (0.1, 0.0, 0.0)})
+    asked = set(common.joints_deg or {})
+    if not joints or (common.object in joints and asked <= set(joints[common.object])):
         return common
     name = common.object if common.object in joints else next(iter(joints))
     if common.primitive == "articulate" and not joints[name]:
-        return common.model_copy(update={"object": name, "primitive": "lift", "joints_deg": {}})
+        plain = {"object": name, "primitive": "lift", "joints_deg": None, "tolerance_deg": None}
+        return common.model_copy(update=plain)
+    if common.primitive != "articulate":
+        return common.model_copy(update={"object": name})
     return common.model_copy(update={"object": name, "joints_deg": dict.fromkeys(joints[name], 0.0)})
 
 

@@ -68,7 +68,7 @@ def samples(robot: RobotModel, count: int) -> list[dict[str, float]]:
 
 
 def test_it_takes_the_place_of_the_primitive_model(primitive: RobotModel, meshed: RobotModel, models: Any) -> None:
-    for name in ("joints", "links", "frames", "grips", "followers"):
+    for name in ("joints", "links", "frames", "limbs", "followers"):
         assert getattr(meshed, name) == getattr(primitive, name), name
     one, other = models
     for kind, count in (("joint", one.njnt), ("actuator", one.nu), ("site", one.nsite), ("body", one.nbody)):

@@ -10,25 +10,26 @@ import numpy as np
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.sim.model.robot import load
 
-THUMB = "tip_thumb"
-"""Role of the fingertip that opposes the others."""
-
 
 class HandKinematics:
-    """Fingertips in the palm's frame.
+    """Fingertips of one limb in its palm's frame.
 
     Args:
-        robot: The embodiment; it has a frame `palm` and frames `tip_...`.
+        robot: The embodiment.
+        limb: Name of a limb with a palm and fingertips.
     """
 
-    def __init__(self, robot: RobotModel) -> None:
-        self.joints: tuple[str, ...] = robot.names("hand")
+    def __init__(self, robot: RobotModel, limb: str) -> None:
+        own = robot.limbs[limb]
+        self.joints: tuple[str, ...] = own.hand
         """Joints of the hand, in order."""
-        self.fingers: tuple[str, ...] = tuple(role for role in robot.tips if role != THUMB)
+        self.thumb: str | None = own.thumb
+        """Role of the fingertip that opposes the others."""
+        self.fingers: tuple[str, ...] = own.fingers
         """Roles of the fingertips that oppose the thumb."""
         self.home = np.array([robot.home[name] for name in self.joints])
         """(H,) home [rad]."""
-        self._robot = robot
+        self._robot, self._palm = robot, own.palm
         self._model = load(robot.model).compile()
         self._data = mujoco.MjData(self._model)
 
@@ -38,10 +39,10 @@ class HandKinematics:
 
     def tip(self, role: str, posture: np.ndarray) -> np.ndarray:
         """Position (3,) [m] of a fingertip in the palm's frame at a posture (H,) [rad]."""
-        for name, position in zip(self.joints, posture, strict=True):
+        for name, position in self._robot.followed(dict(zip(self.joints, posture.tolist(), strict=True))).items():
             self._data.joint(name).qpos[0] = position
         mujoco.mj_kinematics(self._model, self._data)
-        palm = self._data.site(self._robot.frames["palm"])
+        palm = self._data.site(self._robot.frames[self._palm])
         away = self._data.site(self._robot.frames[role]).xpos - palm.xpos
         return np.asarray(palm.xmat.reshape(3, 3).T @ away)
 

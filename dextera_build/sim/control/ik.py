@@ -1,4 +1,4 @@
-"""Inverse kinematics of a robot's hand frame; objects are ignored."""
+"""Inverse kinematics of a robot's palms; objects are ignored."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import mink
+import mujoco
 import numpy as np
 
 from dextera_build.artifacts.robot import RobotModel
@@ -43,20 +44,28 @@ class Solution:
 
 
 class ArmKinematics:
-    """Forward and inverse kinematics of one frame of a robot's arm, with the hand fixed.
+    """Forward and inverse kinematics of the palms of one or several limbs, with hands and other limbs fixed.
+
+    The problem has a frame task per limb; joints that a mechanism couples to others are constraints. Targets are
+    (4, 4) T_base_palm, of several limbs (L, 4, 4) in their order.
 
     Args:
-        robot: The embodiment; joints of group `hand` are fixed at home.
-        frame: Role of the target frame: `palm`, `flange`, a fingertip.
+        robot: The embodiment; all joints but those of the arms are fixed at home.
+        limbs: Name of a limb with a palm, or several.
     """
 
-    def __init__(self, robot: RobotModel, frame: str = "palm") -> None:
-        self.joints: tuple[str, ...] = robot.names("arm")
-        """Arm joints, in order."""
-        self._model = _arm_alone(robot)
-        self._frame = robot.frames[frame]
-        arm = [joint for joint in robot.joints if joint.group == "arm"]
+    def __init__(self, robot: RobotModel, limbs: str | Sequence[str]) -> None:
+        self.limbs: tuple[str, ...] = (limbs,) if isinstance(limbs, str) else tuple(limbs)
+        """The limbs, in the order of targets."""
+        moved = {name for limb in self.limbs for name in robot.limbs[limb].arm}
+        arm = [joint for joint in robot.joints if joint.name in moved]
+        self.joints: tuple[str, ...] = tuple(joint.name for joint in arm)
+        """Their arm joints, in the robot's order."""
+        coupled = [each for each in robot.followers if each.group == "arm" and each.leader in moved]
+        self._model = _arms_alone(robot, moved | {each.name for each in coupled})
+        self._frames = [robot.frames[robot.limbs[limb].palm] for limb in self.limbs]
         self._address = np.array([self._model.joint(name).qposadr[0] for name in self.joints])
+        self._coupled = [(int(self._model.joint(each.name).qposadr[0]), each) for each in coupled]
         self.lower = np.array([joint.lower for joint in arm])
         """(A,) lower limits [rad]."""
         self.upper = np.array([joint.upper for joint in arm])
@@ -64,16 +73,21 @@ class ArmKinematics:
         self.home = np.array([joint.home for joint in arm])
         """(A,) home [rad]."""
         self._state = mink.Configuration(self._model)
-        self._hand = mink.FrameTask(self._frame, "site", POSITION_COST, 1.0, lm_damping=1e-3)
+        self._palms = [mink.FrameTask(frame, "site", POSITION_COST, 1.0, lm_damping=1e-3) for frame in self._frames]
         self._posture = mink.PostureTask(self._model, POSTURE_COST)
         self._range = mink.ConfigurationLimit(self._model)
         self._speed = mink.VelocityLimit(self._model, {joint.name: joint.velocity for joint in arm})
+        self._couplings = [mink.EqualityConstraintTask(self._model, cost=1.0)] if coupled else None
 
     def pose(self, joints: np.ndarray) -> np.ndarray:
-        """T_base_frame (4, 4) at arm joints (A,) [rad]."""
+        """T_base_palm (4, 4) of the first limb at arm joints (A,) [rad]."""
+        return np.asarray(self.poses(joints)[0])
+
+    def poses(self, joints: np.ndarray) -> np.ndarray:
+        """T_base_palm (L, 4, 4) at arm joints (A,) [rad]."""
         self._state.update(self._spread(joints))
-        site = self._state.data.site(self._frame)
-        return transforms.rigid(site.xmat.reshape(3, 3).copy(), site.xpos.copy())
+        sites = [self._state.data.site(frame) for frame in self._frames]
+        return np.array([transforms.rigid(site.xmat.reshape(3, 3).copy(), site.xpos.copy()) for site in sites])
 
     def solve(
         self,
@@ -83,10 +97,10 @@ class ArmKinematics:
         restarts: int = 6,
         posture: np.ndarray | None = None,
     ) -> Solution:
-        """Solve for the nearest joints that bring the frame to `target`, from several starts.
+        """Solve for the nearest joints that bring the palms to `target`, from several starts.
 
         Args:
-            target: (4, 4) T_base_frame.
+            target: T_base_palm, (4, 4) or (L, 4, 4).
             seed: (A,) initial joints [rad]; None: home. Restarts are drawn around it deterministically.
             restarts: Further starts if the first does not reach the target.
             posture: (A,) preferred joints for the redundancy [rad]; None: the seed.
@@ -108,9 +122,9 @@ class ArmKinematics:
     def track(
         self, target: np.ndarray, joints: np.ndarray, dt: float, *, posture: np.ndarray | None = None
     ) -> np.ndarray:
-        """Joints (A,) [rad] after one control step of `dt` [s], as near to `target` (4, 4) as speed limits allow."""
+        """Joints (A,) [rad] after one control step of `dt` [s], as near to `target` as speed limits allow."""
         self._state.update(self._spread(joints))
-        self._hand.set_target(_se3(target))
+        self._aim(target)
         self._posture.set_target(self._spread(self.home if posture is None else posture))
         steps = 3
         start = self._state.q.copy()
@@ -121,7 +135,7 @@ class ArmKinematics:
 
     def _descend(self, target: np.ndarray, guess: np.ndarray, rest: np.ndarray) -> Solution:
         self._state.update(self._spread(guess))
-        self._hand.set_target(_se3(target))
+        self._aim(target)
         self._posture.set_target(self._spread(rest))
         for _ in range(ITERATIONS):
             before = self._state.q.copy()
@@ -129,45 +143,65 @@ class ArmKinematics:
             if np.abs(self._state.q - before).max() < 1e-5:
                 break
         joints = np.clip(self._state.q[self._address], self.lower, self.upper)
-        left = transforms.invert(self.pose(joints)) @ target
+        wanted = np.reshape(target, (-1, 4, 4))
+        left = [transforms.invert(pose) @ each for pose, each in zip(self.poses(joints), wanted, strict=True)]
         return Solution(
             joints=joints,
-            position_error_m=float(np.linalg.norm(left[:3, 3])),
-            rotation_error_rad=transforms.angle(left[:3, :3]),
+            position_error_m=float(max(np.linalg.norm(each[:3, 3]) for each in left)),
+            rotation_error_rad=max(transforms.angle(each[:3, :3]) for each in left),
             margin_rad=float(np.minimum(joints - self.lower, self.upper - joints).min()),
         )
 
+    def _aim(self, target: np.ndarray) -> None:
+        for task, pose in zip(self._palms, np.reshape(target, (-1, 4, 4)), strict=True):
+            task.set_target(mink.SE3.from_matrix(np.asarray(pose, np.float64)))
+
     def _step(self, dt: float, limits: Sequence[Any]) -> None:
         velocity = mink.solve_ik(
-            self._state, [self._hand, self._posture], dt, solver=SOLVER, damping=1e-6, limits=limits, safety_break=False
+            self._state,
+            [*self._palms, self._posture],
+            dt,
+            solver=SOLVER,
+            damping=1e-6,
+            limits=limits,
+            constraints=self._couplings,
+            safety_break=False,
         )
         self._state.integrate_inplace(velocity, dt)
 
     def _spread(self, joints: np.ndarray) -> np.ndarray:
         positions = self._model.qpos0.copy()
         positions[self._address] = joints
+        for address, each in self._coupled:
+            positions[address] = each.ratio * joints[self.joints.index(each.leader)] + each.offset
         return np.asarray(positions)
 
 
-def _arm_alone(robot: RobotModel) -> Any:
+def _arms_alone(robot: RobotModel, kept: set[str]) -> Any:
+    """The robot's model with all joints but `kept` fixed at home."""
     spec = load(robot.model)
     home = robot.followed(robot.home)
-    for element in [*spec.actuators, *spec.equalities]:
+    for element in [*spec.actuators, *(each for each in spec.equalities if each.name1 not in kept)]:
         spec.delete(element)
-    hand = {*robot.names("hand"), *(follower.name for follower in robot.followers)}
     for joint in list(spec.joints):
-        if joint.name in hand:
-            body = joint.parent
-            turn = np.concatenate([[np.cos(home[joint.name] / 2)], np.sin(home[joint.name] / 2) * np.array(joint.axis)])
-            body.quat = quaternions.from_matrix(
-                quaternions.to_matrix(np.array(body.quat)) @ quaternions.to_matrix(turn)
-            )
+        if joint.name in home and joint.name not in kept:
+            _fix(joint, home[joint.name])
             spec.delete(joint)
     return spec.compile()
 
 
-def _se3(pose: np.ndarray) -> Any:
-    return mink.SE3.from_matrix(np.asarray(pose, np.float64))
+def _fix(joint: Any, position: float) -> None:
+    """Move the joint's body to where it is at `position` [rad or m]."""
+    body, axis = joint.parent, np.array(joint.axis) / np.linalg.norm(joint.axis)
+    turned = quaternions.to_matrix(np.array(body.quat))
+    if joint.type == mujoco.mjtJoint.mjJNT_SLIDE:
+        body.pos = np.array(body.pos) + turned @ axis * position
+        return
+    turn = np.concatenate([[np.cos(position / 2)], np.sin(position / 2) * axis])
+    about = quaternions.to_matrix(turn)
+    pivot = np.array(joint.pos)
+    body.pos = np.array(body.pos) + turned @ (pivot - about @ pivot)
+    body.quat = quaternions.from_matrix(turned @ about)
 
 
 def _cost(solution: Solution) -> float:

@@ -1,12 +1,12 @@
 """Operators that move a robot by hand poses: the common interface of teleoperation devices, scripts and recordings.
 
-Once per control step an operator receives a `State` and returns a `Command`: target poses of the palm and the fingers.
-A `PoseControl` converts it to joint targets, so every operator drives every robot with an arm and a hand.
+Once per control step an operator receives a `State` and returns a `Command`: target poses of palms and fingers, limb by
+limb. A `PoseControl` converts it to joint targets, so every operator drives every robot with arms and hands.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -30,19 +30,27 @@ class State:
 
 
 @dataclass(frozen=True)
-class Command:
-    """An operator's command at one control step."""
+class Aim:
+    """The target of one limb."""
 
     palm: np.ndarray
     """(4, 4) T_base_palm."""
     fingers: np.ndarray
-    """(H,) targets of the hand's joints, in the robot's order [rad]."""
+    """(H,) targets of the hand's joints, in the limb's order [rad]."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """An operator's command at one control step."""
+
+    aims: Mapping[str, Aim]
+    """Limb -> its target; limbs that are not named stay where they are."""
     segment: str
     """Part of the demonstration: `approach`, `grasp`, `lift`, ..."""
     frame: str = ""
-    """The body that the palm moves relative to; empty: free motion."""
+    """The body that the palms move relative to; empty: free motion."""
     contact: bool = False
-    """Whether contact of the hand with the task's object is intended."""
+    """Whether contact of the hands with the task's object is intended."""
 
 
 class OutOfReach(Exception):  # noqa: N818  a verdict on a start, not a fault
@@ -64,7 +72,7 @@ class Operator(Protocol):
 
 
 class PoseControl:
-    """Joint targets from commands: differential inverse kinematics for the arm, commanded positions for the fingers.
+    """Joint targets from commands: differential inverse kinematics for arms, commanded positions for fingers.
 
     Targets follow the commands, not the measured joints, so contact forces cause no drift.
 
@@ -74,11 +82,10 @@ class PoseControl:
     """
 
     def __init__(self, robot: RobotModel, control_hz: float) -> None:
-        self.arm = ArmKinematics(robot)
-        """Kinematics of the palm."""
-        names = [joint.name for joint in robot.joints]
-        self._arm = np.array([names.index(name) for name in self.arm.joints])
-        self._hand = np.array([names.index(name) for name in robot.names("hand")])
+        self._robot = robot
+        self._names = [joint.name for joint in robot.joints]
+        self._arms: dict[tuple[str, ...], ArmKinematics] = {}
+        self._hands = {name: self._places(limb.hand) for name, limb in robot.limbs.items()}
         self._lower = np.array([joint.lower for joint in robot.joints])
         self._upper = np.array([joint.upper for joint in robot.joints])
         self._speed = np.array([joint.velocity for joint in robot.joints])
@@ -91,15 +98,29 @@ class PoseControl:
 
     def follow(self, command: Command) -> np.ndarray:
         """Joint targets (A,) for the next control step [rad], within position and speed limits."""
-        targets = self._targets.copy()
-        targets[self._arm] = self.arm.track(command.palm, targets[self._arm], self._dt)
-        step = self._speed[self._hand] * self._dt
-        old = self._targets[self._hand]
-        targets[self._hand] = np.clip(command.fingers, old - step, old + step)
+        targets, arms = self._targets.copy(), self.arms(tuple(command.aims))
+        moved = self._places(arms.joints)
+        palms = np.array([aim.palm for aim in command.aims.values()])
+        targets[moved] = arms.track(palms, targets[moved], self._dt)
+        for name, aim in command.aims.items():
+            hand = self._hands[name]
+            step, old = self._speed[hand] * self._dt, self._targets[hand]
+            targets[hand] = np.clip(aim.fingers, old - step, old + step)
         self._targets = np.clip(targets, self._lower, self._upper)
         return self._targets.copy()
 
     def lag_m(self, command: Command) -> float:
-        """Distance between the commanded palm and its position at the targets [m]."""
-        reached = self.arm.pose(self._targets[self._arm])
-        return float(np.linalg.norm((transforms.invert(reached) @ command.palm)[:3, 3]))
+        """Largest distance between a commanded palm and its position at the targets [m]."""
+        arms = self.arms(tuple(command.aims))
+        reached = arms.poses(self._targets[self._places(arms.joints)])
+        pairs = zip(reached, command.aims.values(), strict=True)
+        return float(max(np.linalg.norm((transforms.invert(pose) @ aim.palm)[:3, 3]) for pose, aim in pairs))
+
+    def arms(self, limbs: tuple[str, ...]) -> ArmKinematics:
+        """Kinematics of the palms of some limbs, solved together."""
+        if limbs not in self._arms:
+            self._arms[limbs] = ArmKinematics(self._robot, limbs)
+        return self._arms[limbs]
+
+    def _places(self, joints: Sequence[str]) -> np.ndarray:
+        return np.array([self._names.index(name) for name in joints], int)

@@ -32,11 +32,11 @@ POSTURE = 0.02
 class Steering:
     """Maps decisions (M,), each -1 to 1, to joint targets.
 
-    With `control` "palm" the first three decisions move the palm along the axes of the robot's base by up to `step_m`,
-    while it turns to the quaternion `palm_w` ... `palm_z` in the base, or keeps its home orientation without one. All
-    other decisions, or all with "joints", move the target of one joint by up to `step_rad`. Uncontrolled joints
-    go to the contract's mean. With "palm" the network's input also contains the positions of the palm and the mean
-    fingertip, so kinematics need not be learned.
+    With `control` "palm" the first three decisions move the palm of `limb` along the axes of the robot's base by up
+    to `step_m`, while it turns to the quaternion `palm_w` ... `palm_z` in the base, or keeps its home orientation
+    without one. All other decisions, or all with "joints", move the target of one joint by up to `step_rad`.
+    Uncontrolled joints go to the contract's mean. With "palm" the network's input also contains the positions of
+    the palm and the mean fingertip, so kinematics need not be learned.
 
     Args:
         robot: The embodiment.
@@ -53,7 +53,10 @@ class Steering:
         single = str(settings["joints"]).split()
         self._single = np.array([names.index(name) for name in single], int)
         turn = np.array([float(settings[f"palm_{part}"]) for part in "wxyz" if f"palm_{part}" in settings])
-        self._palm = _Palm(robot, names, self._rest, turn) if settings["control"] == "palm" else None
+        self.limb = str(settings.get("limb", robot.limb_names[0]))
+        """The limb whose palm moves."""
+        palm = settings["control"] == "palm"
+        self._palm = _Palm(robot, self.limb, names, self._rest, turn) if palm else None
         self.size = len(self._single) + (3 if self._palm else 0)
         self._channels = contract.inputs
 
@@ -94,20 +97,22 @@ class Steering:
 
 
 class _Palm:
-    """Moves the palm of a robot by damped least squares on its own kinematics."""
+    """Moves the palm of a limb by damped least squares on its own kinematics."""
 
-    def __init__(self, robot: RobotModel, names: tuple[str, ...], home: np.ndarray, turn: np.ndarray) -> None:
+    def __init__(
+        self, robot: RobotModel, limb: str, names: tuple[str, ...], home: np.ndarray, turn: np.ndarray
+    ) -> None:
         files = {name: data for name, data in robot.model.files.items() if name != "robot.xml"}
         self._model = mujoco.MjModel.from_xml_string(robot.model.files["robot.xml"].decode(), files)
         self._data = mujoco.MjData(self._model)
-        self._site = self._model.site(robot.frames["palm"]).id
+        own = robot.limbs[limb]
+        self._site = self._model.site(robot.frames[own.palm]).id
         self._address = np.array([self._model.joint(name).qposadr[0] for name in names])
-        self.arm = np.array([number for number, joint in enumerate(robot.joints) if joint.group == "arm"])
+        self.arm = np.array([number for number, joint in enumerate(robot.joints) if joint.name in own.arm])
         self._dofs = np.array([self._model.joint(names[number]).dofadr[0] for number in self.arm])
         self._home = home[self.arm]
         self._jacobian = np.zeros((6, self._model.nv))
-        tips = [robot.frames[role] for role in robot.tips]
-        self._tips = [self._model.site(site).id for site in tips or [robot.frames["palm"]]]
+        self._tips = [self._model.site(robot.frames[role]).id for role in own.tips or (own.palm,)]
         self._origin = np.zeros(6)
         self._origin = self.places(home).astype(np.float64) * PLACE_M
         self._upright = quaternions.to_matrix(turn) if len(turn) else self._pose(home)[1].copy()

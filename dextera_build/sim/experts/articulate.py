@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.geometry import registration, transforms
 from dextera_build.sim.control.mechanism import Mechanism
 from dextera_build.sim.control.operator import Command, State
-from dextera_build.sim.experts.motion import Leg, minimum_jerk, sample
+from dextera_build.sim.experts.motion import Leg, minimum_jerk
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.runtime.environment import Environment
 
@@ -45,11 +46,12 @@ class Articulate:
     """
 
     def __init__(self, environment: Environment, reach: Reach, push: Push) -> None:
-        task, grips = environment.task, environment.bundle.robot.grips
-        ((self._joint, self._goal),) = task.joints.items()
+        task = environment.task
+        assert isinstance(task.goal, ArticulateGoal)
+        ((self._joint, self._goal),) = task.goal.joints.items()
         self._object, self._rate = task.object, task.control_hz
         self._mechanism = Mechanism(environment.model, self._joint)
-        grip = next(grip for grip in grips.values() if grip.against == "nothing")
+        grip = next(grip for grip in reach.grips.values() if grip.against == "nothing")
         self._fingers = reach.fingers.posture(grip.open)
         self._pad, self._tip = reach.fingers.reach(self._fingers), grip.tip_radius_m
         # Axes of the hand, in the palm's frame: along the fingers, out of the palm, and across.
@@ -62,7 +64,7 @@ class Articulate:
         """Plan from `state`."""
         legs = self.legs(state)
         self._reach.check([*legs[:3], *legs[3:-1:8], legs[-1]], state)
-        self._commands = sample(*self._reach.hand(state), legs, self._rate)
+        self._commands = self._reach.commands(legs, state, self._rate)
 
     def command(self, state: State) -> Command | None:
         """The next step of the plan."""

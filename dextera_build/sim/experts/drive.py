@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Origin, Segment, Start
 from dextera_build.geometry import poses, registration, transforms
-from dextera_build.sim.control.operator import Command, Operator, OutOfReach, PoseControl, State
+from dextera_build.sim.control.operator import Aim, Command, Operator, OutOfReach, PoseControl, State
 from dextera_build.sim.observe.touch import Touch
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.recorder import Recorder
@@ -82,7 +82,7 @@ class Driver:
             last = command
             action = self.control.follow(command)
             sent = self._noisy.follow(disturbance.on(command))
-            recorder.before(action, poses.from_matrix(command.palm))
+            recorder.before(action, self._palms(command))
             labels.add(command)
             outcome = environment.step(sent)
             recorder.after(outcome.executed)
@@ -90,6 +90,14 @@ class Driver:
             if reason or outcome.over:
                 done = outcome.success and not reason
                 return recorder.episode(origin, success=done, reason=reason, segments=labels.segments())
+
+    def _palms(self, command: Command) -> np.ndarray:
+        """Commanded palm poses (L, 7) in the base; those of limbs that are not commanded as they are."""
+        found = self.environment.palm_poses()
+        for row, name in enumerate(self.environment.bundle.robot.limb_names):
+            if name in command.aims:
+                found[row] = poses.from_matrix(command.aims[name].palm)
+        return found
 
     def _fault(self, command: Command, rules: Filters) -> str:
         if self.control.lag_m(command) > rules.lag_m:
@@ -120,17 +128,27 @@ class _Disturbance:
     def on(self, command: Command) -> Command:
         """The command with noise, or unchanged if noise is off."""
         noise = self._noise
-        drawn = self._random.standard_normal(6 + len(command.fingers))
-        keep = noise.correlation
-        self._value = drawn if self._value is None else keep * self._value + np.sqrt(1 - keep**2) * drawn
+        size = sum(6 + len(aim.fingers) for aim in command.aims.values())
+        drawn, keep = self._random.standard_normal(size), noise.correlation
+        before = self._value
+        if before is None or len(before) != size:
+            before, keep = drawn, 1.0
+        self._value = keep * before + np.sqrt(1 - keep**2) * drawn
         if command.contact and not noise.in_contact:
             return command
-        value = self._value
-        shift = transforms.rigid(registration.rotation(value[3:6] * noise.rotation_rad), np.zeros(3))
-        palm = command.palm @ shift
-        palm[:3, 3] += value[:3] * noise.position_m
-        fingers = command.fingers + value[6:] * noise.finger_rad
-        return Command(palm, fingers, command.segment, command.frame, command.contact)
+        aims, first = {}, 0
+        for name, aim in command.aims.items():
+            last = first + 6 + len(aim.fingers)
+            aims[name], first = _disturbed(aim, self._value[first:last], noise), last
+        return Command(aims, command.segment, command.frame, command.contact)
+
+
+def _disturbed(aim: Aim, value: np.ndarray, noise: Noise) -> Aim:
+    """A limb's target with the noise `value` (6 + H,), standard normal."""
+    shift = transforms.rigid(registration.rotation(value[3:6] * noise.rotation_rad), np.zeros(3))
+    palm = aim.palm @ shift
+    palm[:3, 3] += value[:3] * noise.position_m
+    return Aim(palm, aim.fingers + value[6:] * noise.finger_rad)
 
 
 class _Labels:
@@ -150,7 +168,12 @@ class _Labels:
         for command, count in self._runs:
             found.append(
                 Segment(
-                    name=command.segment, first=first, last=first + count, frame=command.frame, contact=command.contact
+                    name=command.segment,
+                    first=first,
+                    last=first + count,
+                    frame=command.frame,
+                    contact=command.contact,
+                    limbs=tuple(command.aims),
                 )
             )
             first += count

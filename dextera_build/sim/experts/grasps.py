@@ -13,7 +13,7 @@ import numpy as np
 
 from dextera_build.artifacts.robot import Grip
 from dextera_build.geometry import transforms
-from dextera_build.sim.control.hand import THUMB, HandKinematics
+from dextera_build.sim.control.hand import HandKinematics
 from dextera_build.sim.experts.lift import Grasp
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -127,7 +127,8 @@ def _held(points: np.ndarray, height: float, across: np.ndarray) -> tuple[np.nda
 
 
 def _tips(hand: HandKinematics, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return hand.tip(THUMB, posture), hand.reach(posture)
+    assert hand.thumb is not None
+    return hand.tip(hand.thumb, posture), hand.reach(posture)
 
 
 def _gap(hand: HandKinematics, posture: np.ndarray) -> float:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.sim.control.operator import Command, State
-from dextera_build.sim.experts.motion import Leg, sample
+from dextera_build.sim.experts.motion import Leg
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.runtime.environment import Environment
 
@@ -53,7 +54,8 @@ class Lift:
 
     def __init__(self, environment: Environment, reach: Reach, grasp: Grasp) -> None:
         task = environment.task
-        self._object, self._rate, self._rise = task.object, task.control_hz, task.height_m
+        assert isinstance(task.goal, LiftGoal)
+        self._object, self._rate, self._rise = task.object, task.control_hz, task.goal.height_m
         self._up = environment.bundle.base_pose.matrix[2, :3].copy()
         self._reach, self.grasp = reach, grasp
         self._commands: Iterator[Command] = iter(())
@@ -62,7 +64,7 @@ class Lift:
         """Plan from `state`."""
         legs = self.legs(state)
         self._reach.check(legs, state)
-        self._commands = sample(*self._reach.hand(state), legs, self._rate)
+        self._commands = self._reach.commands(legs, state, self._rate)
 
     def command(self, state: State) -> Command | None:
         """The next step of the plan."""

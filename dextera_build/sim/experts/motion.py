@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.geometry import registration, transforms
-from dextera_build.sim.control.operator import Command
+from dextera_build.sim.control.operator import Aim, Command
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,10 @@ class Leg:
     """Height of the path's midpoint above the straight line, along z of the base [m]."""
 
 
-def sample(palm: np.ndarray, fingers: np.ndarray, legs: Sequence[Leg], control_hz: float) -> Iterator[Command]:
-    """Commands at control rate from a start (4, 4), (H,) through all legs."""
+def sample(
+    limb: str, palm: np.ndarray, fingers: np.ndarray, legs: Sequence[Leg], control_hz: float
+) -> Iterator[Command]:
+    """Commands of a limb at control rate from a start (4, 4), (H,) through all legs."""
     for leg in legs:
         steps = max(1, round(leg.seconds * control_hz))
         for step in range(1, steps + 1):
@@ -40,8 +42,7 @@ def sample(palm: np.ndarray, fingers: np.ndarray, legs: Sequence[Leg], control_h
             pose = between(palm, leg.palm, part)
             pose[2, 3] += leg.arc_m * 16.0 * part**2 * (1.0 - part) ** 2
             yield Command(
-                palm=pose,
-                fingers=fingers + part * (leg.fingers - fingers),
+                aims={limb: Aim(pose, fingers + part * (leg.fingers - fingers))},
                 segment=leg.segment,
                 frame=leg.frame,
                 contact=leg.contact,

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.sim.control.hand import HandKinematics
 from dextera_build.sim.control.ik import ArmKinematics
-from dextera_build.sim.control.operator import OutOfReach, State
-from dextera_build.sim.experts.motion import Leg
+from dextera_build.sim.control.operator import Command, OutOfReach, State
+from dextera_build.sim.experts.motion import Leg, sample
 
 POSITION_M = 0.004
 """Position tolerance of a reachable pose [m]."""
@@ -19,20 +19,25 @@ ROTATION_RAD = 0.04
 
 
 class Reach:
-    """Kinematics of a robot for scripted operators.
+    """Kinematics of one limb of a robot for scripted operators.
 
     Args:
         robot: The embodiment.
+        limb: Name of the limb.
     """
 
-    def __init__(self, robot: RobotModel) -> None:
-        self.arm = ArmKinematics(robot)
+    def __init__(self, robot: RobotModel, limb: str) -> None:
+        self.limb = limb
+        """Name of the limb."""
+        self.grips = robot.limbs[limb].grips
+        """Ways to use its hand."""
+        self.arm = ArmKinematics(robot, limb)
         """Kinematics of the palm."""
-        self.fingers = HandKinematics(robot)
+        self.fingers = HandKinematics(robot, limb)
         """Kinematics of the fingertips."""
         names = [joint.name for joint in robot.joints]
         self._of_arm = np.array([names.index(name) for name in self.arm.joints])
-        self._of_hand = np.array([names.index(name) for name in self.fingers.joints])
+        self._of_hand = np.array([names.index(name) for name in self.fingers.joints], int)
 
     def joints(self, state: State) -> np.ndarray:
         """Arm joints (A,) [rad]."""
@@ -41,6 +46,10 @@ class Reach:
     def hand(self, state: State) -> tuple[np.ndarray, np.ndarray]:
         """T_base_palm (4, 4) and finger joints (H,) [rad]."""
         return self.arm.pose(self.joints(state)), state.joints[self._of_hand]
+
+    def commands(self, legs: Sequence[Leg], state: State, control_hz: float) -> Iterator[Command]:
+        """Commands at control rate along a plan from `state`."""
+        return sample(self.limb, *self.hand(state), legs, control_hz)
 
     def check(self, legs: Sequence[Leg], state: State) -> float:
         """Smallest distance to a joint limit along the plan [rad].

@@ -13,12 +13,15 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Start
+from dextera_build.artifacts.goals import ArticulateGoal, LiftGoal
 from dextera_build.artifacts.task import TaskBundle, TaskSpec
 from dextera_build.errors import RuleError
 from dextera_build.geometry import poses, transforms
 from dextera_build.sim.control.operator import Operator, State
+from dextera_build.sim.experts.acting import acting
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.motion import Leg
+from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.seeds import seed_of
 
@@ -103,23 +106,27 @@ def rehearse(
     return sorted(final, key=lambda one: (-one.passed, one.stray))
 
 
-def stray(episode: Episode, task: TaskSpec, names: Sequence[str]) -> float:
+def stray(episode: Episode, task: TaskSpec, names: Sequence[str], limbs: Sequence[str] = ()) -> float:
     """Unintended motion of the task's object; see `Rehearsed.stray`.
 
     Args:
         episode: Episode of the task.
         task: The task.
         names: Bodies of `Episode.objects`.
+        limbs: Limbs of `Episode.hand`.
     """
     touching = [segment.first for segment in episode.segments if segment.contact]
     if not touching:
         return 0.0
     objects = episode.objects[:, list(names).index(task.object)]
     first, last = poses.to_matrix(objects[touching[0]]), poses.to_matrix(objects[-1])
-    if task.primitive == "lift":
+    if not isinstance(task.goal, LiftGoal | ArticulateGoal):
+        return 0.0  # the object is meant to move, and success says where to
+    if isinstance(task.goal, LiftGoal):
         # The palm is still relative to the object only at the end of the approach; undo earlier motion.
-        first = transforms.invert(poses.to_matrix(episode.hand[_near(episode, touching[0])])) @ first
-        last = transforms.invert(poses.to_matrix(episode.hand[-1])) @ last
+        palm = episode.hand[:, acting(episode, limbs)[0]]
+        first = transforms.invert(poses.to_matrix(palm[_near(episode, touching[0])])) @ first
+        last = transforms.invert(poses.to_matrix(palm[-1])) @ last
     moved = transforms.invert(first) @ last
     return transforms.angle(moved[:3, :3]) + float(np.linalg.norm(moved[:3, 3])) / STRAY_M_RAD
 
@@ -145,7 +152,8 @@ def _rehearsed(driver: Driver, candidate: Candidate, drawn: Sequence[Start], *, 
     for start in drawn:
         episode = driver.run(candidate.operator, start, origin="operator")
         passed += episode.success
-        worst = max(worst, stray(episode, bundle.task, tuple(bundle.objects)) if episode.success else 0.0)
+        if episode.success:
+            worst = max(worst, stray(episode, bundle.task, tuple(bundle.objects), bundle.robot.limb_names))
         if not episode.success and not patient:
             break
     return Rehearsed(candidate, worst, passed, len(drawn))
@@ -160,10 +168,10 @@ def _drawn(driver: Driver, number: int) -> Start | None:
 
 
 def _hard(bundle: TaskBundle, start: Start) -> Start:
-    """The start with weak gains and a slippery object, heavy if it is lifted, otherwise light."""
+    """The start with weak gains and a slippery object, heavy if it is carried, otherwise light."""
     name, width = bundle.task.object, bundle.task.reset.dynamics * HARD
     thing = bundle.objects[name]
-    mass = 1.0 + width * (thing.mass_scale[bundle.task.primitive == "lift"] - 1.0)
+    mass = 1.0 + width * (thing.mass_scale[catalogue.KINDS[bundle.task.primitive].carries] - 1.0)
     friction = max(0.05, thing.friction - width * thing.friction_sigma)
     return start.model_copy(
         update={

@@ -10,7 +10,7 @@ import numpy as np
 
 from dextera_build.geometry import quaternions
 from dextera_build.sim.control.operator import Command, State
-from dextera_build.sim.experts.motion import Leg, sample
+from dextera_build.sim.experts.motion import Leg
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime.environment import Environment
@@ -30,7 +30,7 @@ class Room:
 
     Args:
         environment: The task; only its model is used.
-        reach: Kinematics of its robot.
+        reach: Kinematics of a limb of its robot; the other limbs stay at home.
     """
 
     def __init__(self, environment: Environment, reach: Reach) -> None:
@@ -47,6 +47,8 @@ class Room:
         model.geom_margin[self._robot] = CLEAR_M
         self._arm = self._addresses(reach.arm.joints)
         self._fingers = self._addresses(reach.fingers.joints)
+        own = {*reach.arm.joints, *reach.fingers.joints}
+        self._led = [each for each in environment.bundle.robot.followers if each.leader in own]
 
     def comfort(self, legs: Sequence[Leg], state: State) -> float | None:
         """Comfort of the arm along a plan, higher is better; None if unreachable or in collision.
@@ -76,11 +78,12 @@ class Room:
         arm, joints = self._reach.arm, self._reach.joints(state)
         # After the approach the object moves with the hand, which only a rehearsal can check.
         near = next(number for number, leg in enumerate(legs) if leg.contact) + 1
-        commands: list[Command] = list(sample(*self._reach.hand(state), legs[:near], self._rate))
+        commands: list[Command] = list(self._reach.commands(legs[:near], state, self._rate))
         for number, command in enumerate(commands):
-            joints = arm.track(command.palm, joints, 1.0 / self._rate)
+            aim = command.aims[self._reach.limb]
+            joints = arm.track(aim.palm, joints, 1.0 / self._rate)
             looked = number % EVERY == 0 or number == len(commands) - 1
-            if looked and not self._free(joints, command.fingers, touching=command.contact):
+            if looked and not self._free(joints, aim.fingers, touching=command.contact):
                 return False
         return True
 
@@ -95,6 +98,9 @@ class Room:
     def _free(self, joints: np.ndarray, fingers: np.ndarray, *, touching: bool) -> bool:
         model, data = self._model, self._data
         data.qpos[self._arm], data.qpos[self._fingers] = joints, fingers
+        for each in self._led:
+            leader = float(data.joint(ROBOT + each.leader).qpos[0])
+            data.joint(ROBOT + each.name).qpos[0] = each.ratio * leader + each.offset
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_collision(model, data)
@@ -112,4 +118,4 @@ class Room:
         return True
 
     def _addresses(self, names: Sequence[str]) -> np.ndarray:
-        return np.array([self._model.joint(ROBOT + name).qposadr[0] for name in names])
+        return np.array([self._model.joint(ROBOT + name).qposadr[0] for name in names], int)

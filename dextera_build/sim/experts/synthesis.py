@@ -16,7 +16,8 @@ import numpy as np
 from dextera_build.artifacts.episode import Episode, Episodes, Segment, Start
 from dextera_build.geometry import transforms
 from dextera_build.geometry.poses import to_matrix
-from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.control.operator import Aim, Command, State
+from dextera_build.sim.experts.acting import acting
 from dextera_build.sim.experts.drive import Driver, Filters, Noise
 from dextera_build.sim.experts.motion import between, minimum_jerk
 from dextera_build.sim.runtime.environment import Environment
@@ -109,8 +110,14 @@ class Synthesis:
 
     def __init__(self, source: Episode, names: Sequence[str], environment: Environment, timing: Timing) -> None:
         self._source, self._names, self._timing = source, list(names), timing
-        self._hand = np.array([joint.group == "hand" for joint in environment.bundle.robot.joints])
-        self._palm = to_matrix(environment.palm_pose())
+        robot = environment.bundle.robot
+        self._columns = acting(source, robot.limb_names)
+        self._limbs = [robot.limb_names[column] for column in self._columns]
+        joints = [joint.name for joint in robot.joints]
+        hands = [[joints.index(name) for name in robot.limbs[limb].hand] for limb in self._limbs]
+        self._hand = np.array([number for hand in hands for number in hand], int)
+        self._cuts = np.cumsum([len(hand) for hand in hands])[:-1]
+        self._palm = np.array([to_matrix(row) for row in environment.palm_poses()[list(self._columns)]])
         self._fingers = environment.previous_action[self._hand]
         self._rate = environment.task.control_hz
         self._objects: Mapping[str, np.ndarray] = {}
@@ -146,7 +153,9 @@ class Synthesis:
             pending = []
         # Free motion at the end is relative to its start.
         for segment in pending:
-            poses = transfer(self._poses(segment), self._poses(segment)[0], self._palm)
+            shown = np.swapaxes(self._poses(segment), 0, 1)
+            moved = [transfer(path, path[0], palm) for path, palm in zip(shown, self._palm, strict=True)]
+            poses = np.stack(moved, axis=1)
             for row, pose in enumerate(poses):
                 yield self._at(segment.first + row, pose, segment)
             self._palm = poses[-1]
@@ -158,34 +167,28 @@ class Synthesis:
             return
         shown = np.concatenate([*(self._poses(segment) for segment in free), self._poses(coming)[:1]])
         fingers = np.concatenate([*(self._finger_rows(segment) for segment in free), self._finger_rows(coming)[:1]])
-        path = bent(shown, self._palm, target)
+        pairs = list(zip(np.swapaxes(shown, 0, 1), self._palm, target, strict=True))
+        path = np.stack([bent(poses, start, end) for poses, start, end in pairs], axis=1)
         steps = len(shown) - 1
-        count = max(steps, int(np.ceil(steps * slowed(shown, path))))
+        slow = max(slowed(poses, path[:, number]) for number, (poses, _, _) in enumerate(pairs))
+        count = max(steps, int(np.ceil(steps * slow)))
         own = self._fingers - fingers[0]
         for step in range(1, count):
             place = steps * step / count
             before, part = int(place), place % 1.0
             fade = 1.0 - step / count
-            yield Command(
-                palm=between(path[before], path[before + 1], part),
-                fingers=fingers[before] + part * (fingers[before + 1] - fingers[before]) + fade * own,
-                segment=free[-1].name,
-                frame="",
-                contact=free[-1].contact,
-            )
+            palms = [between(one, other, part) for one, other in zip(path[before], path[before + 1], strict=True)]
+            posture = fingers[before] + part * (fingers[before + 1] - fingers[before]) + fade * own
+            yield Command(self._aims(palms, posture), free[-1].name, "", free[-1].contact)
 
     def _straight(self, target: np.ndarray, coming: Segment) -> Iterator[Command]:
-        count = steps_between(self._palm, target, self._rate, self._timing)
+        count = max(steps_between(*pair, self._rate, self._timing) for pair in zip(self._palm, target, strict=True))
         fingers = self._finger_rows(coming)[0]
         for step in range(1, count):
             part = minimum_jerk(step / count)
-            yield Command(
-                palm=between(self._palm, target, part),
-                fingers=self._fingers + part * (fingers - self._fingers),
-                segment=coming.name,
-                frame="",
-                contact=coming.contact,
-            )
+            palms = [between(*pair, part) for pair in zip(self._palm, target, strict=True)]
+            posture = self._fingers + part * (fingers - self._fingers)
+            yield Command(self._aims(palms, posture), coming.name, "", coming.contact)
 
     def _frames_of(self, segment: Segment) -> tuple[np.ndarray, np.ndarray]:
         """T_F_src and T_F_new at the beginning of a segment."""
@@ -193,14 +196,21 @@ class Synthesis:
         return to_matrix(self._source.objects[segment.first, place]), self._objects[segment.frame]
 
     def _poses(self, segment: Segment) -> np.ndarray:
-        return np.array([to_matrix(row) for row in self._source.hand[segment.first : segment.last]])
+        """Palm poses (T, L, 4, 4) of the limbs that move."""
+        rows = self._source.hand[segment.first : segment.last, list(self._columns)]
+        return np.array([[to_matrix(pose) for pose in row] for row in rows])
 
     def _finger_rows(self, segment: Segment) -> np.ndarray:
         return self._source.action[segment.first : segment.last, self._hand].astype(np.float64)
 
-    def _at(self, row: int, palm: np.ndarray, segment: Segment) -> Command:
+    def _at(self, row: int, palms: np.ndarray, segment: Segment) -> Command:
         fingers = self._source.action[row, self._hand].astype(np.float64)
-        return Command(palm, fingers, segment.name, segment.frame, segment.contact)
+        return Command(self._aims(palms, fingers), segment.name, segment.frame, segment.contact)
+
+    def _aims(self, palms: Sequence[np.ndarray] | np.ndarray, fingers: np.ndarray) -> dict[str, Aim]:
+        """Targets by limb from palms (L, 4, 4) and the finger joints of all moving limbs in a row."""
+        parts = zip(self._limbs, palms, np.split(fingers, self._cuts), strict=True)
+        return {limb: Aim(palm, part) for limb, palm, part in parts}
 
 
 def nearest(sources: Sequence[Episode], place: int, state: np.ndarray, keep: int, random: np.random.Generator) -> int:
@@ -222,7 +232,7 @@ def nearest(sources: Sequence[Episode], place: int, state: np.ndarray, keep: int
     return int(order[int(random.integers(len(order)))])
 
 
-def alike(sources: Sequence[Episode], names: Sequence[str]) -> list[Episode]:
+def alike(sources: Sequence[Episode], names: Sequence[str], limbs: Sequence[str] = ()) -> list[Episode]:
     """The largest set of demonstrations with the same grasp, which avoids contradictory training data.
 
     Two are alike if the palm, at the end of the first contact, has a similar pose in the contact's frame.
@@ -230,20 +240,21 @@ def alike(sources: Sequence[Episode], names: Sequence[str]) -> list[Episode]:
     Args:
         sources: Demonstrations with segments.
         names: Bodies of their `objects`.
+        limbs: Limbs of their `hand`.
     """
-    holds = [_hold(source, list(names)) for source in sources]
+    holds = [_hold(source, list(names), limbs) for source in sources]
     groups = [[other for other, pose in enumerate(holds) if _near(hold, pose)] for hold in holds]
     largest = max(groups, key=len, default=[])
     return [sources[number] for number in largest]
 
 
-def _hold(source: Episode, names: list[str]) -> np.ndarray:
+def _hold(source: Episode, names: list[str], limbs: Sequence[str] = ()) -> np.ndarray:
     touching = [segment for segment in source.segments if segment.contact and segment.frame]
     if not touching:
         return np.eye(4)
     segment = touching[0]
     frame = to_matrix(source.objects[segment.first, names.index(segment.frame)])
-    return np.asarray(transforms.invert(frame) @ to_matrix(source.hand[segment.last - 1]))
+    return np.asarray(transforms.invert(frame) @ to_matrix(source.hand[segment.last - 1, acting(source, limbs)[0]]))
 
 
 def _near(one: np.ndarray, other: np.ndarray) -> bool:
@@ -264,7 +275,7 @@ def synthesise(driver: Driver, sources: Episodes, start: Start, seed: int, manne
     environment = driver.environment
     environment.begin(start)
     place = list(environment.bundle.objects).index(environment.task.object)
-    shown = alike(list(sources.items.values()), sources.object_names)
+    shown = alike(list(sources.items.values()), sources.object_names, sources.limb_names)
     random = np.random.default_rng([seed, 0])
     chosen = shown[nearest(shown, place, environment.object_poses()[place], manner.nearest, random)]
     operator = Synthesis(chosen, sources.object_names, environment, manner.timing)

@@ -30,7 +30,7 @@ class Insight:
         self._origin = bundle.base_pose.matrix[:3, 3]
         self._dofs = np.array([model.joint(ROBOT + joint.name).dofadr[0] for joint in bundle.robot.joints])
         self._bodies = [int(model.body(name).id) for name in bundle.objects]
-        self._tips = [int(model.site(ROBOT + bundle.robot.frames[role]).id) for role in environment.tips]
+        self._tips = environment.hands.tips
         self._points = bundle.objects[environment.task.object].points.astype(np.float64)
 
     def read(self) -> PrivilegedObservation:
@@ -43,7 +43,7 @@ class Insight:
             contact=environment.contact_forces().astype(np.float32),
             joint_velocities=data.qvel[self._dofs].astype(np.float32),
             object_velocities=np.array(bodies, np.float32).reshape(-1, 6),
-            hand_pose=environment.palm_pose().astype(np.float32),
+            hand_poses=environment.palm_poses().astype(np.float32),
             tip_poses=self._tip_poses(data).astype(np.float32),
             tip_velocities=np.array(sites, np.float32).reshape(-1, 6),
             points=self._surface(data).astype(np.float32),

@@ -7,7 +7,8 @@ import numpy as np
 
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.mechanism import Mechanism
-from dextera_build.sim.primitives import articulate, lift
+from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.primitives.state import TaskState
 from dextera_build.sim.runtime.environment import Environment
 
 SHARE = 0.95
@@ -28,43 +29,48 @@ class Progress:
     def __init__(self, environment: Environment) -> None:
         self._environment = environment
         self._model = environment.model
-        frames = environment.bundle.robot.frames
-        self._tips = np.array([self._model.site("robot/" + frames[role]).id for role in environment.tips or ("palm",)])
-        self._lift = environment.task.primitive == "lift"
+        self._hands = _sites(environment)
         self._points = environment.bundle.objects[environment.task.object].points.astype(np.float64)
-        self._links = {} if self._lift else {name: _Link(self._model, name) for name in environment.task.joints}
+        self._links: dict[str, _Link] = {}
 
     def value(self, success: bool) -> float:
         """Value of the current state; see `dextera_build.sim.primitives`."""
-        if self._lift:
-            return lift.value(self.lifting(success))
-        return articulate.value(self.articulating(success))
-
-    def lifting(self, success: bool) -> lift.Progress:
-        """Progress of a lift."""
         environment = self._environment
         state, start = environment.state(), environment.judge.start
-        local = (self._reached() - state.world_from_object[:3, 3]) @ state.world_from_object[:3, :3]
-        reach = np.linalg.norm(local[:, None] - self._points[None], axis=2).min(axis=1).mean()
-        rise = float(state.world_from_object[2, 3] - start.world_from_object[2, 3]) / environment.task.height_m
-        return lift.Progress(float(reach), state.grasp, rise, success)
+        return environment.primitive.value(self.reach_m(state), start, state, success=success)
 
-    def articulating(self, success: bool) -> articulate.Progress:
-        """Progress of an articulation: the joint farthest from its command, and the fingertip nearest to it."""
+    def reach_m(self, state: TaskState) -> float:
+        """Distance of the fingertips from where they should be [m].
+
+        For a joint that of the nearest fingertip from where the joint is pushed; else the mean distance of a hand's
+        fingertips from the object, of the nearest hand or of all that the task names.
+        """
         environment, data = self._environment, self._environment.data
-        start, left, reach = environment.judge.start.joints, 0.0, np.inf
-        for name, goal in environment.task.joints.items():
-            now = float(data.joint(name).qpos[0])
-            share = abs(now - goal) / max(abs(start[name] - goal), environment.task.tolerance, 1e-6)
-            if share >= left:
-                left = share
-                reach = float(self._links[name].distances(data, goal - now, self._reached()).min())
-        root = environment.judge.start.world_from_object[:3, 3]
-        dragged = float(np.linalg.norm(data.body(environment.task.object).xpos - root))
-        return articulate.Progress(reach, left, dragged / articulate.STRAY_M, success)
+        pushed = environment.primitive.pushed(environment.judge.start, state)
+        if pushed is not None:
+            name, way = pushed
+            link = self._links.setdefault(name, _Link(self._model, name))
+            return float(link.distances(data, way, self._reached(np.concatenate(self._hands))).min())
+        means = [float(self._distances(state, tips).mean()) for tips in self._hands]
+        return float(np.mean(means)) if environment.task.limbs else min(means)
 
-    def _reached(self) -> np.ndarray:
-        return np.asarray(self._environment.data.site_xpos[self._tips])
+    def _distances(self, state: TaskState, tips: np.ndarray) -> np.ndarray:
+        local = (self._reached(tips) - state.world_from_object[:3, 3]) @ state.world_from_object[:3, :3]
+        return np.asarray(np.linalg.norm(local[:, None] - self._points[None], axis=2).min(axis=1))
+
+    def _reached(self, tips: np.ndarray) -> np.ndarray:
+        return np.asarray(self._environment.data.site_xpos[tips])
+
+
+def _sites(environment: Environment) -> list[np.ndarray]:
+    """Sites of the fingertips of every hand that may do the task, or of its palm if it has none."""
+    robot, model = environment.bundle.robot, environment.model
+    found = []
+    for name in environment.task.limbs or robot.limb_names:
+        limb = robot.limbs[name]
+        roles = limb.tips or (limb.palm,)
+        found.append(np.array([model.site(ROBOT + robot.frames[role]).id for role in roles if role], int))
+    return [each for each in found if len(each)]
 
 
 class _Link:

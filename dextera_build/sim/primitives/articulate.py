@@ -5,8 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import Field, PositiveFloat
 
-from dextera_build.artifacts.task import TaskSpec
+from dextera_build.artifacts.goals import ArticulateGoal
+from dextera_build.errors import listing
+from dextera_build.sim.primitives import base
+from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
 from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, near
 from dextera_build.sim.primitives.state import TaskState
 
@@ -22,19 +26,81 @@ DRAG = 0.4
 """Cost of dragging an object by the allowed distance; small, because slippery objects move slightly."""
 
 
-def succeeded(task: TaskSpec, start: TaskState, now: TaskState) -> bool:
-    """Whether every selected joint is within tolerance of its command, at rest and not forced past a limit."""
-    moved = now.world_from_object[:3, 3] - start.world_from_object[:3, 3]
-    upright = float(now.world_from_object[:3, 2] @ start.world_from_object[:3, 2])
-    # Comparisons are written to fail on NaN.
-    stands = float(np.linalg.norm(moved)) <= STRAY_M and upright >= np.cos(TILT_RAD)
-    return bool(stands) and all(_arrived(task, now, name) for name in task.joints)
+class Parameters(base.Parameters):
+    """Options of an articulation."""
+
+    joints_deg: dict[str, float] = Field(default_factory=dict)
+    """Joint of the asset -> commanded position [deg]."""
+    tolerance_deg: PositiveFloat = 5.0
+    """Maximum distance from the command [deg]."""
+
+    def goal(self, setting: Setting) -> ArticulateGoal:
+        """The commands in the model's names [rad]; every joint is one of the object's, and can reach its command."""
+        known, tolerance = setting.joints, float(np.radians(self.tolerance_deg))
+        joints = listing(known, most=20) or "none"
+        if not self.joints_deg:
+            raise UnfitError(f"`{setting.task}` names no joint to move", joints=joints)
+        goals = {}
+        for label, degrees in self.joints_deg.items():
+            if label not in known:
+                raise UnfitError(f"`{setting.object}` has no joint `{label}`", joints=joints)
+            name, lower, upper = known[label]
+            goals[name] = float(np.radians(degrees))
+            if not lower - tolerance <= goals[name] <= upper + tolerance:
+                raise UnfitError(
+                    f"joint `{label}` cannot reach {degrees:.1f}°",
+                    limits=f"{np.degrees(lower):.1f}° to {np.degrees(upper):.1f}°",
+                    hint="set `joints_deg` inside the limits",
+                )
+        return ArticulateGoal(joints=goals, tolerance=tolerance)
 
 
-def _arrived(task: TaskSpec, now: TaskState, name: str) -> bool:
-    position, (lower, upper) = now.joints[name], now.ranges[name]
-    near = abs(position - task.joints[name]) <= task.tolerance and abs(now.speeds[name]) <= REST
-    return near and lower - LIMIT_RAD <= position <= upper + LIMIT_RAD
+class Articulate(Primitive[ArticulateGoal]):
+    """Every selected joint is within tolerance of its command, at rest and not forced past a limit."""
+
+    name = "articulate"
+    parameters = Parameters
+    feels = False
+    carries = False
+
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+        """Whether the joints are there, and the object still stands where it stood."""
+        return self._stands(start, now) and all(self._arrived(now, name) for name in self.goal.joints)
+
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+        """The object moved, or a joint is not there."""
+        return "a joint is not at its command" if self._stands(start, now) else "the object was moved"
+
+    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+        """See `value`."""
+        return value(self.progress(reach_m, start, now, success=success))
+
+    def progress(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> Progress:
+        """Progress, measured at the joint farthest from its command."""
+        left = max((self._left(start, now, name) for name in self.goal.joints), default=0.0)
+        moved = now.world_from_object[:3, 3] - start.world_from_object[:3, 3]
+        return Progress(reach_m, left, float(np.linalg.norm(moved)) / STRAY_M, success)
+
+    def pushed(self, start: TaskState, now: TaskState) -> tuple[str, float] | None:
+        """The joint farthest from its command, the last of equals."""
+        name = max(reversed(self.goal.joints), key=lambda each: self._left(start, now, each))
+        return name, self.goal.joints[name] - now.joints[name]
+
+    def _left(self, start: TaskState, now: TaskState, name: str) -> float:
+        goal = self.goal.joints[name]
+        return abs(now.joints[name] - goal) / max(abs(start.joints[name] - goal), self.goal.tolerance, 1e-6)
+
+    @staticmethod
+    def _stands(start: TaskState, now: TaskState) -> bool:
+        moved = now.world_from_object[:3, 3] - start.world_from_object[:3, 3]
+        upright = float(now.world_from_object[:3, 2] @ start.world_from_object[:3, 2])
+        # Comparisons are written to fail on NaN.
+        return bool(float(np.linalg.norm(moved)) <= STRAY_M and upright >= np.cos(TILT_RAD))
+
+    def _arrived(self, now: TaskState, name: str) -> bool:
+        position, (lower, upper) = now.joints[name], now.ranges[name]
+        near = abs(position - self.goal.joints[name]) <= self.goal.tolerance and abs(now.speeds[name]) <= REST
+        return near and lower - LIMIT_RAD <= position <= upper + LIMIT_RAD
 
 
 @dataclass(frozen=True)

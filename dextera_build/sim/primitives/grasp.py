@@ -1,29 +1,91 @@
-"""Grasp state of an object from a simulator's contacts.
+"""Grasp states of an object from a simulator's contacts, one per hand.
 
-On hardware, an estimate of the same form replaces it.
+On hardware, estimates of the same form replace them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from dextera_build.sim.primitives.state import GraspState
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.sim.primitives.state import GraspState, opposed
 
 PRESS_N = 0.05
 """Minimum force of a finger that counts as pressing [N]."""
-OPPOSING = -0.3
-"""Cosine between two forces on the object below which they oppose each other."""
-NONE = GraspState()
-"""Nothing is held."""
 SUPPORT = -1
-"""Entry of a finger map for geoms outside the hand."""
+"""Entry of a finger map for geoms outside every hand."""
+
+
+class Hands:
+    """The hands of a robot in a model: which geoms are which finger's, and where the palms are.
+
+    Args:
+        model: `mujoco.MjModel`.
+        robot: The embodiment.
+        prefix: Begins the robot's names in the model.
+    """
+
+    def __init__(self, model: Any, robot: RobotModel, prefix: str = "") -> None:
+        def site(role: str) -> int:
+            return int(model.site(prefix + robot.frames[role]).id)
+
+        self.names = robot.limb_names
+        """Limbs, in order."""
+        limbs = [robot.limbs[name] for name in self.names]
+        self.palms = [site(limb.palm) if limb.palm else -1 for limb in limbs]
+        """Sites of the palms, or -1."""
+        self.tips = [site(role) for limb in limbs for role in limb.tips]
+        """Sites of the fingertips of all hands, in order."""
+        self._first = [0, *np.cumsum([len(limb.tips) + 1 for limb in limbs]).tolist()]
+        self.fingers = np.full(model.ngeom, SUPPORT)
+        """Geom -> number of its finger or palm among all hands, or `SUPPORT`, (ngeom,) int."""
+        for number, limb in enumerate(limbs):
+            own = finger_map(model, np.array([site(role) for role in limb.tips], int), self.palms[number])
+            self.fingers[own != SUPPORT] = own[own != SUPPORT] + self._first[number]
+
+    @property
+    def count(self) -> int:
+        """Number of fingers and palms."""
+        return int(self._first[-1])
+
+    def grasps(self, model: Any, data: Any, body: int) -> dict[str, GraspState]:
+        """Limb -> grasp state of the object with root `body`.
+
+        Args:
+            model: `mujoco.MjModel`.
+            data: `mujoco.MjData` with contacts and forces of the current state.
+            body: Root body of the object.
+        """
+        forces, supported = _forces(model, data, body, self.fingers, self.count)
+        # Bodies that sleep have no contacts; only what rests on something falls asleep.
+        supported |= not data.tree_awake[model.body_treeid[body]]
+        found = {}
+        for number, name in enumerate(self.names):
+            own = forces[self._first[number] : self._first[number + 1]]
+            found[name] = _state(own, supported, _slip(model, data, body, self.palms[number]))
+        return found
+
+    def tip_forces(self, model: Any, data: Any) -> np.ndarray:
+        """Force on each finger from everything else, (F, 3) [N] in the world frame; palms are left out."""
+        total = np.zeros((self.count, 3))
+        for number in range(data.ncon):
+            one, other = (int(self.fingers[geom]) for geom in data.contact.geom[number])
+            if one == other or max(one, other) < 0:
+                continue
+            force = _on_second(model, data, number)
+            if other >= 0:
+                total[other] += force
+            if one >= 0:
+                total[one] -= force
+        return np.delete(total, np.array(self._first[1:]) - 1, axis=0)
 
 
 def finger_map(model: Any, tips: np.ndarray, palm: int) -> np.ndarray:
-    """Geom -> finger number, the number of fingers for the palm, or `SUPPORT`; (ngeom,) int.
+    """Geom -> finger number of one hand, the number of fingers for the palm, or `SUPPORT`; (ngeom,) int.
 
     Args:
         model: `mujoco.MjModel`.
@@ -43,7 +105,7 @@ def finger_map(model: Any, tips: np.ndarray, palm: int) -> np.ndarray:
 
 
 def estimate(model: Any, data: Any, body: int, fingers: np.ndarray, palm: int) -> GraspState:
-    """Estimate the grasp state of the object with root `body`.
+    """Grasp state of the object with root `body` in a single hand.
 
     Args:
         model: `mujoco.MjModel`.
@@ -52,31 +114,20 @@ def estimate(model: Any, data: Any, body: int, fingers: np.ndarray, palm: int) -
         fingers: `finger_map`.
         palm: Site of the palm, the reference for slip, or -1.
     """
-    forces, supported = _forces(model, data, body, fingers)
+    forces, supported = _forces(model, data, body, fingers, int(fingers.max(initial=0)) + 1)
+    return _state(forces, supported, _slip(model, data, body, palm))
+
+
+def _state(forces: np.ndarray, supported: bool, slip: float) -> GraspState:
     pressing = forces[np.linalg.norm(forces, axis=1) > PRESS_N]
     unit = pressing / np.maximum(np.linalg.norm(pressing, axis=1, keepdims=True), 1e-12)
-    opposing = bool(len(unit) >= 2 and (unit @ unit.T).min() < OPPOSING)
-    return GraspState(len(pressing), opposing, supported, _slip(model, data, body, palm))
+    pushes: Sequence[Any] = [tuple(row) for row in unit.tolist()]
+    return GraspState(len(pressing), opposed(unit), supported, slip, tuple(pushes))
 
 
-def tip_forces(model: Any, data: Any, fingers: np.ndarray, count: int) -> np.ndarray:
-    """Force on each finger from everything else, (F, 3) [N] in the world frame."""
-    total = np.zeros((count, 3))
-    for number in range(data.ncon):
-        one, other = (int(fingers[geom]) for geom in data.contact.geom[number])
-        if one == other or max(one, other) < 0:
-            continue
-        force = _on_second(model, data, number)
-        if 0 <= other < count:
-            total[other] += force
-        if 0 <= one < count:
-            total[one] -= force
-    return total
-
-
-def _forces(model: Any, data: Any, body: int, fingers: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Forces on the object by finger (F + 1, 3) [N], and whether anything else touches it."""
-    forces = np.zeros((int(fingers.max(initial=0)) + 1, 3))
+def _forces(model: Any, data: Any, body: int, fingers: np.ndarray, count: int) -> tuple[np.ndarray, bool]:
+    """Forces on the object by finger (`count`, 3) [N], and whether anything but a hand touches it."""
+    forces = np.zeros((count, 3))
     supported = False
     roots = model.body_rootid[model.geom_bodyid]
     for number in range(data.ncon):

@@ -1,29 +1,53 @@
-"""Primitive `lift`: an object is held by the hand alone, above its initial height."""
+"""Primitive `lift`: an object is held by hands alone, above its initial height."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import PositiveFloat
 
-from dextera_build.artifacts.task import TaskSpec
+from dextera_build.artifacts.goals import LiftGoal
+from dextera_build.sim.primitives import base
+from dextera_build.sim.primitives.base import Past, Primitive, Setting
 from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
+from dextera_build.sim.primitives.state import SLIP_M_S as SLIP_M_S
 from dextera_build.sim.primitives.state import GraspState, TaskState
 
-SLIP_M_S = 0.05
-"""Maximum speed of a held object relative to the palm [m/s]; the same in every world."""
+
+class Parameters(base.Parameters):
+    """Options of a lift."""
+
+    height_m: PositiveFloat = 0.10
+    """Required rise [m]."""
+
+    def goal(self, setting: Setting) -> LiftGoal:
+        """The rise."""
+        return LiftGoal(height_m=self.height_m)
 
 
-def succeeded(task: TaskSpec, start: TaskState, now: TaskState) -> bool:
-    """Whether the object's origin rose by `height_m` and only a valid grasp holds it now.
+class Lift(Primitive[LiftGoal]):
+    """The object's origin rose by `height_m` and only a valid grasp holds it now.
 
-    A valid grasp has at least two opposing fingers, no other support and no slip. A throw fails because no fingers
-    press, pinning against the table because of the height and the support.
+    A valid grasp has at least two opposing fingers, of one hand or of several, no other support and no slip. A throw
+    fails because no fingers press, pinning against the table because of the height and the support.
     """
-    rise = float(now.world_from_object[2, 3] - start.world_from_object[2, 3])
-    grasp = now.grasp
-    held = grasp.fingers >= 2 and grasp.opposing and not grasp.supported and grasp.slip_m_s < SLIP_M_S
-    return rise >= task.height_m and held
+
+    name = "lift"
+    parameters = Parameters
+
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+        """Whether it is up there, in the hands that the task names."""
+        return base.rise(start, now) >= self.goal.height_m and now.grasp(self.task.limbs).alone
+
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+        """The object is too low, or not held."""
+        return "the object is not held" if base.rise(start, now) >= self.goal.height_m else "the object is too low"
+
+    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+        """See `value`."""
+        share = base.rise(start, now) / self.goal.height_m
+        return value(Progress(reach_m, now.grasp(self.task.limbs), share, success))
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,19 @@ the reset and then held without interruption for `hold_s`. Any interruption rest
 
 from __future__ import annotations
 
-from dextera_build.artifacts.task import TaskSpec
-from dextera_build.sim.primitives import articulate, lift
+from collections.abc import Mapping
+
+from dextera_build.artifacts.task import TaskObject, TaskSpec
+from dextera_build.sim.primitives import catalogue
+from dextera_build.sim.primitives.base import Past
 from dextera_build.sim.primitives.state import TaskState
 
-_CONDITIONS = {"lift": lift.succeeded, "articulate": articulate.succeeded}
 
-
-def holds(task: TaskSpec, start: TaskState, now: TaskState) -> bool:
-    """Whether the task's condition holds now, given the state at the start of the episode."""
-    return _CONDITIONS[task.primitive](task, start, now)
+def holds(task: TaskSpec, start: TaskState, now: TaskState, objects: Mapping[str, TaskObject] | None = None) -> bool:
+    """Whether the task's condition holds now, given the state at the start of the episode and nothing in between."""
+    primitive = catalogue.of(task, objects)
+    past = Past(start)
+    return primitive.holds(start, now, past if now is start else primitive.follow(past, start, now))
 
 
 class Judge:
@@ -24,17 +27,30 @@ class Judge:
     Args:
         task: The objective.
         start: State at the reset.
+        objects: Body -> object of the task's model, for conditions on shapes.
     """
 
-    def __init__(self, task: TaskSpec, start: TaskState) -> None:
+    def __init__(self, task: TaskSpec, start: TaskState, objects: Mapping[str, TaskObject] | None = None) -> None:
         self.task = task
         self.start = start
-        self.held_at_reset = holds(task, start, start)
+        self.primitive = catalogue.of(task, objects)
+        self._past = Past(start)
+        self._now = start
+        self.held_at_reset = self.primitive.holds(start, start, self._past)
         self._since: float | None = None
+
+    @property
+    def reason(self) -> str:
+        """Why the condition does not hold, in a few words; empty if it does."""
+        if self.primitive.holds(self.start, self._now, self._past):
+            return ""
+        return self._past.fault or self.primitive.missing(self.start, self._now, self._past)
 
     def update(self, now: TaskState) -> bool:
         """Process one control period; True once the condition has held for `hold_s`."""
-        if self.held_at_reset or not holds(self.task, self.start, now):
+        self._past, self._now = self.primitive.follow(self._past, self.start, now), now
+        held = not self._past.fault and self.primitive.holds(self.start, now, self._past)
+        if self.held_at_reset or not held:
             self._since = None
             return False
         if self._since is None:

@@ -13,7 +13,8 @@ from dextera_build.geometry import quaternions, transforms
 from dextera_build.policy.observation import DeployableObservation, Measurement, deployable
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.model import compile_folder
-from dextera_build.sim.primitives import grasp
+from dextera_build.sim.primitives import catalogue
+from dextera_build.sim.primitives.grasp import Hands
 from dextera_build.sim.primitives.state import TaskState
 from dextera_build.sim.primitives.success import Judge
 from dextera_build.sim.runtime import starts
@@ -60,7 +61,8 @@ class Environment:
         self.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
         self.substeps = max(1, round(1.0 / (self.task.control_hz * self.model.opt.timestep)))
         self.period_s = self.substeps * self.model.opt.timestep
-        self.goal = np.array(bundle.task.goal, np.float32)
+        self.goal = np.array(bundle.goal_numbers, np.float32)
+        self.primitive = catalogue.of(bundle.task, bundle.objects)
         self._dynamics = Dynamics(bundle, self.model)
         self._index()
         self._base_from_world = transforms.invert(bundle.base_pose.matrix)
@@ -78,7 +80,7 @@ class Environment:
             RuleError: No start without collisions was found.
         """
         try:
-            return starts.draw(self.bundle, self.model, self._dynamics.sizes, seed)
+            return starts.draw(self.bundle, self.model, self._dynamics.sizes, seed, self.primitive.fair)
         finally:
             self._dynamics.sizes.put(self.start.size_scale)
 
@@ -93,7 +95,7 @@ class Environment:
         self.steps = 0
         self.previous_action = self.data.ctrl[self._actuators].copy()
         self._earlier = self.previous_action
-        self.judge = Judge(self.task, self.state())
+        self.judge = Judge(self.task, self.state(), self.bundle.objects)
         return self.observe()
 
     def step(self, action: np.ndarray) -> Outcome:
@@ -141,17 +143,19 @@ class Environment:
                 row[3:] *= -1
         return found
 
-    def palm_pose(self) -> np.ndarray:
-        """Pose of the palm in the base frame (7,); the identity for a robot without one."""
-        if self._palm < 0:
-            return np.array([0.0, 0, 0, 1, 0, 0, 0])
-        turn = np.zeros((1, 4))
-        mujoco.mju_mat2Quat(turn[0], self.data.site_xmat[self._palm])
-        return np.asarray(self.poses(self.data.site_xpos[[self._palm]], turn)[0])
+    def palm_poses(self) -> np.ndarray:
+        """Poses of the palms in the base frame (L, 7) by `RobotModel.limb_names`; the identity for a missing one."""
+        found = np.tile([0.0, 0, 0, 1, 0, 0, 0], (len(self.hands.palms), 1))
+        for row, palm in zip(found, self.hands.palms, strict=True):
+            if palm >= 0:
+                turn = np.zeros((1, 4))
+                mujoco.mju_mat2Quat(turn[0], self.data.site_xmat[palm])
+                row[:] = self.poses(self.data.site_xpos[[palm]], turn)[0]
+        return found
 
     def contact_forces(self) -> np.ndarray:
-        """Force on each fingertip's finger in the base frame (F, 3) [N]; privileged."""
-        forces = grasp.tip_forces(self.model, self.data, self._fingers, len(self.tips))
+        """Force on each fingertip's finger in the base frame (F, 3) [N] by `RobotModel.tips`; privileged."""
+        forces = self.hands.tip_forces(self.model, self.data)
         return np.asarray(forces @ self._base_from_world[:3, :3].T)
 
     def state(self) -> TaskState:
@@ -159,16 +163,17 @@ class Environment:
         names = self.bundle.objects[self.task.object].joints
         return TaskState(
             time_s=self.steps * self.period_s,
-            world_from_object=transforms.rigid(
-                self.data.xmat[self._target].reshape(3, 3).copy(), self.data.xpos[self._target].copy()
-            ),
+            world_from_object=self._pose_of(self._target),
+            others={name: self._pose_of(self.model.body(name).id) for name in self.primitive.others()},
             joints={name: float(self.data.joint(name).qpos[0]) for name in names},
             ranges={name: tuple(self.model.joint(name).range) for name in names},
             speeds={name: float(self.data.joint(name).qvel[0]) for name in names},
-            grasp=grasp.estimate(self.model, self.data, self._target, self._fingers, self._palm)
-            if self.task.primitive == "lift"
-            else grasp.NONE,
+            grasps=self.hands.grasps(self.model, self.data, self._target) if self.primitive.feels else {},
         )
+
+    def _pose_of(self, body: int) -> np.ndarray:
+        """T_world_body (4, 4)."""
+        return transforms.rigid(self.data.xmat[body].reshape(3, 3).copy(), self.data.xpos[body].copy())
 
     def _advance(self, target: np.ndarray) -> None:
         pieces = min(RAMP, self.substeps)
@@ -196,7 +201,7 @@ class Environment:
     def _why(self) -> str:
         if self.judge.held_at_reset:
             return "the condition held at the start already"
-        return f"not done within {self.task.timeout_s:g} s"
+        return f"not done within {self.task.timeout_s:g} s: {self.judge.reason or 'not held for long enough'}"
 
     def _index(self) -> None:
         model, robot = self.model, self.bundle.robot
@@ -209,7 +214,4 @@ class Environment:
         self._objects = np.array([model.body(name).id for name in self.bundle.objects])
         self._displacements = np.array([model.joint(name).qposadr[0] for name in self.bundle.displacement_names], int)
         self._target = int(model.body(self.task.object).id)
-        self.tips = robot.tips
-        tips = np.array([model.site(ROBOT + robot.frames[role]).id for role in self.tips], int)
-        self._palm = int(model.site(ROBOT + robot.frames["palm"]).id) if "palm" in robot.frames else -1
-        self._fingers = grasp.finger_map(model, tips, self._palm)
+        self.hands = Hands(model, robot, ROBOT)

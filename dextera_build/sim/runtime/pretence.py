@@ -35,9 +35,9 @@ def pretended(bundle: TaskBundle, seed: int, origin: Origin, *, success: bool) -
         action=still,
         executed=still.copy(),
         joints=still.copy(),
-        hand=np.tile(np.array([0, 0, 0, 1, 0, 0, 0], np.float32), (STEPS, 1)),
+        hand=np.tile(np.array([0, 0, 0, 1, 0, 0, 0], np.float32), (STEPS, len(bundle.robot.limbs), 1)),
         objects=np.tile(placed.astype(np.float32).reshape(1, len(motions), 7), (STEPS, 1, 1)),
         displacement=np.tile(inner.astype(np.float32), (STEPS, 1)),
         contact=np.zeros((STEPS, tips, 3), np.float32),
-        goal=np.array(bundle.task.goal, np.float32),
+        goal=np.array(bundle.goal_numbers, np.float32),
     )

@@ -55,8 +55,10 @@ def reconstruct(seen: Measurement, ctrl: np.ndarray, twin: Environment, tracker:
         data.joint(name).qpos[3:] = quaternions.from_matrix(place[:3, :3])
     for name, position in zip(bundle.displacement_names, seen.displacement, strict=True):
         data.joint(name).qpos[0] = position
+    measured = {joint.name: float(each) for joint, each in zip(bundle.robot.joints, seen.joints, strict=True)}
+    for name, position in bundle.robot.followed(measured).items():
+        data.joint(ROBOT + name).qpos[0] = position
     for number, joint in enumerate(bundle.robot.joints):
-        data.joint(ROBOT + joint.name).qpos[0] = seen.joints[number]
         data.actuator(ROBOT + joint.name).ctrl[0] = ctrl[number]
     _raise(model, data, list(bundle.objects))
     return start.model_copy(update={"seed": seed, "qpos": data.qpos.copy(), "ctrl": data.ctrl.copy()})

@@ -30,12 +30,12 @@ class Recorder:
         return len(self._rows["executed"])
 
     def before(self, action: np.ndarray, hand: np.ndarray | None = None) -> None:
-        """Record the observation, the action (A,) [rad] for it and its palm pose (7,) in the base."""
+        """Record the observation, the action (A,) [rad] for it and its palm poses (L, 7) in the base."""
         environment, rows = self._environment, self._rows
         measured = environment.measure()
         rows["action"].append(np.asarray(action, np.float32))
         rows["joints"].append(measured.joints)
-        rows["hand"].append(environment.palm_pose() if hand is None else hand)
+        rows["hand"].append(environment.palm_poses() if hand is None else hand)
         rows["objects"].append(measured.objects)
         rows["displacement"].append(measured.displacement)
         rows["contact"].append(environment.contact_forces())
@@ -68,7 +68,7 @@ def _shape(name: str, bundle: TaskBundle) -> tuple[int, ...]:
         "action": (joints,),
         "executed": (joints,),
         "joints": (joints,),
-        "hand": (7,),
+        "hand": (len(bundle.robot.limbs), 7),
         "objects": (len(bundle.objects), 7),
         "displacement": (len(bundle.displacement_names),),
         "contact": (len(bundle.robot.tips), 3),

@@ -7,6 +7,7 @@ episode, so any episode can be rerun.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import mujoco
@@ -28,7 +29,11 @@ GAINS = 0.10
 """Half range of the factor on the robot's gains, times `Reset.dynamics`."""
 
 
-def draw(bundle: TaskBundle, model: Any, sizes: Sizes, seed: int) -> Start:
+Fair = Callable[[Mapping[str, np.ndarray]], bool]
+"""Whether an episode may begin with the bodies at these poses, body -> T_world_body (4, 4)."""
+
+
+def draw(bundle: TaskBundle, model: Any, sizes: Sizes, seed: int, fair: Fair = lambda places: True) -> Start:
     """Draw a start of the task, deterministic in bundle and seed.
 
     Args:
@@ -36,6 +41,7 @@ def draw(bundle: TaskBundle, model: Any, sizes: Sizes, seed: int) -> Start:
         model: Its compiled model; its objects are left with the sizes of the start.
         sizes: Of that model.
         seed: Any integer from 0 to 2^63.
+        fair: Refuses starts at which the goal is reached.
 
     Raises:
         RuleError: No start without collisions was found.
@@ -49,7 +55,7 @@ def draw(bundle: TaskBundle, model: Any, sizes: Sizes, seed: int) -> Start:
         _place_objects(bundle, data, dynamics["size_scale"], random)
         _pose_robot(bundle, model, data, random)
         mujoco.mj_forward(model, data)
-        if _free(model, data) and _on_support(bundle, model, data):
+        if _free(model, data) and _on_support(bundle, model, data) and fair(_places(bundle, data)):
             break
     else:
         raise RuleError(
@@ -147,6 +153,11 @@ def _pose_robot(bundle: TaskBundle, model: Any, data: Any, random: np.random.Gen
         data.actuator(ROBOT + joint.name).ctrl[0] = targets[joint.name]
     for name, position in bundle.robot.followed(targets).items():
         data.joint(ROBOT + name).qpos[0] = position
+
+
+def _places(bundle: TaskBundle, data: Any) -> dict[str, np.ndarray]:
+    bodies = {name: data.body(name) for name in bundle.objects}
+    return {name: transforms.rigid(body.xmat.reshape(3, 3).copy(), body.xpos.copy()) for name, body in bodies.items()}
 
 
 def _free(model: Any, data: Any) -> bool:

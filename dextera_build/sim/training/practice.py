@@ -86,14 +86,16 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
         return np.concatenate([self._steering.numbers(self._inputs)[0], self._insight()])
 
     def _insight(self) -> np.ndarray:
-        """Privileged numbers (P,): forces, velocities, fingertips and object surface in the palm's frame, time."""
-        hand = self.seen[f"{PRIVILEGED}/hand_pose"]
+        """Privileged numbers (P,): forces, velocities, fingertips and object surface from their palms, time."""
         environment = self._task.environment
+        robot, hands = environment.bundle.robot, self.seen[f"{PRIVILEGED}/hand_poses"]
+        hand = hands[robot.limb_names.index(self._steering.limb)]
+        own = [number for number, name in enumerate(robot.limb_names) for _ in robot.limbs[name].tips]
         parts = [
             np.tanh(self.seen.get(f"{PRIVILEGED}/contact", np.zeros(0)) / FORCE_N),
             self.seen[f"{PRIVILEGED}/joint_velocities"],
             self.seen[f"{PRIVILEGED}/object_velocities"],
-            (self.seen.get(f"{PRIVILEGED}/tip_poses", np.zeros((0, 7)))[:, :3] - hand[:3]) / PLACE_M,
+            (self.seen.get(f"{PRIVILEGED}/tip_poses", np.zeros((0, 7)))[:, :3] - hands[own, :3]) / PLACE_M,
             (self.seen[f"{PRIVILEGED}/points"].mean(axis=0) - hand[:3]) / PLACE_M,
             [environment.steps * environment.period_s / environment.task.timeout_s, self._task.value],
         ]

@@ -194,7 +194,7 @@ def test_every_episode_can_be_begun_again() -> None:
     about = json.loads(folder.files["meta/dextera.json"])
     assert about["failures"] == {"3": "box: not lifted"}
     assert about["attempts"] == 4
-    assert about["task"]["height_m"] == 0.1
+    assert about["task"]["goal"]["height_m"] == 0.1
     camera = json.loads(folder.files["meta/cameras.json"])["workspace"]
     assert camera["fx"] == episodes.view().camera.fx
     world = episodes.WORLD_FROM_BASE @ np.array(camera["base_from_camera"])

@@ -121,8 +121,8 @@ def test_forces_targets_and_pictures_come_back(topics: dict[str, list[tuple[int,
             assert force.header.frame_id == "base"
             np.testing.assert_array_equal(vector(force.wrench.force), episode.contact[step, number])
         hand = topics["/target/hand"][step][1].pose
-        np.testing.assert_array_equal(vector(hand.position), episode.hand[step, :3])
-        assert hand.orientation.w == episode.hand[step, 3]
+        np.testing.assert_array_equal(vector(hand.position), episode.hand[step, 0, :3])
+        assert hand.orientation.w == episode.hand[step, 0, 3]
         image = topics["/workspace/color/image_raw/compressed"][step][1]
         assert (image.format, image.header.frame_id) == ("png", "workspace_color_optical_frame")
         np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(bytes(image.data)))), pixels[step])
@@ -158,7 +158,7 @@ def test_the_file_says_what_it_is_and_how_to_begin_again(folder: Folder, made: E
     attached = {record.name: json.loads(record.data) for record in reader.iter_attachments()}
     assert attached["start.json"]["qpos"] == made.items["0"].start.qpos.tolist()
     assert attached["start.json"]["friction"] == {"box": 0.6, "case": 0.5}
-    assert attached["task.json"]["height_m"] == 0.1
+    assert attached["task.json"]["goal"]["height_m"] == 0.1
     assert [segment["name"] for segment in attached["segments.json"]] == ["approach", "lift"]
     summary = reader.get_summary()
     assert summary is not None

@@ -63,7 +63,7 @@ def test_one_that_stops_short_fails_with_its_reason(runner):
     found = runner.run(
         "evaluate.rollouts", bundle=bundle, checkpoint=saying(gate.STOPS_SHORT, bundle), options={"trials": 3}
     )
-    assert found.reasons == {"not done within 3 s": 3}
+    assert found.reasons == {"not done within 3 s: a joint is not at its command": 3}
     assert found.mean_time_s is None
     assert list(found.examples.failures) == ["0"]
     assert runner.outcome.line == "0/3 (0-56 %) in the reference"
@@ -134,7 +134,10 @@ def test_a_film_strip_of_a_success_and_of_a_failure(runner, view):
     )
     assert 0 < found.successes < 8
     (one, first), (other, second) = runner.outcome.previews
-    assert (one.endswith(", success"), "failure: not done within 3 s" in other) == (True, True)
+    assert (one.endswith(", success"), "failure: not done within 3 s: a joint is not at its command" in other) == (
+        True,
+        True,
+    )
     assert one.startswith("OpenGate, trial ")
     assert first != second
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.policy import Checkpoint
+from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import Reset, TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.learning import weights
@@ -241,7 +242,8 @@ def test_options_that_make_no_sense_are_refused(tmp_path: Path, options: dict[st
 
 def test_a_robot_without_a_palm_is_steered_joint_by_joint(tmp_path: Path) -> None:
     frames = {role: site for role, site in BUNDLE.robot.frames.items() if role != "palm"}
-    bundle = BUNDLE.model_copy(update={"robot": BUNDLE.robot.model_copy(update={"frames": frames})})
+    fields = {name: getattr(BUNDLE.robot, name) for name in RobotModel.model_fields if name != "limbs"}
+    bundle = BUNDLE.model_copy(update={"robot": RobotModel(**fields | {"frames": frames})})
     with pytest.raises(RuleError, match="no frame `palm` that could be steered") as caught:
         learn(tmp_path, "stub", bundle)
     assert caught.value.hint == "set `control: joints`"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.object import Asset
@@ -15,6 +16,9 @@ from tests import episodes, factories
 
 CLOSE = {"name": "Close", "primitive": "articulate", "object": "laptop", "joints_deg": {"hinge": 0.0}}
 LIFT = {"name": "Lift", "primitive": "lift", "object": "blue_box", "height_m": 0.08}
+BARE = {"name": "Task", "object": "blue_box"}
+PUSH = {"name": "Push", "primitive": "push", "object": "blue_box", "by_m": (0.1, 0.05)}
+PLACE = {"name": "Place", "primitive": "pick_and_place", "object": "blue_box", "into": "bowl"}
 
 
 @pytest.fixture
@@ -24,6 +28,7 @@ def make(tmp_path):
         items={
             "Blue Box": factories.box_asset(place=factories.pose(0.3, 0.0), mass=0.4),
             "laptop": factories.laptop_asset(place=factories.pose(-0.3, 0.2)),
+            "bowl": factories.bowl_asset(factories.pose(0.0, 0.35), radius=0.09, height=0.07),
         }
     )
     scene = runner.run(
@@ -45,10 +50,11 @@ def make(tmp_path):
 
 def test_names_goals_and_uncertainty_are_those_of_the_assets(make):
     bundle = make({**CLOSE, "tolerance_deg": 4.0})
-    assert set(bundle.objects) == {"blue_box", "laptop"}
+    assert set(bundle.objects) == {"blue_box", "bowl", "laptop"}
     (joint,) = bundle.objects["laptop"].joints
-    assert bundle.task.joints == {joint: 0.0}
-    assert bundle.task.tolerance == pytest.approx(np.radians(4.0))
+    assert bundle.task.primitive == "articulate"
+    assert bundle.task.goal.joints == {joint: 0.0}
+    assert bundle.task.goal.tolerance == pytest.approx(np.radians(4.0))
     low, high = bundle.objects["blue_box"].mass_scale
     assert low < 1.0 < high
     environment = Environment(bundle)
@@ -86,6 +92,16 @@ def test_a_twin_of_unknown_scale_is_refused(make):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({**LIFT, "limbs": ("left",)}, "the robot has no limb `left`"),
+        ({**PUSH, "by_m": None}, "`Push` needs one target"),
+        ({**PUSH, "to_m": (0.3, 0.1)}, "`Push` needs one target"),
+        ({**PLACE, "into": None}, "`Place` has no target"),
+        ({**PLACE, "into": "basket"}, "the scene has no container `basket`"),
+        ({**PLACE, "into": "blue_box"}, "the scene has no container `blue_box`"),
+        ({**PLACE, "into": "laptop"}, "`laptop` is no container"),
+        ({**PLACE, "into": "bowl", "by_m": (0.1, 0.0, 0.0)}, "a target is given by `into` and by a pose"),
+        ({**BARE, "primitive": "pick_and_reorient"}, "`Task` has no target"),
+        ({**BARE, "primitive": "handover"}, "`handover` takes 2 hands, but the robot has 1"),
         ({**LIFT, "object": "green_mug"}, "the scene has no object `green_mug`"),
         ({**CLOSE, "joints_deg": {}}, "`Close` names no joint to move"),
         ({**CLOSE, "joints_deg": {"lid": 0.0}}, "`laptop` has no joint `lid`"),
@@ -95,6 +111,45 @@ def test_a_twin_of_unknown_scale_is_refused(make):
 def test_what_cannot_be_done_is_refused(make, options, message):
     with pytest.raises(RuleError, match=message):
         make(options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({**PUSH, "height_m": 0.1}, "`height_m` is no option of primitive `push`, which has"),
+        ({**LIFT, "giver": "left"}, "`giver` is no option of primitive `lift`"),
+        ({**PUSH, "by_m": (0.1, 0.0, 0.2)}, "`by_m` of primitive `push`"),
+        ({**LIFT, "primitive": "throw"}, "primitive"),
+    ],
+)
+def test_options_of_another_primitive_are_refused_before_anything_is_built(make, options, message):
+    with pytest.raises(ValidationError, match=message):
+        make.runner.find("simulate.task").rule.options.model_validate(options)
+
+
+def test_a_push_has_its_target_in_the_world_and_policies_see_it_in_the_base(make):
+    bundle = make({**PUSH, "yaw_deg": 90.0})
+    goal = bundle.task.goal
+    assert goal.place_m == pytest.approx((0.4, 0.05))
+    names = dict(zip(goal.names, bundle.goal_numbers, strict=True))
+    seen = np.linalg.inv(bundle.base_pose.matrix) @ [0.4, 0.05, 0.0, 1.0]
+    assert (names["x"], names["y"]) == pytest.approx(seen[:2])
+    ahead = bundle.base_pose.matrix[:3, :3] @ [names["heading_x"], names["heading_y"], 0.0]
+    assert ahead == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)
+    environment = Environment(bundle)
+    assert environment.reset(0).goal == pytest.approx(bundle.goal_numbers)
+    assert not environment.judge.held_at_reset
+
+
+def test_a_container_is_measured_for_those_that_are_put_into_it(make):
+    bundle = make(PLACE)
+    cavity = bundle.objects["bowl"].cavity
+    assert bundle.objects["laptop"].cavity is bundle.objects["blue_box"].cavity is None
+    deep = float((cavity.rim_m - cavity.floor_m).max())
+    assert 0.05 < deep < 0.07
+    room = float((cavity.rim_m - cavity.floor_m).sum()) * cavity.cell_m**2
+    assert room < np.pi * 0.09**2 * 0.07
+    assert bundle.task.goal.into == "bowl"
 
 
 def test_a_base_in_another_frame_is_refused(make):
@@ -110,5 +165,7 @@ def test_a_task_without_room_says_so(make):
 
 def test_the_stub_takes_what_is_there(make):
     bundle = make({**CLOSE, "object": "black_laptop"}, profile="stub")
+    assert bundle.task.object in bundle.objects
+    bundle = make({**PLACE, "object": "red_box", "into": "basket"}, profile="stub")
     assert bundle.task.object in bundle.objects
     assert {"scene.xml", "robot.xml"} <= set(bundle.model.files)

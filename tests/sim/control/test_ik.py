@@ -18,7 +18,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
 
 @pytest.fixture(scope="module")
 def arm(robot: RobotModel) -> ArmKinematics:
-    return ArmKinematics(robot)
+    return ArmKinematics(robot, "arm")
 
 
 def drawn(arm: ArmKinematics, seed: int) -> np.ndarray:

@@ -44,13 +44,13 @@ def test_the_palm_goes_where_it_is_steered_along_the_axes_of_the_base():
     environment = Environment(task_bundles.lift())
     steer = steering()
     assert steer.size == 3
-    before = environment.palm_pose()
+    before = environment.palm_poses()[0]
     for decision in ([1, 0, 0], [0, -0.5, 0], [0, 0, 1]):
         for target in steer.targets(np.array(decision), environment.previous_action, environment.measure().joints):
             environment.step(target)
     for _ in range(10):
         environment.step(environment.previous_action)
-    moved = environment.palm_pose() - before
+    moved = environment.palm_poses()[0] - before
     assert moved[:3] == pytest.approx([0.05, -0.025, 0.05], abs=0.006)
     assert np.allclose(moved[3:], 0, atol=1e-3)
 

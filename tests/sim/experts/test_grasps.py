@@ -7,7 +7,7 @@ import pytest
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.geometry import transforms
-from dextera_build.sim.control.hand import THUMB, HandKinematics
+from dextera_build.sim.control.hand import HandKinematics
 from dextera_build.sim.experts.grasps import candidates
 from tests.robots import robot_recipes
 
@@ -19,7 +19,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
 
 @pytest.fixture(scope="module")
 def hand(robot: RobotModel) -> HandKinematics:
-    return HandKinematics(robot)
+    return HandKinematics(robot, "arm")
 
 
 def can(radius: float, height: float) -> np.ndarray:
@@ -30,13 +30,13 @@ def can(radius: float, height: float) -> np.ndarray:
 
 
 def test_a_pinch_has_the_object_between_thumb_and_fingers(robot: RobotModel, hand: HandKinematics) -> None:
-    found = list(candidates(can(0.04, 0.1), {"pinch": robot.grips["pinch"]}, hand))
+    found = list(candidates(can(0.04, 0.1), {"pinch": robot.limbs["arm"].grips["pinch"]}, hand))
     assert found
     for grasp in found:
-        thumb = transforms.apply(grasp.palm, hand.tip(THUMB, grasp.open))
+        thumb = transforms.apply(grasp.palm, hand.tip("tip_thumb", grasp.open))
         fingers = transforms.apply(grasp.palm, hand.reach(grasp.open))
         radii = np.linalg.norm([thumb[:2], fingers[:2]], axis=1)
-        assert (radii > 0.04 + robot.grips["pinch"].tip_radius_m).all(), grasp.name
+        assert (radii > 0.04 + robot.limbs["arm"].grips["pinch"].tip_radius_m).all(), grasp.name
         cosine = thumb[:2] @ fingers[:2] / np.prod(radii)
         assert cosine < -0.9, grasp.name
         assert 0.0 < thumb[2] < 0.12
@@ -44,11 +44,11 @@ def test_a_pinch_has_the_object_between_thumb_and_fingers(robot: RobotModel, han
 
 
 def test_nothing_wider_than_the_hand_is_pinched(robot: RobotModel, hand: HandKinematics) -> None:
-    assert not list(candidates(can(0.15, 0.1), {"pinch": robot.grips["pinch"]}, hand))
+    assert not list(candidates(can(0.15, 0.1), {"pinch": robot.limbs["arm"].grips["pinch"]}, hand))
 
 
 def test_a_wrap_lays_the_object_into_the_palm(robot: RobotModel, hand: HandKinematics) -> None:
-    grip = robot.grips["wrap"]
+    grip = robot.limbs["arm"].grips["wrap"]
     found = list(candidates(can(0.035, 0.19), {"wrap": grip}, hand))
     assert found
     for grasp in found:
@@ -60,11 +60,11 @@ def test_a_wrap_lays_the_object_into_the_palm(robot: RobotModel, hand: HandKinem
 
 
 def test_candidates_are_rotations(robot: RobotModel, hand: HandKinematics) -> None:
-    for grasp in candidates(can(0.035, 0.15), robot.grips, hand):
+    for grasp in candidates(can(0.035, 0.15), robot.limbs["arm"].grips, hand):
         turn = grasp.palm[:3, :3]
         assert np.allclose(turn @ turn.T, np.eye(3), atol=1e-9)
         assert np.linalg.det(turn) == pytest.approx(1.0)
 
 
 def test_a_grip_that_only_points_holds_nothing(robot: RobotModel, hand: HandKinematics) -> None:
-    assert not list(candidates(can(0.035, 0.15), {"point": robot.grips["point"]}, hand))
+    assert not list(candidates(can(0.035, 0.15), {"point": robot.limbs["arm"].grips["point"]}, hand))

@@ -51,12 +51,12 @@ def test_a_sampled_plan_ends_its_legs_where_they_say_and_jumps_nowhere() -> None
         Leg(end, np.ones(2), 1.0, "approach", arc_m=0.1),
         Leg(end, np.zeros(2), 0.5, "grasp", "box", True),
     ]
-    commands = list(sample(start, np.zeros(2), legs, 20.0))
+    commands = list(sample("arm", start, np.zeros(2), legs, 20.0))
     assert len(commands) == 30
-    assert np.allclose(commands[19].palm, end)
-    assert np.allclose(commands[19].fingers, 1.0)
+    assert np.allclose(commands[19].aims["arm"].palm, end)
+    assert np.allclose(commands[19].aims["arm"].fingers, 1.0)
     assert [commands[19].contact, commands[20].contact] == [False, True]
-    heights = np.array([command.palm[2, 3] for command in commands])
+    heights = np.array([command.aims["arm"].palm[2, 3] for command in commands])
     assert heights.max() == pytest.approx(0.3, abs=1e-3)
-    places = np.array([start[:3, 3], *(command.palm[:3, 3] for command in commands)])
+    places = np.array([start[:3, 3], *(command.aims["arm"].palm[:3, 3] for command in commands)])
     assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() < 0.05

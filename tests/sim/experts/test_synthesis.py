@@ -14,7 +14,7 @@ from dextera_build.artifacts.episode import Segment
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.geometry.poses import to_matrix
 from dextera_build.geometry.registration import rotation
-from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.control.operator import Aim, Command, State
 from dextera_build.sim.experts.drive import Noise, _Disturbance
 from dextera_build.sim.experts.motion import between
 from dextera_build.sim.experts.synthesis import (
@@ -76,7 +76,7 @@ def moved_task(shift: np.ndarray) -> tuple[Synthesis, State]:
     source = episodes.episode(20, seed=3)
     environment = SimpleNamespace(
         bundle=SimpleNamespace(robot=episodes.robot()),
-        palm_pose=lambda: source.hand[0],
+        palm_poses=lambda: source.hand[0],
         previous_action=np.array(episodes.HOME),
         task=SimpleNamespace(control_hz=20.0),
     )
@@ -99,7 +99,7 @@ def test_every_framed_step_keeps_the_demonstrated_pose_in_the_objects_frame(x, y
     framed = [command for command in commands if command.frame]
     assert len(framed) == 20
     for row, command in enumerate(framed):
-        assert np.allclose(command.palm, shift @ to_matrix(source.hand[row]), atol=1e-5)
+        assert np.allclose(command.aims["arm"].palm, shift @ to_matrix(source.hand[row, 0]), atol=1e-5)
 
 
 def with_free_approach() -> tuple[Synthesis, State, np.ndarray]:
@@ -112,7 +112,7 @@ def with_free_approach() -> tuple[Synthesis, State, np.ndarray]:
     )
     operator._source = source.model_copy(update={"segments": segments})
     operator.begin(state)
-    return operator, state, np.array([to_matrix(row) for row in source.hand])
+    return operator, state, np.array([to_matrix(row[0]) for row in source.hand])
 
 
 def test_free_motion_leads_from_the_hand_to_the_moved_object_no_faster_than_shown():
@@ -120,8 +120,8 @@ def test_free_motion_leads_from_the_hand_to_the_moved_object_no_faster_than_show
     commands = []
     while (command := operator.command(state)) is not None:
         commands.append(command)
-    free = [command.palm for command in commands if not command.frame]
-    target = next(command.palm for command in commands if command.frame)
+    free = [command.aims["arm"].palm for command in commands if not command.frame]
+    target = next(command.aims["arm"].palm for command in commands if command.frame)
     assert len(free) >= 9
     steps = np.linalg.norm(np.diff([*[pose[:3, 3] for pose in free], target[:3, 3]], axis=0), axis=1)
     fastest = np.linalg.norm(np.diff(shown[:11, :3, 3], axis=0), axis=1).max()
@@ -156,9 +156,9 @@ def test_free_motion_at_the_end_goes_on_from_where_the_hand_is():
     operator.begin(state)
     palms = []
     while (command := operator.command(state)) is not None:
-        palms.append(command.palm)
+        palms.append(command.aims["arm"].palm)
     made = transforms.invert(palms[-10]) @ palms[-1]
-    shown = transforms.invert(to_matrix(source.hand[10])) @ to_matrix(source.hand[19])
+    shown = transforms.invert(to_matrix(source.hand[10, 0])) @ to_matrix(source.hand[19, 0])
     assert np.allclose(made, shown, atol=1e-5)
 
 
@@ -174,7 +174,7 @@ def test_the_nearest_demonstration_is_taken():
 def test_demonstrations_that_take_hold_otherwise_are_left_out():
     shown = [episodes.episode(20, seed=number) for number in range(5)]
     odd = shown[2].hand.copy()
-    odd[:, 3:] = odd[:, 3:][:, [1, 0, 3, 2]]
+    odd[..., 3:] = odd[..., 3:][..., [1, 0, 3, 2]]
     mixed = [*shown[:2], shown[2].model_copy(update={"hand": odd}), *shown[3:]]
     alone = [_hold(source, ["box", "case"]) for source in mixed]
     assert transforms.angle(alone[2][:3, :3].T @ _hold(shown[2], ["box", "case"])[:3, :3]) > 0.5
@@ -184,7 +184,7 @@ def test_demonstrations_that_take_hold_otherwise_are_left_out():
 
 
 def command(contact: bool) -> Command:
-    return Command(factories.pose(0.3, 0.1, 0.2, yaw=0.3), np.zeros(4), "grasp", "box", contact)
+    return Command({"arm": Aim(factories.pose(0.3, 0.1, 0.2, yaw=0.3), np.zeros(4))}, "grasp", "box", contact)
 
 
 def test_noise_has_the_declared_spread_and_stays_a_rotation():
@@ -192,29 +192,35 @@ def test_noise_has_the_declared_spread_and_stays_a_rotation():
     disturbance = _Disturbance(noise, seed=1)
     clean = command(contact=False)
     made = [disturbance.on(clean) for _ in range(4000)]
-    shifts = np.array([one.palm[:3, 3] - clean.palm[:3, 3] for one in made])
+    shifts = np.array([one.aims["arm"].palm[:3, 3] - clean.aims["arm"].palm[:3, 3] for one in made])
     assert shifts.std(axis=0) == pytest.approx(0.01, rel=0.1)
-    turns = [transforms.angle(clean.palm[:3, :3].T @ one.palm[:3, :3]) for one in made]
+    turns = [transforms.angle(clean.aims["arm"].palm[:3, :3].T @ one.aims["arm"].palm[:3, :3]) for one in made]
     assert np.sqrt(np.mean(np.square(turns)) / 3) == pytest.approx(0.02, rel=0.1)
-    assert np.array([one.fingers for one in made]).std() == pytest.approx(0.03, rel=0.1)
-    assert all(abs(np.linalg.det(one.palm[:3, :3]) - 1) < 1e-9 for one in made[:50])
-    assert quaternions.from_matrix(made[0].palm[:3, :3]).shape == (4,)
+    assert np.array([one.aims["arm"].fingers for one in made]).std() == pytest.approx(0.03, rel=0.1)
+    assert all(abs(np.linalg.det(one.aims["arm"].palm[:3, :3]) - 1) < 1e-9 for one in made[:50])
+    assert quaternions.from_matrix(made[0].aims["arm"].palm[:3, :3]).shape == (4,)
 
 
 def test_correlated_noise_keeps_its_spread():
     disturbance = _Disturbance(Noise(position_m=0.01, correlation=0.9), seed=2)
-    shifts = np.array([disturbance.on(command(False)).palm[0, 3] for _ in range(20000)]) - 0.3
+    shifts = np.array([disturbance.on(command(False)).aims["arm"].palm[0, 3] for _ in range(20000)]) - 0.3
     assert shifts.std() == pytest.approx(0.01, rel=0.15)
     assert np.corrcoef(shifts[:-1], shifts[1:])[0, 1] == pytest.approx(0.9, abs=0.03)
 
 
 def test_contact_is_not_disturbed_unless_asked():
     loud = Noise(position_m=0.01, rotation_rad=0.02, finger_rad=0.03)
-    assert _Disturbance(loud, 3).on(command(contact=True)).palm is not None
-    assert np.array_equal(_Disturbance(loud, 3).on(command(contact=True)).palm, command(True).palm)
+    assert _Disturbance(loud, 3).on(command(contact=True)).aims["arm"].palm is not None
+    assert np.array_equal(
+        _Disturbance(loud, 3).on(command(contact=True)).aims["arm"].palm, command(True).aims["arm"].palm
+    )
     everywhere = Noise(position_m=0.01, in_contact=True)
-    assert not np.array_equal(_Disturbance(everywhere, 3).on(command(contact=True)).palm, command(True).palm)
+    assert not np.array_equal(
+        _Disturbance(everywhere, 3).on(command(contact=True)).aims["arm"].palm, command(True).aims["arm"].palm
+    )
 
 
 def test_no_noise_is_the_command_itself():
-    assert np.allclose(_Disturbance(Noise(), 4).on(command(contact=False)).palm, command(False).palm)
+    assert np.allclose(
+        _Disturbance(Noise(), 4).on(command(contact=False)).aims["arm"].palm, command(False).aims["arm"].palm
+    )

@@ -57,7 +57,7 @@ def test_tips_stand_and_move_with_the_joints():
     assert np.allclose(seen.joint_velocities, [0, 0.25, 0, 0.5, 0])
     assert np.allclose(seen.tip_velocities, [[0, 0.75, 0, 0, 0, 0], [0, 0.25, 0, 0, 0, 0]], atol=1e-6)
     assert np.allclose(seen.tip_poses[:, :3], [[0, 0.055, 0.01], [0, -0.055, 0.01]], atol=1e-6)
-    assert np.allclose(seen.hand_pose[:3], [0, 0, 0.12], atol=1e-6)
+    assert np.allclose(seen.hand_poses[0, :3], [0, 0, 0.12], atol=1e-6)
 
 
 def test_points_lie_on_the_object_wherever_it_is():

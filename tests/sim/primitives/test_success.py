@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dextera_build.artifacts.goals import ArticulateGoal, LiftGoal
 from dextera_build.artifacts.task import TaskSpec
 from dextera_build.sim.primitives import lift
 from dextera_build.sim.primitives.state import GraspState, TaskState
@@ -17,15 +18,15 @@ from dextera_build.sim.primitives.success import Judge, holds
 from tests import factories
 
 PERIOD_S = 0.05
-LIFT = TaskSpec(name="Lift", primitive="lift", object="box", height_m=0.1, hold_s=0.5)
-CLOSE = TaskSpec(name="Close", primitive="articulate", object="case", joints={"lid": 0.0}, tolerance=0.1, hold_s=0.5)
+LIFT = TaskSpec(name="Lift", object="box", goal=LiftGoal(height_m=0.1), hold_s=0.5)
+CLOSE = TaskSpec(name="Close", object="case", goal=ArticulateGoal(joints={"lid": 0.0}, tolerance=0.1), hold_s=0.5)
 GRIP = GraspState(fingers=2, opposing=True, supported=False, slip_m_s=0.0)
 
 
 def box(time_s: float = 0.0, z: float = 0.15, **grasp: Any) -> TaskState:
     """The box at height `z`, held well but for what is given."""
     held = GraspState(**{**GRIP.__dict__, **grasp})
-    return TaskState(time_s=time_s, world_from_object=factories.pose(z=z), grasp=held)
+    return TaskState(time_s=time_s, world_from_object=factories.pose(z=z), grasps={"arm": held})
 
 
 def case(
@@ -111,12 +112,12 @@ def test_a_case_that_is_tipped_over_is_not_closed():
 
 
 def test_a_lid_that_swings_through_its_command_never_counts():
-    task = CLOSE.model_copy(update={"joints": {"lid": 0.8}})
+    task = CLOSE.model_copy(update={"goal": ArticulateGoal(joints={"lid": 0.8}, tolerance=0.1)})
     assert not any(verdicts(task, case(lid=1.5), lambda time: case(time, lid=1.5 - 0.3 * time, speed=-0.3), 60))
 
 
 def test_every_joint_that_is_asked_for_must_be_there():
-    task = CLOSE.model_copy(update={"joints": {"lid": 0.0, "latch": 1.0}})
+    task = CLOSE.model_copy(update={"goal": ArticulateGoal(joints={"lid": 0.0, "latch": 1.0}, tolerance=0.1)})
     start = case(lid=1.5, latch=0.0)
     assert not holds(task, start, case(lid=0.0, latch=0.0))
     assert not holds(task, start, case(lid=0.5, latch=1.0))

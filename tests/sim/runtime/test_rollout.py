@@ -44,7 +44,7 @@ def test_a_policy_that_pushes_succeeds_and_one_that_stops_short_does_not(environ
     done = closed_loop(environment, Constant(gate.PUSHES), drawn(environment))
     assert (done.success, done.reason, done.origin) == (True, "", "policy")
     late = closed_loop(environment, Constant(gate.STOPS_SHORT), drawn(environment))
-    assert (late.success, late.reason) == (False, "not done within 3 s")
+    assert (late.success, late.reason) == (False, "not done within 3 s: a joint is not at its command")
     assert len(late.action) == 60
 
 

@@ -42,7 +42,7 @@ def test_privileged_keys_are_there_only_when_asked_for():
             "contact",
             "joint_velocities",
             "object_velocities",
-            "hand_pose",
+            "hand_poses",
             "tip_poses",
             "tip_velocities",
             "points",
@@ -82,7 +82,11 @@ def test_time_truncates_and_a_broken_action_terminates():
     for step in range(80):
         _, _, terminated, truncated, info = environment.step(hold)
         assert (terminated, truncated) == (False, step == 79)
-    assert (info["success"], info["is_success"], info["reason"]) == (False, False, "not done within 4 s")
+    assert (info["success"], info["is_success"], info["reason"]) == (
+        False,
+        False,
+        "not done within 4 s: the object is too low",
+    )
     environment.reset(seed=0)
     seen, reward, terminated, truncated, info = environment.step(np.full(5, np.nan))
     assert (terminated, truncated, reward) == (True, False, 0.0)

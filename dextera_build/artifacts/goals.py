@@ -1,0 +1,174 @@
+"""Goals of tasks: one type per primitive, in the world frame [m, rad].
+
+Policies see a goal as numbers with names, in the robot's base frame like everything else that they see.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from dextera_build.artifacts.value import Value
+from dextera_build.geometry import quaternions
+
+Place = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+class LiftGoal(Value):
+    """The object rises, held by hands alone."""
+
+    primitive: Literal["lift"] = "lift"
+    height_m: float
+    """Required rise of the object's origin above its start [m]."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of `numbers`."""
+        return ("rise",)
+
+    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
+        """The rise [m]."""
+        return (self.height_m,)
+
+
+class ArticulateGoal(Value):
+    """Joints of the object are at commanded positions."""
+
+    primitive: Literal["articulate"] = "articulate"
+    joints: dict[str, float]
+    """Joint in the model -> commanded position [rad or m]."""
+    tolerance: float
+    """Largest distance of every joint from its command [rad or m]."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of `numbers`."""
+        return tuple(self.joints)
+
+    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
+        """The commanded positions [rad or m]."""
+        return tuple(self.joints.values())
+
+
+class Tolerance(Value):
+    """How near a pose must come."""
+
+    position_m: float
+    """Largest distance of the object's origin [m]."""
+    rotation_rad: float
+    """Largest rotation between both orientations [rad]."""
+    symmetry: int = 1
+    """Orientations that look alike when the object turns about its own z axis; 0: all."""
+
+
+class PushGoal(Value):
+    """The object stands at a place on its support, pushed there."""
+
+    primitive: Literal["push"] = "push"
+    place_m: tuple[float, float]
+    """Target x and y of the object's origin [m]."""
+    yaw_rad: float | None
+    """Target turn from the photograph's orientation about the vertical [rad]; None: any."""
+    upright: Quaternion
+    """Orientation in the photograph, w x y z, that the turn refers to."""
+    tolerance: Tolerance
+    """How near it must come."""
+
+    @property
+    def turn(self) -> np.ndarray:
+        """Target rotation (3, 3); that of the photograph where any turn will do."""
+        about = _yaw(self.yaw_rad or 0.0)
+        return np.asarray(about @ quaternions.to_matrix(np.array(self.upright)))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of `numbers`."""
+        return ("x", "y", "heading_x", "heading_y")
+
+    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
+        """Target position on the support [m], and where the object's x axis points there; zeros for any turn."""
+        place = base_from_world @ [*self.place_m, 0.0, 1.0]
+        ahead = base_from_world[:3, :3] @ self.turn[:, 0] * (self.yaw_rad is not None)
+        return (*map(float, place[:2]), *map(float, ahead[:2]))
+
+
+class PoseGoal(Value):
+    """A target pose."""
+
+    place_m: Place | None = None
+    """Target position of the object's origin [m]; None: any."""
+    quaternion: Quaternion | None = None
+    """Target orientation, w x y z; None: any."""
+    tolerance: Tolerance
+    """How near it must come."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of `numbers`."""
+        return tuple(f"target_{part}" for part in ("x", "y", "z", "qw", "qx", "qy", "qz"))
+
+    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
+        """Target position [m] and quaternion; zeros for what may be anything."""
+        place, turn = np.zeros(3), np.zeros(4)
+        if self.place_m is not None:
+            place = (base_from_world @ [*self.place_m, 1.0])[:3]
+        if self.quaternion is not None:
+            matrix = base_from_world[:3, :3] @ quaternions.to_matrix(np.array(self.quaternion))
+            turn = quaternions.from_matrix(matrix)
+            turn = turn if turn[0] >= 0 else -turn
+        return (*map(float, place), *map(float, turn))
+
+
+class ReorientGoal(PoseGoal):
+    """A hand holds the object at a target pose, off its support."""
+
+    primitive: Literal["pick_and_reorient"] = "pick_and_reorient"
+
+
+class PlaceGoal(PoseGoal):
+    """The object was picked, and rests released at a target pose, or inside a container."""
+
+    primitive: Literal["pick_and_place"] = "pick_and_place"
+    into: str = ""
+    """Body of the container whose cavity holds all of the object; empty: the target pose counts."""
+
+
+class HandoverGoal(Value):
+    """One hand takes the object from the other."""
+
+    primitive: Literal["handover"] = "handover"
+    giver: str
+    """Limb that holds it first."""
+    receiver: str
+    """Limb that holds it in the end."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of `numbers`."""
+        return (f"receiver_is_{self.receiver}",)
+
+    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
+        """1: the receiver is part of the name."""
+        return (1.0,)
+
+
+Goal = LiftGoal | ArticulateGoal | PushGoal | ReorientGoal | PlaceGoal | HandoverGoal
+"""The goal of a task, which tells its primitive."""
+Primitive = Literal["lift", "articulate", "push", "pick_and_reorient", "pick_and_place", "handover"]
+"""Kind of objective; each has a file in `dextera_build.sim.primitives`."""
+
+
+def former(
+    primitive: str, height_m: float = 0.0, joints: dict[str, float] | None = None, tolerance: float = 0.0
+) -> Goal:
+    """The goal of a task that was stored when lifting and articulating were all there was."""
+    if primitive == "articulate":
+        return ArticulateGoal(joints=joints or {}, tolerance=tolerance)
+    return LiftGoal(height_m=height_m)
+
+
+def _yaw(angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -1,0 +1,18 @@
+"""Which limbs of a robot do something in a demonstration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from dextera_build.artifacts.episode import Episode
+
+
+def acting(episode: Episode, limbs: Sequence[str]) -> tuple[int, ...]:
+    """Indices of the limbs that move in any segment, in order; the first limb if segments name none.
+
+    Args:
+        episode: A demonstration.
+        limbs: Limbs of `Episode.hand`.
+    """
+    named = {name for segment in episode.segments for name in segment.limbs}
+    return tuple(number for number, name in enumerate(limbs) if name in named) or (0,)

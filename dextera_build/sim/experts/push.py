@@ -1,0 +1,113 @@
+"""Scripted operator of primitive `push`: fingertips behind the object move it straight to its target."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.artifacts.goals import PushGoal
+from dextera_build.geometry import registration, transforms
+from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.experts.motion import Leg, minimum_jerk
+from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.runtime.environment import Environment
+
+SPEED_M_S = 0.12
+"""Speed of the push; a slow one ends where the hand ends [m/s]."""
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """Parameters of a push along the support; the same for every start."""
+
+    lean_rad: float
+    """Tilt of the fingers from straight down towards the push [rad]."""
+    turn_rad: float
+    """Rotation of the hand about the vertical, from facing the object [rad]."""
+    low: float = 0.35
+    """Height of the fingertips, as a fraction of the object's; low down it does not tip over."""
+    clear_m: float = 0.06
+    """Distance behind the object at which the push begins [m]."""
+    above_m: float = 0.16
+    """Height of the approach above the start of the push [m]."""
+    seconds: tuple[float, float, float, float] = (1.4, 0.7, 0.5, 1.0)
+    """Durations: over, down behind, touch, rest at the target [s]."""
+
+
+class Push:
+    """Pushes the task's object to its target.
+
+    Args:
+        environment: The task; only its data are used.
+        reach: Kinematics of a limb.
+        stroke: Parameters of the push.
+    """
+
+    def __init__(self, environment: Environment, reach: Reach, stroke: Stroke) -> None:
+        task, bundle = environment.task, environment.bundle
+        assert isinstance(task.goal, PushGoal)
+        self._object, self._rate = task.object, task.control_hz
+        base_from_world = bundle.base_pose.inverse().matrix
+        self._target = (base_from_world @ [*task.goal.place_m, 0.0, 1.0])[:3]
+        self._up = base_from_world[:3, 2].copy()
+        self._points = bundle.objects[task.object].points.astype(np.float64)
+        grip = next(grip for grip in reach.grips.values() if grip.against == "nothing")
+        self._fingers = reach.fingers.posture(grip.open)
+        self._pad, self._tip = reach.fingers.reach(self._fingers), grip.tip_radius_m
+        # Axes of the hand, in the palm's frame: along the fingers, out of the palm, and across.
+        along, out = np.array(grip.pointing), np.array(grip.facing)
+        self._axes = np.stack([along, out, np.cross(along, out)])
+        self._reach, self.stroke = reach, stroke
+        self._commands: Iterator[Command] = iter(())
+
+    def begin(self, state: State) -> None:
+        """Plan from `state`."""
+        legs = self.legs(state)
+        self._reach.check([*legs[:3], *legs[3:-1:8], legs[-1]], state)
+        self._commands = self._reach.commands(legs, state, self._rate)
+
+    def command(self, state: State) -> Command | None:
+        """The next step of the plan."""
+        return next(self._commands, None)
+
+    def legs(self, state: State) -> list[Leg]:
+        """The plan from `state`."""
+        stroke, pose = self.stroke, state.objects[self._object]
+        way = self._target - pose[:3, 3]
+        way -= self._up * (way @ self._up)
+        far = float(np.linalg.norm(way))
+        ahead = way / max(far, 1e-9)
+        surface = transforms.apply(pose, self._points)
+        heights = surface @ self._up
+        low = float(heights.min() + max(stroke.low * np.ptp(heights), self._tip + 0.008))
+        behind = float((surface @ ahead).min() - pose[:3, 3] @ ahead)
+        start = pose[:3, 3] + ahead * behind + self._up * (low - pose[:3, 3] @ self._up)
+        turn = self._orientation(ahead)
+
+        def palm(along: float, up: float = 0.0) -> np.ndarray:
+            tip = start + ahead * (along - self._tip) + self._up * up
+            return transforms.rigid(turn, tip - turn @ self._pad)
+
+        def leg(position: np.ndarray, seconds: float) -> Leg:
+            return Leg(position, self._fingers, seconds, "push", self._object, True)
+
+        over, down, touch, rest = stroke.seconds
+        legs = [
+            Leg(palm(-stroke.clear_m, stroke.above_m), self._fingers, over, "approach"),
+            Leg(palm(-stroke.clear_m), self._fingers, down, "reach", self._object),
+            leg(palm(0.0), touch),
+        ]
+        # A minimum-jerk motion is 15/8 times as fast in its middle as on average.
+        steps = max(2, round(15 / 8 * far / SPEED_M_S * self._rate))
+        legs += [leg(palm(far * minimum_jerk(step / steps)), 1 / self._rate) for step in range(1, steps + 1)]
+        return [*legs, leg(legs[-1].palm, rest)]
+
+    def _orientation(self, ahead: np.ndarray) -> np.ndarray:
+        """The palm's rotation in the base: fingers down, tilted and turned, the palm towards the push."""
+        facing = registration.rotation(self._up * self.stroke.turn_rad) @ ahead
+        lean = self.stroke.lean_rad
+        fingers = facing * np.sin(lean) - self._up * np.cos(lean)
+        out = facing * np.cos(lean) + self._up * np.sin(lean)
+        return np.asarray(np.stack([fingers, out, np.cross(fingers, out)], axis=1) @ self._axes)

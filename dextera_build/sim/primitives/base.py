@@ -1,0 +1,180 @@
+"""What every primitive states: its parameters, goal, conditions of success and failure, and the value of a state.
+
+A primitive is one file with a subclass of `Primitive`, listed in `catalogue.py`. It decides by quantities that can be
+measured in any world, so the simulator, a tracker and hardware are judged by the same code.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.task import TaskObject, TaskSpec
+from dextera_build.geometry import transforms
+from dextera_build.sim.primitives.state import TaskState
+
+JUMP_M_S = 3.0
+"""Speed beyond which an object was thrown, or put somewhere by something that is not the robot [m/s]."""
+
+G = TypeVar("G")
+
+
+class UnfitError(Exception):
+    """The parameters of a task do not fit its scene or its robot.
+
+    Args:
+        message: What is wrong.
+        hint: A correction.
+        **facts: What there is.
+    """
+
+    def __init__(self, message: str, hint: str | None = None, **facts: str) -> None:
+        super().__init__(message)
+        self.message, self.hint, self.facts = message, hint, facts
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What the parameters of a task refer to."""
+
+    task: str
+    """Name of the task."""
+    object: str
+    """Body of the task's object."""
+    objects: Mapping[str, TaskObject]
+    """Body -> movable object."""
+    joints: Mapping[str, tuple[str, float, float]]
+    """Joint of the task's object as its asset calls it -> name in the model, lower and upper limit [rad or m]."""
+    robot: RobotModel
+    """The embodiment."""
+
+
+class Parameters(BaseModel):
+    """What a recipe says of a primitive's goal, as options of `simulate.task`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def goal(self, setting: Setting) -> Any:
+        """The goal in the model's names and in SI units.
+
+        Raises:
+            UnfitError: They do not fit the scene or the robot.
+        """
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Past:
+    """What an episode has shown so far; it follows from its states alone."""
+
+    before: TaskState
+    """State of the period before."""
+    stage: int = 0
+    """Stage that was reached, as the primitive counts them."""
+    fault: str = ""
+    """Why the episode can no longer succeed."""
+    mark: np.ndarray | None = None
+    """A position (3,) in the world that the primitive keeps [m]."""
+
+
+class Primitive(ABC, Generic[G]):
+    """An objective in one task.
+
+    Args:
+        task: With a goal of this primitive.
+        objects: Body -> object of the task's model; shapes that the condition needs.
+    """
+
+    name: ClassVar[str]
+    """As recipes call it."""
+    parameters: ClassVar[type[Parameters]]
+    """Its options in `simulate.task`."""
+    feels: ClassVar[bool] = True
+    """Whether its condition or its value needs the grasp state."""
+    carries: ClassVar[bool] = True
+    """Whether hands bear the object's weight, so that a heavy one is harder than a light one."""
+    hands: ClassVar[int] = 1
+    """Number of hands without which it cannot be done."""
+
+    def __init__(self, task: TaskSpec, objects: Mapping[str, TaskObject] | None = None) -> None:
+        self.task = task
+        self.goal: G = task.goal  # type: ignore[assignment]
+        self.objects = objects or {}
+
+    @abstractmethod
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+        """Whether the condition holds now.
+
+        Args:
+            start: State at the reset.
+            now: Current state.
+            past: What the states from `start` to `now` have shown, `now` included.
+        """
+
+    def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
+        """What the episode has shown, with the state `now`."""
+        return Past(now, past.stage, past.fault, past.mark)
+
+    @abstractmethod
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+        """What was missing when time ran out: a few words without numbers, the same for every such episode."""
+
+    @abstractmethod
+    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+        """Value of a state, see `stages`.
+
+        Args:
+            reach_m: Distance of the fingertips from where they should be on the object [m].
+            start: State at the reset.
+            now: Current state.
+            success: Whether the task is done.
+        """
+
+    def fair(self, places: Mapping[str, np.ndarray]) -> bool:
+        """Whether an episode may begin with the bodies at these poses (4, 4): not where the goal is reached."""
+        return True
+
+    def others(self) -> tuple[str, ...]:
+        """Bodies that the goal names beside the task's object."""
+        return ()
+
+    def pushed(self, start: TaskState, now: TaskState) -> tuple[str, float] | None:
+        """Joint to move next and by how much [rad or m]; None: the object itself is to be reached."""
+        return None
+
+
+def jumped(before: TaskState, now: TaskState) -> bool:
+    """Whether the object moved faster than a robot moves it."""
+    moved = now.world_from_object[:3, 3] - before.world_from_object[:3, 3]
+    # Written to be true on NaN.
+    return not float(np.linalg.norm(moved)) <= JUMP_M_S * max(now.time_s - before.time_s, 0.0) + 1e-9
+
+
+def rise(start: TaskState, now: TaskState) -> float:
+    """How far the object's origin is above its start [m]."""
+    return float(now.world_from_object[2, 3] - start.world_from_object[2, 3])
+
+
+def apart(one: np.ndarray, other: np.ndarray, symmetry: int) -> float:
+    """Angle between two rotations (3, 3) [rad], the smallest among those that look alike.
+
+    Args:
+        one: R_world_object.
+        other: R_world_object.
+        symmetry: Number of alike orientations about the object's own z axis; 0: all.
+    """
+    if symmetry == 0:
+        return float(np.arccos(np.clip(one[:, 2] @ other[:, 2], -1.0, 1.0)))
+    turns = 2.0 * np.pi * np.arange(symmetry) / symmetry
+    return min(transforms.angle(one.T @ other @ _about_z(turn)) for turn in turns)
+
+
+def _about_z(angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

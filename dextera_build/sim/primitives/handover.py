@@ -1,0 +1,92 @@
+"""Primitive `handover`: one hand takes an object from the other."""
+
+from __future__ import annotations
+
+from dextera_build.artifacts.goals import HandoverGoal
+from dextera_build.errors import listing
+from dextera_build.sim.primitives import base
+from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
+from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
+from dextera_build.sim.primitives.state import GraspState, TaskState
+
+WAITS, GIVEN, SHARED, TAKEN = 0, 1, 2, 3
+"""Stages: not off its support; held by the giver alone; held by both hands; held by the receiver alone."""
+
+
+class Parameters(base.Parameters):
+    """Options of a handover; of a robot with two hands, one name says both."""
+
+    giver: str = ""
+    """Limb that takes the object from its support."""
+    receiver: str = ""
+    """Limb that holds it in the end."""
+
+    def goal(self, setting: Setting) -> HandoverGoal:
+        """The two limbs."""
+        limbs = setting.robot.limb_names
+        given = [name for name in (self.giver, self.receiver) if name]
+        unknown = [name for name in given if name not in limbs]
+        if unknown:
+            raise UnfitError(f"the robot has no limb `{unknown[0]}`", limbs=listing(limbs))
+        rest = [name for name in limbs if name not in given]
+        if not given or (len(given) == 1 and len(rest) != 1):
+            raise UnfitError("a handover names its hands", hint=f"set `giver: {limbs[0]}`", limbs=listing(limbs))
+        giver, receiver = self.giver or rest[0], self.receiver or rest[0]
+        if giver == receiver:
+            raise UnfitError(f"limb `{giver}` gives to itself", limbs=listing(limbs))
+        return HandoverGoal(giver=giver, receiver=receiver)
+
+
+class Handover(Primitive[HandoverGoal]):
+    """The receiver alone holds the object after the giver held it, then both, and it touched nothing in between.
+
+    A throw, a drop and an object that was put down between the hands begin anew.
+    """
+
+    name = "handover"
+    parameters = Parameters
+    hands = 2
+
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+        """Whether the receiver took it and holds it alone."""
+        return past.stage == TAKEN and not past.fault and now.grasp((self.goal.receiver,)).alone
+
+    def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
+        """The stage; an object on a support, or in no hand, waits to be taken by the giver."""
+        fault = past.fault or ("the object jumped" if base.jumped(past.before, now) else "")
+        giver, receiver = self._hands(now)
+        stage = past.stage
+        if now.supported or not now.touching:
+            stage = WAITS
+        elif now.grasp((self.goal.giver,)).alone:
+            stage = GIVEN
+        elif stage in (GIVEN, SHARED) and giver.fingers and receiver.fingers:
+            stage = SHARED
+        elif stage in (SHARED, TAKEN) and now.grasp((self.goal.receiver,)).alone:
+            stage = TAKEN
+        elif stage == TAKEN and giver.fingers:
+            stage = SHARED
+        return Past(now, stage, fault)
+
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+        """The stage that was not reached."""
+        reasons = {
+            WAITS: "the giver does not hold the object",
+            GIVEN: "the receiver does not hold the object",
+            SHARED: "the giver did not let go",
+        }
+        return reasons.get(past.stage, "the receiver does not hold the object")
+
+    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+        """Reach, then the giver holds it off its support, then both hands, then the receiver."""
+        giver, receiver = self._hands(now)
+        found = REACH * near(reach_m)
+        if now.supported:
+            return found + 0.5 * HOLD * min(giver.fingers, 2) / 2
+        if receiver.valid:
+            return found + HOLD + MOVE * (0.5 if giver.fingers else 1.0) + DONE * float(success)
+        return found + HOLD * float(giver.valid) + 0.25 * MOVE * float(giver.valid and receiver.fingers > 0)
+
+    def _hands(self, now: TaskState) -> tuple[GraspState, GraspState]:
+        none = GraspState()
+        return now.grasps.get(self.goal.giver, none), now.grasps.get(self.goal.receiver, none)

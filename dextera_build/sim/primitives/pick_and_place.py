@@ -1,0 +1,148 @@
+"""Primitive `pick_and_place`: an object is picked up and rests, released, at a target pose or inside a container."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dextera_build.artifacts.goals import PlaceGoal
+from dextera_build.artifacts.task import Cavity
+from dextera_build.errors import listing
+from dextera_build.geometry import transforms
+from dextera_build.sim.primitives import base, poses
+from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
+from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
+from dextera_build.sim.primitives.state import TaskState
+
+DROP_M = 0.08
+"""Way from where it was let go after which an object was dropped or thrown, not placed [m]."""
+PUSHED_M = 0.02
+"""Way in touch with a hand that does not hold it after which an object was pushed [m]."""
+TIPPED_RAD = 0.5
+"""Lean of a container beyond which it was tipped over [rad]."""
+SKIN_M = 0.004
+"""Distance by which points of an object may be outside a cavity: contacts are not rigid, and shapes are sampled [m]."""
+WAITS, CARRIED, LET_GO = 0, 1, 2
+"""Stages: not picked yet; held by a hand alone; let go after that."""
+
+
+class Parameters(poses.Parameters):
+    """Options of a placement: a target pose, or a container."""
+
+    into: str = ""
+    """Label of the container; empty: the target pose counts."""
+
+    def goal(self, setting: Setting) -> PlaceGoal:
+        """The target pose, or the container's body."""
+        place, quaternion = self.place(setting), self.quaternion(setting)
+        if not self.into:
+            if place is None:
+                raise UnfitError(f"`{setting.task}` has no target", hint="set `into`, `by_m` or `to_m`")
+            return PlaceGoal(place_m=place, quaternion=quaternion, tolerance=self.tolerance())
+        others = listing([name for name in setting.objects if name != setting.object], most=20) or "none"
+        if self.into not in setting.objects or self.into == setting.object:
+            raise UnfitError(f"the scene has no container `{self.into}`", objects=others)
+        if setting.objects[self.into].cavity is None:
+            raise UnfitError(f"`{self.into}` is no container: nothing stays in it", objects=others)
+        if place is not None or quaternion is not None:
+            raise UnfitError("a target is given by `into` and by a pose", hint="leave one of them out")
+        return PlaceGoal(into=self.into, tolerance=self.tolerance())
+
+
+class Place(Primitive[PlaceGoal]):
+    """The object was carried by a hand alone, let go near where it rests now, and is where it should be.
+
+    A push, a throw, a drop from above, something that is still held and something that hovers fail.
+    """
+
+    name = "pick_and_place"
+    parameters = Parameters
+
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+        """Whether it rests there, after it was carried, and no hand touches it."""
+        rests = past.stage == LET_GO and not now.touching and now.supported
+        return rests and not past.fault and self._there(start, now)
+
+    def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
+        """The stage; an object that fell, flew or was pushed after it was carried waits again to be picked."""
+        fault = past.fault or ("the object jumped" if base.jumped(past.before, now) else "")
+        place, held = now.world_from_object[:3, 3], now.grasp(self.task.limbs)
+        if held.alone or (past.stage == CARRIED and held.valid):
+            return Past(now, CARRIED, fault, place)
+        if past.mark is None or past.stage == WAITS:
+            return Past(now, WAITS, fault, past.mark)
+        if not float(np.linalg.norm(place - past.mark)) <= (PUSHED_M if now.touching else DROP_M):
+            return Past(now, WAITS, fault, past.mark)
+        return Past(now, CARRIED if now.touching and past.stage == CARRIED else LET_GO, fault, past.mark)
+
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+        """The object was not carried, is not released, or is not there."""
+        if past.stage == WAITS:
+            return "the object was not picked up" if past.mark is None else "the object was dropped"
+        if past.stage == CARRIED or now.touching:
+            return "the object was not released"
+        return "the object is not inside" if self.goal.into else "the object is not at its target"
+
+    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+        """Reach, then hold, then bring it there; what lies released at its target has arrived."""
+        grasp = now.grasp(self.task.limbs)
+        hold = 0.5 * min(grasp.fingers, 2) / 2 + 0.5 * float(grasp.opposing)
+        if self._there(start, now) and now.supported:
+            return REACH + HOLD + MOVE + DONE * float(success)
+        held = grasp.fingers >= 2 and grasp.opposing
+        moved = float(np.clip(1.0 - self._left(start, now), 0.0, 0.9)) if held else 0.0
+        return REACH * near(reach_m) + HOLD * hold + MOVE * moved
+
+    def fair(self, places: Mapping[str, np.ndarray]) -> bool:
+        """Whether the object is not where it should be yet."""
+        pose = places[self.task.object]
+        if self.goal.into:
+            return not self._inside(pose, places[self.goal.into])
+        return not poses.reached(self.goal, pose)
+
+    def others(self) -> tuple[str, ...]:
+        """The container."""
+        return (self.goal.into,) if self.goal.into else ()
+
+    def _there(self, start: TaskState, now: TaskState) -> bool:
+        if not self.goal.into:
+            return poses.reached(self.goal, now.world_from_object)
+        container = now.others[self.goal.into]
+        tipped = poses.turned(container, start.others[self.goal.into])
+        return bool(tipped <= TIPPED_RAD) and self._inside(now.world_from_object, container)
+
+    def _left(self, start: TaskState, now: TaskState) -> float:
+        if not self.goal.into:
+            return poses.left(self.goal, start.world_from_object, now.world_from_object)
+        apart = [
+            float(np.linalg.norm(state.world_from_object[:3, 3] - state.others[self.goal.into][:3, 3]))
+            for state in (start, now)
+        ]
+        return min(2.0, apart[1] / max(apart[0], 1e-6))
+
+    def _inside(self, pose: np.ndarray, container: np.ndarray) -> bool:
+        cavity = self.objects[self.goal.into].cavity
+        points = self.objects[self.task.object].points.astype(np.float64)
+        return cavity is not None and inside(cavity, transforms.apply(transforms.invert(container) @ pose, points))
+
+
+def inside(cavity: Cavity, points: np.ndarray) -> bool:
+    """Whether all points (P, 3) in the container's frame [m] are in its cavity; False on NaN.
+
+    A point beside a wall counts for the nearest columns too, because walls are as thick as their columns.
+    """
+    rooms = cavity.rim_m - cavity.floor_m > 0
+    cells = np.floor((points[:, :2] - cavity.corner_m) / cavity.cell_m)
+    if not np.isfinite(points).all():
+        return False
+    found = np.zeros(len(points), bool)
+    for across in (-1, 0, 1):
+        for along in (-1, 0, 1):
+            row, column = (cells + np.array([across, along])).astype(int).T
+            there = (row >= 0) & (row < rooms.shape[0]) & (column >= 0) & (column < rooms.shape[1])
+            row, column = np.where(there, row, 0), np.where(there, column, 0)
+            above = points[:, 2] >= cavity.floor_m[row, column] - SKIN_M
+            below = points[:, 2] <= cavity.rim_m[row, column] + SKIN_M
+            found |= there & rooms[row, column] & above & below
+    return bool(found.all())

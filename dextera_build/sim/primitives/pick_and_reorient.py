@@ -1,0 +1,60 @@
+"""Primitive `pick_and_reorient`: a hand holds an object at a target pose, off its support."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dextera_build.artifacts.goals import ReorientGoal
+from dextera_build.sim.primitives import base, poses
+from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
+from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
+from dextera_build.sim.primitives.state import TaskState
+
+
+class Parameters(poses.Parameters):
+    """Options of a reorientation: a place, an orientation, or both."""
+
+    def goal(self, setting: Setting) -> ReorientGoal:
+        """The target pose."""
+        place, quaternion = self.place(setting), self.quaternion(setting)
+        if place is None and quaternion is None:
+            raise UnfitError(f"`{setting.task}` has no target", hint="set `turn_deg: [90, 0, 0]`, `by_m` or `to_m`")
+        return ReorientGoal(place_m=place, quaternion=quaternion, tolerance=self.tolerance())
+
+
+class Reorient(Primitive[ReorientGoal]):
+    """The object's pose is within tolerance of its target, and only a valid grasp holds it there."""
+
+    name = "pick_and_reorient"
+    parameters = Parameters
+
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+        """Whether it is there, in the hands that the task names."""
+        there = poses.reached(self.goal, now.world_from_object)
+        return there and not past.fault and now.grasp(self.task.limbs).alone
+
+    def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
+        """Whether the object jumped."""
+        jumped = base.jumped(past.before, now)
+        return Past(now, past.stage, past.fault or ("the object jumped" if jumped else ""))
+
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+        """The object is not there, or not held."""
+        if poses.reached(self.goal, now.world_from_object):
+            return "the object is not held"
+        return "the object is not at its target"
+
+    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+        """Reach, then hold, then bring it to its target in the hand."""
+        grasp = now.grasp(self.task.limbs)
+        hold = 0.5 * min(grasp.fingers, 2) / 2 + 0.5 * float(grasp.opposing)
+        held = grasp.fingers >= 2 and grasp.opposing
+        left = poses.left(self.goal, start.world_from_object, now.world_from_object)
+        moved = float(np.clip(1.0 - left, 0.0, 1.0)) if held else 0.0
+        return REACH * near(reach_m) + HOLD * hold + MOVE * moved + DONE * float(success)
+
+    def fair(self, places: Mapping[str, np.ndarray]) -> bool:
+        """Whether the object is not at its target yet."""
+        return not poses.reached(self.goal, places[self.task.object])

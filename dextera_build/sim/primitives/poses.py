@@ -1,0 +1,83 @@
+"""Target poses as options of a recipe and as conditions, shared by the primitives that bring an object somewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydantic import Field, PositiveFloat
+
+from dextera_build.artifacts.goals import PoseGoal, Tolerance
+from dextera_build.geometry import quaternions, registration, transforms
+from dextera_build.sim.primitives import base
+from dextera_build.sim.primitives.base import Setting, UnfitError
+
+RADIAN_M = 0.1
+"""Distance that weighs as much as a rotation by one radian [m]."""
+
+
+class Parameters(base.Parameters):
+    """Options of a target pose in the twin's world."""
+
+    to_m: tuple[float, float, float] | None = None
+    """Target x, y and z of the object's origin in the world [m]."""
+    by_m: tuple[float, float, float] | None = None
+    """The same as a way from the photograph's position [m]."""
+    turn_deg: tuple[float, float, float] | None = None
+    """Target orientation as turns of the photograph's about x, then y, then z of the world [deg]."""
+    tolerance_m: PositiveFloat = 0.03
+    """Maximum distance from the target [m]."""
+    tolerance_deg: PositiveFloat = 15.0
+    """Maximum rotation from the target [deg]."""
+    symmetry: int = Field(1, ge=0)
+    """Orientations that look alike when the object turns about its own z axis; 0: all."""
+
+    def place(self, setting: Setting) -> tuple[float, float, float] | None:
+        """Target position in the world [m], or None for any."""
+        if self.to_m is not None and self.by_m is not None:
+            raise UnfitError("a target is given by `to_m` and by `by_m`", hint="leave one of them out")
+        if self.by_m is not None:
+            x, y, z = (setting.objects[setting.object].pose.matrix[:3, 3] + self.by_m).tolist()
+            return x, y, z
+        return self.to_m
+
+    def quaternion(self, setting: Setting) -> tuple[float, float, float, float] | None:
+        """Target orientation in the world, or None for any."""
+        if self.turn_deg is None:
+            return None
+        turn = np.eye(3)
+        for axis, angle in zip(np.eye(3), np.radians(self.turn_deg), strict=True):
+            turn = registration.rotation(axis * angle) @ turn
+        w, x, y, z = quaternions.from_matrix(turn @ setting.objects[setting.object].pose.matrix[:3, :3]).tolist()
+        return w, x, y, z
+
+    def tolerance(self) -> Tolerance:
+        """How near it must come."""
+        return Tolerance(
+            position_m=self.tolerance_m, rotation_rad=float(np.radians(self.tolerance_deg)), symmetry=self.symmetry
+        )
+
+
+def errors(goal: PoseGoal, pose: np.ndarray) -> tuple[float, float]:
+    """Distance [m] and rotation [rad] of a pose (4, 4) from its target; 0 for what may be anything."""
+    position = 0.0 if goal.place_m is None else float(np.linalg.norm(pose[:3, 3] - goal.place_m))
+    if goal.quaternion is None:
+        return position, 0.0
+    wanted = quaternions.to_matrix(np.array(goal.quaternion))
+    return position, base.apart(pose[:3, :3], wanted, goal.tolerance.symmetry)
+
+
+def reached(goal: PoseGoal, pose: np.ndarray) -> bool:
+    """Whether a pose is within tolerance of its target; False on NaN."""
+    position, rotation = errors(goal, pose)
+    known = bool(np.isfinite(pose).all())
+    return known and position <= goal.tolerance.position_m and rotation <= goal.tolerance.rotation_rad
+
+
+def left(goal: PoseGoal, start: np.ndarray, now: np.ndarray) -> float:
+    """Distance from the target, as a fraction of that at the start, at most 2."""
+    before, after = (position + RADIAN_M * rotation for position, rotation in (errors(goal, start), errors(goal, now)))
+    return min(2.0, after / max(before, goal.tolerance.position_m))
+
+
+def turned(pose: np.ndarray, start: np.ndarray) -> float:
+    """How far an object's own z axis leans from where it pointed at the start [rad]."""
+    return float(np.arccos(np.clip(transforms.invert(start)[2, :3] @ pose[:3, 2], -1.0, 1.0)))

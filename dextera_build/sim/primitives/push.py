@@ -1,0 +1,120 @@
+"""Primitive `push`: an object is moved along its support to a place, and never lifted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from pydantic import Field, PositiveFloat
+
+from dextera_build.artifacts.goals import PushGoal, Tolerance
+from dextera_build.geometry import quaternions
+from dextera_build.sim.primitives import base
+from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
+from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, near
+from dextera_build.sim.primitives.state import TaskState
+
+LIFTED_M = 0.03
+"""Rise beyond which an object was lifted, not pushed [m]."""
+STANDS_M = 0.015
+"""Difference in height within which an object still stands on its support [m]."""
+RADIAN_M = 0.1
+"""Distance that weighs as much as a rotation by one radian [m]."""
+UNTOUCHED, TOUCHED = 0, 1
+"""Stages: no hand has touched the object; one has."""
+
+
+class Parameters(base.Parameters):
+    """Options of a push."""
+
+    to_m: tuple[float, float] | None = None
+    """Target x and y of the object's origin in the world [m]."""
+    by_m: tuple[float, float] | None = None
+    """The same as a way from the photograph's position [m]."""
+    yaw_deg: float | None = None
+    """Target turn about the vertical from the photograph's orientation [deg]; None: any."""
+    tolerance_m: PositiveFloat = 0.03
+    """Maximum distance from the target [m]."""
+    tolerance_deg: PositiveFloat = 15.0
+    """Maximum rotation from the target [deg]."""
+    symmetry: int = Field(1, ge=0)
+    """Orientations that look alike when the object turns about its own z axis; 0: all."""
+
+    def goal(self, setting: Setting) -> PushGoal:
+        """The target on the support."""
+        if (self.to_m is None) == (self.by_m is None):
+            raise UnfitError(
+                f"`{setting.task}` needs one target",
+                hint="set `by_m: [0.1, 0.0]` for a way from the photograph's position, or `to_m`",
+            )
+        pose = setting.objects[setting.object].pose.matrix
+        x, y = (pose[:2, 3] + self.by_m).tolist() if self.by_m is not None else self.to_m or (0.0, 0.0)
+        w, i, j, k = quaternions.from_matrix(pose[:3, :3]).tolist()
+        return PushGoal(
+            place_m=(x, y),
+            yaw_rad=None if self.yaw_deg is None else float(np.radians(self.yaw_deg)),
+            upright=(w, i, j, k),
+            tolerance=Tolerance(
+                position_m=self.tolerance_m, rotation_rad=float(np.radians(self.tolerance_deg)), symmetry=self.symmetry
+            ),
+        )
+
+
+class Push(Primitive[PushGoal]):
+    """The object stands at its target within tolerance, after a hand pushed it there.
+
+    An episode in which the object was lifted, was touched by a hand that the task does not name, or jumped is lost.
+    """
+
+    name = "push"
+    parameters = Parameters
+    carries = False
+
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+        """Whether it was pushed, stands, and is where it should be."""
+        stands = abs(base.rise(start, now)) <= STANDS_M and now.supported
+        return past.stage == TOUCHED and not past.fault and bool(stands) and self._there(now.world_from_object)
+
+    def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
+        """Whether a hand has touched it, and whether it was lifted or jumped."""
+        touching = now.touching
+        fault = past.fault
+        if base.jumped(past.before, now):
+            fault = fault or "the object jumped"
+        if not base.rise(start, now) <= LIFTED_M or (now.grasp().alone and past.before.grasp().alone):
+            fault = fault or "the object was lifted"
+        if self.task.limbs and not set(touching) <= set(self.task.limbs):
+            fault = fault or "another hand touched the object"
+        return Past(now, TOUCHED if touching else past.stage, fault)
+
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+        """The object was not touched, does not stand, or is not there."""
+        if past.stage == UNTOUCHED:
+            return "the object was not pushed"
+        return "the object does not stand" if self._there(now.world_from_object) else "the object is not at its target"
+
+    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+        """Reach, then bring the object to its target; one that is in the air has not moved."""
+        stands = base.rise(start, now) <= LIFTED_M
+        left = self._left(now.world_from_object) / max(self._left(start.world_from_object), 1e-6) if stands else 1.0
+        moved = 1.0 - float(np.clip(left, 0.0, 2.0))
+        reach = 1.0 - (1.0 - near(reach_m)) * min(1.0, left)
+        return REACH * reach + MOVE * moved + DONE * float(success)
+
+    def fair(self, places: Mapping[str, np.ndarray]) -> bool:
+        """Whether the object does not stand at its target yet."""
+        return not self._there(places[self.task.object])
+
+    def _there(self, pose: np.ndarray) -> bool:
+        position, rotation = self._errors(pose)
+        return position <= self.goal.tolerance.position_m and rotation <= self.goal.tolerance.rotation_rad
+
+    def _left(self, pose: np.ndarray) -> float:
+        position, rotation = self._errors(pose)
+        return position + RADIAN_M * rotation
+
+    def _errors(self, pose: np.ndarray) -> tuple[float, float]:
+        """Distance on the support [m] and rotation [rad] from the target; NaN where the pose is."""
+        symmetry = self.goal.tolerance.symmetry if self.goal.yaw_rad is not None else 0
+        position = float(np.linalg.norm(pose[:2, 3] - self.goal.place_m))
+        return position, base.apart(pose[:3, :3], self.goal.turn, symmetry)

@@ -1,0 +1,47 @@
+"""The movable objects of a task: what resets and success need to know of an asset."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.task import Cavity, TaskObject
+from dextera_build.geometry import cavities, kinematics, metrics
+from dextera_build.sim.model import names
+
+
+def described(assets: Collection[Asset], label: str, count: int) -> TaskObject:
+    """One asset as the object of a task, with `count` points of its surface."""
+    asset = assets.items[label]
+    low, high = 1.0, 1.0
+    total = sum(link.mass_kg for link in asset.physics.links.values())
+    if total > 0:
+        low = sum(link.mass_low_kg for link in asset.physics.links.values()) / total
+        high = sum(link.mass_high_kg for link in asset.physics.links.values()) / total
+    return TaskObject(
+        joints=_joint_names(assets, label),
+        pose=asset.pose,
+        positions=tuple(joint.position for joint in asset.body.joints),
+        mass_scale=(low, high),
+        scale_sigma=asset.scale_sigma,
+        friction=asset.physics.friction,
+        friction_sigma=asset.physics.friction_sigma,
+        points=metrics.sample_surface(*kinematics.posed_surface(asset.body), count, seed=0).astype(np.float32),
+    )
+
+
+def hollowed(thing: TaskObject, asset: Asset) -> TaskObject:
+    """The object with the room inside it, joints as in the photograph; without one if nothing would stay in it."""
+    found = cavities.find(*kinematics.posed_surface(asset.body))
+    if found is None:
+        return thing
+    corner, cell, floor, rim = found
+    room = Cavity(corner_m=corner, cell_m=cell, floor_m=floor.astype(np.float32), rim_m=rim.astype(np.float32))
+    return thing.model_copy(update={"cavity": room})
+
+
+def _joint_names(assets: Collection[Asset], label: str) -> tuple[str, ...]:
+    """Names in the MJCF: body of the child link and joint."""
+    links = names.link_names(assets.items)
+    return tuple(f"{links[label, joint.child]}_{names.plain(joint.name)}" for joint in assets.items[label].body.joints)

@@ -1,0 +1,55 @@
+"""Tasks on a plain table for the two arms of recipe `robot/openarm_revo1`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dextera_build.artifacts.goals import Goal
+from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.task import Reset, TaskBundle, TaskObject, TaskSpec
+from dextera_build.geometry import kinematics, metrics
+from dextera_build.sim.model import compose, mjcf
+from tests import factories
+
+BASE = factories.pose(-0.35, 0.0, -0.30)
+"""T_world_base: the foot stands below the table, the arms reach over its edge."""
+
+
+def bundle(
+    robot: RobotModel,
+    goal: Goal,
+    assets: Mapping[str, Asset],
+    thing: str,
+    *,
+    base: np.ndarray = BASE,
+    limbs: tuple[str, ...] = (),
+    timeout_s: float = 8.0,
+) -> TaskBundle:
+    """A task with the robot at `base` (4, 4), about object `thing` of `assets`, by label."""
+    scene = mjcf.scene(
+        assets, factories.background(half=0.5), factories.camera(), factories.support().camera_pose.matrix
+    )
+    reset = Reset(position_m=0.02, yaw_rad=0.2, clutter_m=0.0, robot_rad=0.0)
+    return TaskBundle(
+        model=compose.with_robot(scene, robot, base),
+        robot=robot,
+        base_pose=factories.placed(base, "base"),
+        task=TaskSpec(name="Task", object=thing, goal=goal, limbs=limbs, reset=reset, timeout_s=timeout_s),
+        objects={name: described(asset) for name, asset in sorted(assets.items())},
+    )
+
+
+def described(asset: Asset) -> TaskObject:
+    """What a task needs to know of an asset without joints."""
+    return TaskObject(
+        joints=(),
+        pose=asset.pose,
+        positions=(),
+        mass_scale=(0.8, 1.2),
+        friction=asset.physics.friction,
+        friction_sigma=0.05,
+        points=metrics.sample_surface(*kinematics.posed_surface(asset.body), 256, seed=0).astype(np.float32),
+    )

@@ -1,0 +1,70 @@
+"""What recipes say of limbs: grips, parallel grippers, roles of frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.errors import RuleError
+from dextera_build.testing import RuleRunner
+from tests.rules.simulate.test_robot import HINGE, LINK, PENDULUM
+
+FINGERS = {
+    "group": "hand",
+    "mounts": ({"parent": "base", "prefix": "one_"}, {"parent": "base", "prefix": "other_"}),
+    "links": (LINK | {"name": "finger", "joint": HINGE | {"name": "slide"}},),
+}
+
+
+def made(tmp_path: Path, limbs: dict[str, Any], **changed: Any) -> RobotModel:
+    """A robot of two fingers on its base, with `limbs`."""
+    frames = {
+        "palm": {"link": "base"},
+        "flange": {"link": "base"},
+        "tip_one": {"link": "one_finger"},
+        "tip_other": {"link": "other_finger"},
+    }
+    options = PENDULUM | {"chains": (PENDULUM["chains"][0], FINGERS), "frames": frames, "limbs": limbs} | changed
+    robot: RobotModel = RuleRunner(tmp_path).run("simulate.robot", options=options)
+    return robot
+
+
+def test_a_parallel_gripper_is_a_hand_with_two_tips_and_its_own_pinch(tmp_path: Path) -> None:
+    gripper = {"joint": "one_slide", "open": 0.5, "closed": -0.5}
+    robot = made(tmp_path, {"right": {"gripper": gripper}})
+    (limb,) = robot.limbs.values()
+    assert robot.limb_names == ("right",)
+    assert (limb.palm, limb.tool, limb.tips) == ("palm", "flange", ("tip_one", "tip_other"))
+    assert limb.hand == ("one_slide", "other_slide")
+    assert limb.thumb == "tip_one"
+    assert limb.grips["pinch"].closed == {"one_slide": -0.5}
+
+
+def test_without_options_limbs_follow_from_frames(tmp_path: Path) -> None:
+    assert made(tmp_path, {}).limb_names == ("arm",)
+
+
+@pytest.mark.parametrize(
+    ("limbs", "message"),
+    [
+        ({"right": {"palm": "centre"}}, "limb `right` has no frame `centre`"),
+        ({"right": {"gripper": {"joint": "thumb", "open": 0.1}}}, "the gripper of `right` has no joint `thumb`"),
+        ({"right": {"gripper": {"joint": "one_slide", "open": 9.0}}}, "opens beyond the limits of `one_slide`"),
+        (
+            {"right": {"tips": ("tip_one",), "gripper": {"joint": "one_slide", "open": 0.1}}},
+            "the gripper of `right` has 1 fingertips, not two",
+        ),
+        (
+            {"right": {"grips": {"pinch": {"against": "thumb", "open_rad": {"elbow": 0.0}}}}},
+            "grip `pinch` moves `elbow`, which is not a joint of the hand",
+        ),
+        ({"left": {}, "right": {}}, "no frame is the palm of limb `right`"),
+    ],
+)
+def test_wrong_limbs_are_refused(tmp_path: Path, limbs: dict[str, Any], message: str) -> None:
+    with pytest.raises(RuleError) as error:
+        made(tmp_path, limbs)
+    assert message in error.value.message

@@ -1,0 +1,74 @@
+"""The scripts of `push` and `pick_and_place`, done by an iiwa with a LEAP Hand on a plain table."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.goals import Goal, PlaceGoal, PushGoal, Tolerance
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.grasps import candidates
+from dextera_build.sim.experts.place import Place
+from dextera_build.sim.experts.planning import EXPERTS
+from dextera_build.sim.experts.push import Push, Stroke
+from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.room import Room
+from dextera_build.sim.primitives import catalogue
+from dextera_build.sim.runtime import starts
+from dextera_build.sim.runtime.environment import Environment
+from tests import factories, openarm_tasks
+from tests.robots import robot_recipes
+
+NEAR = Tolerance(position_m=0.03, rotation_rad=0.26)
+BASE = factories.pose(-0.55, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
+    return robot_recipes.built("kuka_leap", tmp_path_factory.mktemp("robot"))
+
+
+def driver(robot: RobotModel, goal: Goal) -> Driver:
+    box = factories.box_asset(factories.pose(0.0, 0.05), size=(0.06, 0.06, 0.10), mass=0.2)
+    bundle = openarm_tasks.bundle(robot, goal, {"box": box}, "box", base=BASE, timeout_s=12.0)
+    return Driver(Environment(bundle))
+
+
+def test_every_script_is_that_of_a_primitive() -> None:
+    assert set(EXPERTS) <= set(catalogue.KINDS)
+
+
+def test_a_push_ends_with_the_object_at_its_target_and_begins_behind_it(robot: RobotModel) -> None:
+    made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
+    legs = Push(made.environment, Reach(robot, "arm"), Stroke(0.0, 0.0)).legs(made.state())
+    way = legs[-1].palm[:3, 3] - legs[2].palm[:3, 3]
+    assert way == pytest.approx([0.1, -0.05, 0.0], abs=1e-6)
+    assert (legs[2].palm[:3, 3] - legs[1].palm[:3, 3]) @ way > 0
+    steps = np.array([leg.palm[:3, 3] for leg in legs[2:]])
+    assert np.linalg.norm(np.diff(steps, axis=0), axis=1).max() < 0.15 / 20
+
+
+@pytest.mark.slow
+def test_fingertips_push_a_box_to_its_target(robot: RobotModel) -> None:
+    made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
+    reach = Reach(robot, "arm")
+    found = EXPERTS["push"].plan(made.environment, reach, Room(made.environment, reach), made.state())
+    start = starts.photographed(made.environment.bundle, made.environment.model)
+    assert any(made.run(each.operator, start, origin="operator").success for each in found[:3])
+
+
+@pytest.mark.slow
+def test_a_box_is_carried_and_set_down(robot: RobotModel) -> None:
+    made = driver(robot, PlaceGoal(place_m=(0.05, -0.18, 0.0), tolerance=NEAR))
+    environment, reach = made.environment, Reach(robot, "arm")
+    room, state = Room(environment, reach), made.state()
+    grasps = list(candidates(environment.bundle.objects["box"].points.astype(np.float64), reach.grips, reach.fingers))
+    drawn = np.random.default_rng(0).permutation(len(grasps))
+    places = (Place(environment, reach, grasps[number]) for number in drawn)
+    free = (each for each in places if room.comfort(each.legs(state), state) is not None)
+    start = starts.photographed(environment.bundle, environment.model)
+    episodes = [made.run(next(free), start, origin="operator") for _ in range(6)]
+    assert sum(episode.success for episode in episodes) >= 3, [episode.reason for episode in episodes]
+    done = next(episode for episode in episodes if episode.success)
+    assert [segment.name for segment in done.segments][-3:] == ["lower", "release", "retreat"]

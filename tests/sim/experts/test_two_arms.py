@@ -1,0 +1,75 @@
+"""A robot with two arms: the nearer hand does a task, or the one that it names, and either can."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.goals import HandoverGoal, LiftGoal
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.errors import RuleError
+from dextera_build.sim.experts import planning
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.grasps import candidates
+from dextera_build.sim.experts.lift import Lift
+from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.room import Room
+from dextera_build.sim.runtime import starts
+from dextera_build.sim.runtime.environment import Environment
+from tests import factories, openarm_tasks
+from tests.robots import robot_recipes
+
+SIDES = {"left": 0.16, "right": -0.16}
+"""Limb -> y of a box in front of it [m]."""
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> RobotModel:
+    return robot_recipes.built("openarm_revo1", tmp_path_factory.mktemp("robot"))
+
+
+def task(robot: RobotModel, side: str, limbs: tuple[str, ...] = ()) -> TaskBundle:
+    """Lift a box in front of one hand."""
+    box = factories.box_asset(factories.pose(0.0, SIDES[side]), size=(0.05, 0.05, 0.12), mass=0.15)
+    return openarm_tasks.bundle(robot, LiftGoal(height_m=0.1), {"box": box}, "box", limbs=limbs)
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_the_nearest_hand_comes_first_unless_the_task_names_one(robot: RobotModel, side: str) -> None:
+    other = "left" if side == "right" else "right"
+    assert planning._limbs(Environment(task(robot, side))) == [side, other]
+    assert planning._limbs(Environment(task(robot, side, (other,)))) == [other]
+
+
+def test_a_primitive_without_a_script_says_which_have_one(robot: RobotModel) -> None:
+    bundle = task(robot, "left")
+    goal = HandoverGoal(giver="left", receiver="right")
+    bundle = bundle.model_copy(update={"task": bundle.task.model_copy(update={"goal": goal})})
+    with pytest.raises(RuleError, match="no scripted operator of primitive `handover`") as caught:
+        planning.practise(Driver(Environment(bundle)))
+    assert "lift, " in str(caught.value.facts["operators"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", SIDES)
+def test_either_hand_lifts_a_box_and_the_other_stays(robot: RobotModel, side: str) -> None:
+    bundle = task(robot, side)
+    driver = Driver(Environment(bundle))
+    reach = Reach(robot, side)
+    room, state = Room(driver.environment, reach), driver.state()
+    points = bundle.objects["box"].points.astype(np.float64)
+    lifts = (
+        Lift(driver.environment, reach, grasp)
+        for grasp in candidates(points, {"pinch": reach.grips["pinch"]}, reach.fingers)
+    )
+    lift = next(each for each in lifts if room.comfort(each.legs(state), state) is not None)
+    episode = driver.run(lift, starts.photographed(bundle, driver.environment.model), origin="operator")
+    assert episode.success, episode.reason
+    assert {limb for segment in episode.segments for limb in segment.limbs} == {side}
+    assert set(driver.environment.state().touching) == {side}
+    own = {*robot.limbs[side].arm, *robot.limbs[side].hand}
+    still = [number for number, joint in enumerate(robot.joints) if joint.name not in own]
+    assert np.ptp(episode.action[:, still], axis=0).max() < 1e-6
+    hands = episode.hand[:, list(robot.limb_names).index("left" if side == "right" else "right"), :3]
+    assert np.ptp(hands, axis=0).max() < 0.005
