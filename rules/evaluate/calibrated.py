@@ -12,7 +12,6 @@ from dextera_build.artifacts.table import Table
 from dextera_build.artifacts.world import World
 from dextera_build.geometry import transforms
 from dextera_build.rule import Context, Options, rule
-from dextera_build.sim.model import forward
 
 from . import errors
 
@@ -41,6 +40,8 @@ def calibrated(
     model and encoders put it and where it is. `postures` are the joints' true positions of `capture.postures`; the
     robot's links must be as long as the model's (`errors.arm_length` 0).
     """
+    from dextera_build.sim.model import forward
+
     options = options or CalibratedOptions()
     if world.stand is None or views.joints is None:
         ctx.fail("there is no robot with known joints to compare with", hint="give the world of `capture.stand`")
