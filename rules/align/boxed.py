@@ -66,6 +66,8 @@ def sim3_icp(
 ) -> Similarity:
     """Open3D's point-to-point ICP with scaling; the best fitness is taken, and of equal ones the least RMSE.
 
+    Ends whose scale is a tenth or ten times that of their start are left out.
+
     Args:
         model: (N, 3) points of the whole model, in its units.
         seen: (M, 3) measured points [m].
@@ -78,7 +80,7 @@ def sim3_icp(
     clouds = [o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)) for points in (model, seen)]
     estimation = o3d.pipelines.registration.TransformationEstimationPointToPoint(with_scaling=True)
     criteria = o3d.pipelines.registration.ICPConvergenceCriteria(max_iteration=60)
-    ends = []
+    ends: list[tuple[float, float, Similarity]] = []
     for start in starts:
         guess = start.pose.copy()
         guess[:3, :3] *= start.scale
@@ -86,12 +88,20 @@ def sim3_icp(
         if backwards:
             guess, reach, pair = np.linalg.inv(guess), reach / start.scale, clouds[::-1]
         done = o3d.pipelines.registration.registration_icp(*pair, reach, guess, estimation, criteria)
-        ends.append((-done.fitness, done.inlier_rmse, done.transformation))
-    best = np.asarray(min(ends, key=lambda end: end[:2])[2])
-    if backwards:
-        best = np.linalg.inv(best)
-    scale = float(np.cbrt(max(np.linalg.det(best[:3, :3]), 1e-30)))
-    return Similarity(scale, transforms.rigid(best[:3, :3] / scale, best[:3, 3]))
+        found = _similarity(np.asarray(done.transformation), backwards=backwards)
+        # Where few pairs remain, the scale runs away.
+        if found is not None and 0.1 < found.scale / start.scale < 10.0:
+            ends.append((-done.fitness, done.inlier_rmse, found))
+    return min(ends, key=lambda end: end[:2])[2] if ends else starts[0]
+
+
+def _similarity(matrix: np.ndarray, *, backwards: bool) -> Similarity | None:
+    """The similarity of a (4, 4) matrix or of its inverse; None if it collapsed."""
+    if not np.isfinite(matrix).all() or np.linalg.det(matrix[:3, :3]) < 1e-30:
+        return None
+    found = np.linalg.inv(matrix) if backwards else np.asarray(matrix)
+    scale = float(np.cbrt(np.linalg.det(found[:3, :3])))
+    return Similarity(scale, transforms.rigid(found[:3, :3] / scale, found[:3, 3]))
 
 
 def judged(body: Body, seen: Seen, found: Similarity, method: str) -> Placed:
