@@ -43,15 +43,17 @@ def scaled(ctx: Context, world: World, moved: World, fit: SceneFit, *, options: 
     distance, angle = 1000 * float(np.linalg.norm(place)), float(np.degrees(np.linalg.norm(turn)))
     ctx.say(f"scale {100 * scale:+.2f} %, camera {distance:.1f} mm and {angle:.2f} deg off")
     region = errors.inside(np.array([scale]), spread)
+    rows: list[errors.Row] = [
+        ("", "scene scale", "%", 100 * abs(scale), region),
+        ("", "scene camera", "mm", distance, None),
+        ("", "scene camera angle", "deg", angle, None),
+    ]
+    believed = [("", "scene scale, believed", "%", 100 * abs(scale), region)] if not fit.doubts else []
     return errors.table(
         "An aligned scene against the truth",
-        [
-            ("", "scene scale", "%", 100 * abs(scale), region),
-            ("", "scene camera", "mm", distance, None),
-            ("", "scene camera angle", "deg", angle, None),
-        ],
+        rows + believed,
         (
             f"scene: {options.scale_factor:g} lengths per metre, which align.scene does not know; scale: logarithm of "
-            "found over true; camera: of the second picture in the scene at its true size",
+            "found over true; camera: of the second picture in the scene at its true size; believed: without doubts",
         ),
     )
