@@ -61,6 +61,10 @@ class Scenes:
         except DxbError:
             return None
 
+    def robot(self) -> Any:
+        """The robot that all scenes share."""
+        return self._built.artifact(next(name for name in self._built.nodes if name.endswith(":robot")))
+
     def table(self, node: str) -> Table | None:
         """A table of the whole recipe; None if it failed."""
         try:
@@ -112,10 +116,10 @@ def gicp_tables(run: RuleRunner, scenes: Scenes) -> dict[str, tuple[Table, Table
 def hydra_tables(run: RuleRunner, scenes: Scenes, *, centroids: bool) -> dict[str, Table]:
     """Scene -> errors of roboreg's registration; nothing without the package."""
     module = others.optional("roboreg.registration.point_cloud.hydra")
-    found = {}
+    found, robot = {}, scenes.robot()
     for scene in scenes.labels if module else ():
         views, marked = scenes.get(scene, "calibration_views"), scenes.get(scene, "marked")
-        robot, stood = scenes.get(scene, "robot"), scenes.get(scene, "stood")
+        stood = scenes.get(scene, "stood")
         if marked is None:
             continue
         made = others.hydra(views, robot, marked, module, centroids=centroids)

@@ -27,8 +27,8 @@ from rules.align import boxed
 
 SEEN_POINTS, MODEL_POINTS = 2000, 5000
 """Points of each picture that roboreg gets; the second is its own default."""
-REACH_M = 0.05
-"""Largest distance of a pair, half of roboreg's default: the board is nearer to the hand than that [m]."""
+REACH_M = {True: 0.1, False: 0.05}
+"""Largest distance of a pair from its own start, which is its default, and from the markers' [m]."""
 
 
 def optional(name: str) -> ModuleType | None:
@@ -88,7 +88,7 @@ def hydra(
     start = module.centroid_alignment(observed, reference) if centroids else _tensor(marked.pose.matrix)
     with torch.no_grad():
         found = module.point_to_plane_robust_icp(
-            start, observed, reference, normals, max_correspondence_distance=REACH_M, max_outer_iterations=50
+            start, observed, reference, normals, max_correspondence_distance=REACH_M[centroids], max_outer_iterations=50
         )
     matrix = found.extrinsics.numpy().astype(np.float64)
     left, _, right = np.linalg.svd(matrix[:3, :3])
