@@ -6,9 +6,10 @@ Rates are fractions from 0 to 1. All functions are deterministic.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 
@@ -30,11 +31,13 @@ def wilson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float
     return low, high
 
 
-def bootstrap(values: np.ndarray, draws: int, confidence: float, seed: int) -> tuple[float, float]:
-    """Percentile bootstrap interval of the mean of (N,) values, N >= 1."""
+def bootstrap(
+    values: np.ndarray, draws: int, confidence: float, seed: int, of: Callable[..., Any] = np.mean
+) -> tuple[float, float]:
+    """Percentile bootstrap interval of the mean, or of what `of` says, of (N,) values, N >= 1."""
     picks = np.random.default_rng(seed).integers(0, len(values), size=(draws, len(values)))
     tail = (1.0 - confidence) / 2.0
-    low, high = np.quantile(values[picks].mean(axis=1), [tail, 1.0 - tail])
+    low, high = np.quantile(of(values[picks], axis=1), [tail, 1.0 - tail])
     return float(low), float(high)
 
 

@@ -28,7 +28,9 @@ import rules.align.matches_stub
 import rules.align.matches_superpoint_lightglue
 import rules.align.matches_xfeat
 import rules.align.object
+import rules.align.object_bounding_box
 import rules.align.object_icp
+import rules.align.object_open3d
 import rules.align.object_stub
 import rules.align.scene.scene
 import rules.align.scene.scene_sift
@@ -65,6 +67,12 @@ import rules.capture.drawn.draw_stub
 import rules.capture.drawn.emptied
 import rules.capture.drawn.emptied_mujoco
 import rules.capture.drawn.emptied_stub
+import rules.capture.drawn.stand
+import rules.capture.drawn.stand_mujoco
+import rules.capture.drawn.stand_stub
+import rules.capture.posed.postures
+import rules.capture.posed.postures_mujoco
+import rules.capture.posed.postures_stub
 import rules.capture.posed.reference_views
 import rules.capture.posed.reference_views_mujoco
 import rules.capture.posed.reference_views_stub
@@ -187,7 +195,9 @@ align_matches_disk_lightglue: rules.align.matches.MatchesBackend = rules.align.m
 align_matches_sift: rules.align.matches.MatchesBackend = rules.align.matches_sift
 align_matches_stub: rules.align.matches.MatchesBackend = rules.align.matches_stub
 align_matches_xfeat: rules.align.matches.MatchesBackend = rules.align.matches_xfeat
+align_object_bounding_box: rules.align.object.PlacementBackend = rules.align.object_bounding_box
 align_object_icp: rules.align.object.PlacementBackend = rules.align.object_icp
+align_object_open3d: rules.align.object.PlacementBackend = rules.align.object_open3d
 align_object_stub: rules.align.object.PlacementBackend = rules.align.object_stub
 align_track_foundation_pose: rules.align.track.track.TrackBackend = rules.align.track.track_foundation_pose
 align_track_model: rules.align.track.track.TrackBackend = rules.align.track.track_model
@@ -280,6 +290,10 @@ capture_draw_mujoco: rules.capture.drawn.draw.FallBackend = rules.capture.drawn.
 capture_emptied_mujoco: rules.capture.drawn.emptied.CameraBackend = rules.capture.drawn.emptied_mujoco
 capture_emptied_stub: rules.capture.drawn.emptied.CameraBackend = rules.capture.drawn.emptied_stub
 capture_draw_stub: rules.capture.drawn.draw.FallBackend = rules.capture.drawn.draw_stub
+capture_stand_mujoco: rules.capture.drawn.stand.StandBackend = rules.capture.drawn.stand_mujoco
+capture_stand_stub: rules.capture.drawn.stand.StandBackend = rules.capture.drawn.stand_stub
+capture_postures_mujoco: rules.capture.posed.postures.PosturesBackend = rules.capture.posed.postures_mujoco
+capture_postures_stub: rules.capture.posed.postures.PosturesBackend = rules.capture.posed.postures_stub
 bounding_box: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_bounding_box
 convex_hull: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_convex_hull
 poisson: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_poisson

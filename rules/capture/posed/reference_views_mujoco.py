@@ -9,15 +9,13 @@ import numpy as np
 from dextera_build.artifacts.calibration import Board
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import World
-from dextera_build.geometry import transforms
 from dextera_build.rule import Backend, Context, Options
-from dextera_build.sim.worlds import posed as worlds
 
-from . import plate
+from . import staged
 from .reference_views import Posed
 
 if TYPE_CHECKING:
-    from .reference_views import PlateOptions, ReferenceViewsOptions
+    from .reference_views import ReferenceViewsOptions
 
 BACKEND = Backend(
     summary="MuJoCo's OpenGL renderer (EGL, on the CPU or a GPU)",
@@ -25,81 +23,20 @@ BACKEND = Backend(
     packages=("mujoco", "opencv-python-headless"),
     extra="twin",
 )
-TRIES = 4000
-"""Postures that are drawn before giving up."""
-HAND_PIXELS = 600
-"""Pixels of the hand that must be seen."""
 
 
 def posed(
-    ctx: Context, world: World, robot: RobotModel, board: Board, common: ReferenceViewsOptions, options: Options
+    ctx: Context,
+    world: World,
+    robot: RobotModel,
+    board: Board,
+    rows: np.ndarray | None,
+    common: ReferenceViewsOptions,
+    options: Options,
 ) -> Posed:
-    """Draw postures around the world's until enough of them show board and hand."""
-    if common.board.frame not in robot.frames:
-        ctx.fail(f"the robot has no frame `{common.board.frame}`", frames=", ".join(robot.frames))
-    made = worlds.biased(robot, common.errors.arm_shape, common.errors.arm_length)
-    stage = _stage(ctx, world, made, board, common)
-    chosen = _chosen(ctx, stage, world, robot, common)
-    return Posed(list(stage.shots(chosen, common.supersample)), _rows(robot, chosen))
-
-
-def _stage(
-    ctx: Context, world: World, made: RobotModel, board: Board, common: ReferenceViewsOptions
-) -> worlds.PosedWorld:
-    pixels, frame = plate.texture(board), common.board.frame
-    held = worlds.Plate(plate.part(board, pixels), plate.corners(board), frame, _pose(ctx, common.board))
-    return worlds.PosedWorld(world, made, held)
-
-
-def _rows(robot: RobotModel, chosen: list[dict[str, float]]) -> np.ndarray:
-    return np.array([[posture[joint.name] for joint in robot.joints] for posture in chosen])
-
-
-def _chosen(
-    ctx: Context, stage: worlds.PosedWorld, world: World, robot: RobotModel, common: ReferenceViewsOptions
-) -> list[dict[str, float]]:
-    assert world.stand is not None
-    draw = np.random.default_rng([common.seed])
-    around = {**robot.home, **world.stand.joints}
-    reach = np.radians(common.reach_deg)
-    arm = [joint.name for joint in robot.joints if joint.group == "arm"]
-    chosen: list[dict[str, float]] = []
-    batch: list[dict[str, float]] = []
-    tries = 0
-    while len(chosen) < common.count and tries < TRIES:
-        tries += 1
-        posture = dict(around)
-        for joint in robot.joints:
-            if joint.group == "arm":
-                # The last joint turns the board towards the camera, whatever the others do.
-                wide = np.pi if joint.name == arm[-1] else reach
-                place = around[joint.name] + wide * draw.uniform(-1, 1)
-                posture[joint.name] = float(np.clip(place, joint.lower + 0.02, joint.upper - 0.02))
-        stage.put(posture)
-        if not stage.fits(common.widest_deg):
-            continue
-        batch.append(posture)
-        if len(batch) >= common.count - len(chosen):
-            seen = stage.visible(batch)
-            good = [share >= worlds.LEAST_VISIBLE and hand >= HAND_PIXELS for share, hand in seen]
-            chosen += [each for each, fine in zip(batch, good, strict=True) if fine]
-            batch = []
-    ctx.check(
-        len(chosen) >= common.count,
-        f"only {len(chosen)} postures show board and hand, {common.count} are wanted",
-        hint="raise `reach_deg` or `widest_deg`, or fix the board to another place of the robot",
-    )
-    return chosen[: common.count]
-
-
-def _pose(ctx: Context, options: PlateOptions) -> np.ndarray:
-    """T_frame_board (4, 4)."""
-    x, y = np.array(options.x_axis), np.array(options.y_axis)
-    lengths = np.linalg.norm(x) * np.linalg.norm(y)
-    ctx.check(
-        bool(lengths > 0 and abs(float(x @ y)) < 1e-6 * lengths),
-        "the axes of the board are not at right angles",
-        hint="give `board.x_axis` and `board.y_axis`",
-    )
-    x, y = x / np.linalg.norm(x), y / np.linalg.norm(y)
-    return transforms.rigid(np.stack([x, y, np.cross(x, y)], axis=1), np.array(options.origin_m))
+    """Photograph the postures of `rows`, or draw some around the world's until enough of them show board and hand."""
+    stage = staged.stage(ctx, world, robot, board, common)
+    chosen = staged.chosen(ctx, stage, world, robot, common) if rows is None else rows
+    names = [joint.name for joint in robot.joints]
+    postures = [dict(zip(names, row.tolist(), strict=True)) for row in chosen]
+    return Posed(list(stage.shots(postures, common.supersample)), chosen)

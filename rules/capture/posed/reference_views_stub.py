@@ -21,9 +21,16 @@ BACKEND = Backend(summary="ray casting, no lights, no robot", profiles=("stub",)
 
 
 def posed(
-    ctx: Context, world: World, robot: RobotModel, board: Board, common: ReferenceViewsOptions, options: Options
+    ctx: Context,
+    world: World,
+    robot: RobotModel,
+    board: Board,
+    rows: np.ndarray | None,
+    common: ReferenceViewsOptions,
+    options: Options,
 ) -> Posed:
     """The same picture for every posture, and joints that differ."""
     shot, home = unlit(world), np.array([joint.home for joint in robot.joints])
-    turns = np.linspace(-0.1, 0.1, common.count)[:, None] * np.ones(len(home))
-    return Posed([shot] * common.count, home + turns)
+    if rows is None:
+        rows = home + np.linspace(-0.1, 0.1, common.count)[:, None] * np.ones(len(home))
+    return Posed([shot] * len(rows), rows)

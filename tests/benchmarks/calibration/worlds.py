@@ -10,8 +10,6 @@ from __future__ import annotations
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
-from unittest.mock import Mock
 
 import numpy as np
 import yaml
@@ -24,8 +22,6 @@ from dextera_build.geometry import transforms
 from dextera_build.sim.model import forward
 from dextera_build.sim.worlds.posed import biased
 from dextera_build.testing import RuleRunner
-from rules.capture.posed import reference_views_mujoco
-from rules.capture.posed.reference_views import ReferenceViewsOptions
 from tests.geometry.hand_eyes import error_of
 
 RECIPES = Path(__file__).parents[3] / "recipes"
@@ -60,17 +56,14 @@ def run(seed: int, world: World, robot: RobotModel) -> dict[str, tuple[float, fl
     """Method -> errors."""
     runner = RuleRunner(tempfile.mkdtemp())
     how = {"count": 10, "seed": seed, "errors": ERRORS}
-    noisy = runner.run("capture.reference_views", world=world, robot=robot, options=how)
+    # Where the joints really are; the capture's own have the encoders' errors.
+    exact = runner.run("capture.postures", world=world, robot=robot, options=how)
+    noisy = runner.run("capture.reference_views", world=world, robot=robot, postures=exact, options=how)
     made = biased(robot, ERRORS["arm_shape"], 0.0)
-    # The same draw of postures as in the capture, whose joints have the encoders' errors.
-    common = ReferenceViewsOptions.model_validate(how)
-    context: Any = Mock()  # used for refusals only
-    stage = reference_views_mujoco._stage(context, world, made, noisy.board, common)
-    exact = reference_views_mujoco._rows(robot, reference_views_mujoco._chosen(context, stage, world, robot, common))
     names = [joint.name for joint in robot.joints]
     stated, real = (
         forward.frames(each, names, positions, "palm")[:, :3, 3]
-        for each, positions in ((robot, noisy.joints.positions), (made, exact))
+        for each, positions in ((robot, noisy.joints.positions), (made, exact.positions))
     )
     zero = {"joint_sigma_deg": ERRORS["zero_sigma_deg"]}
     found = {"markers": runner.run("align.hand_eye", views=noisy, robot=robot, options=zero)}

@@ -1,0 +1,113 @@
+"""What baselines of align.object share: measured points, points of the model, and their verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dextera_build.artifacts.object import Body, Placement
+from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.view import Seen
+from dextera_build.errors import RuleError
+from dextera_build.geometry import cameras, kinematics, metrics, registration, transforms
+from dextera_build.geometry.registration import Similarity
+
+from .model_view import ModelView
+from .placed import Placed
+
+POINTS = 1500
+"""Points on each side."""
+
+
+def seen_points(seen: Seen) -> np.ndarray:
+    """Measured points (N, 3) of the mask in the world [m].
+
+    Raises:
+        RuleError: Nothing was measured.
+    """
+    valid = seen.mask & (seen.depth > 0)
+    if not valid.any():
+        raise RuleError("nothing of the object was measured", hint="use backend `icp`, which places by silhouette")
+    points = cameras.backproject(seen.depth, seen.camera.matrix())[valid]
+    return transforms.apply(seen.world_from_camera, points)[:: max(1, len(points) // POINTS)]
+
+
+def model_points(body: Body) -> np.ndarray:
+    """Points (N, 3) on the body's surface, in its units."""
+    return metrics.sample_surface(*kinematics.posed_surface(body), POINTS, 0)
+
+
+def principal(model: np.ndarray, seen: np.ndarray) -> Similarity:
+    """Boxes along the principal axes of both point sets, laid onto each other by the size of their diagonals."""
+    boxes = []
+    for points in (model, seen):
+        middle = points.mean(axis=0)
+        axes = np.linalg.eigh(np.cov((points - middle).T))[1]
+        axes *= np.sign(np.linalg.det(axes))
+        local = (points - middle) @ axes
+        low, high = local.min(axis=0), local.max(axis=0)
+        boxes.append((axes, middle + axes @ ((low + high) / 2.0), float(np.linalg.norm(high - low))))
+    (own, own_middle, own_size), (its, its_middle, its_size) = boxes
+    scale, turn = its_size / own_size, its @ own.T
+    return Similarity(scale, transforms.rigid(turn, its_middle - scale * turn @ own_middle))
+
+
+def upright(model: np.ndarray, seen: np.ndarray) -> list[Similarity]:
+    """The 24 rotations of the axes at the scale of the boxes' diagonals, middles upon each other."""
+    scale = float(np.linalg.norm(np.ptp(seen, axis=0)) / np.linalg.norm(np.ptp(model, axis=0)))
+    own, its = ((points.min(axis=0) + points.max(axis=0)) / 2.0 for points in (model, seen))
+    turns = registration.cube_rotations()
+    return [Similarity(scale, transforms.rigid(turn, its - scale * turn @ own)) for turn in turns]
+
+
+def sim3_icp(
+    model: np.ndarray, seen: np.ndarray, starts: Sequence[Similarity], *, backwards: bool = False
+) -> Similarity:
+    """Open3D's point-to-point ICP with scaling; the best fitness is taken, and of equal ones the least RMSE.
+
+    Ends whose scale is a tenth or ten times that of their start are left out.
+
+    Args:
+        model: (N, 3) points of the whole model, in its units.
+        seen: (M, 3) measured points [m].
+        starts: Where it begins.
+        backwards: Register the seen points to the whole model, which is the direction of the smaller set.
+    """
+    import open3d as o3d
+
+    size = float(np.linalg.norm(np.ptp(seen, axis=0)))
+    clouds = [o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)) for points in (model, seen)]
+    estimation = o3d.pipelines.registration.TransformationEstimationPointToPoint(with_scaling=True)
+    criteria = o3d.pipelines.registration.ICPConvergenceCriteria(max_iteration=60)
+    ends: list[tuple[float, float, Similarity]] = []
+    for start in starts:
+        guess = start.pose.copy()
+        guess[:3, :3] *= start.scale
+        reach, pair = 0.25 * size, clouds
+        if backwards:
+            guess, reach, pair = np.linalg.inv(guess), reach / start.scale, clouds[::-1]
+        done = o3d.pipelines.registration.registration_icp(*pair, reach, guess, estimation, criteria)
+        found = _similarity(np.asarray(done.transformation), backwards=backwards)
+        # Where few pairs remain, the scale runs away.
+        if found is not None and 0.1 < found.scale / start.scale < 10.0:
+            ends.append((-done.fitness, done.inlier_rmse, found))
+    return min(ends, key=lambda end: end[:2])[2] if ends else starts[0]
+
+
+def _similarity(matrix: np.ndarray, *, backwards: bool) -> Similarity | None:
+    """The similarity of a (4, 4) matrix or of its inverse; None if it collapsed."""
+    if not np.isfinite(matrix).all() or np.linalg.det(matrix[:3, :3]) < 1e-30:
+        return None
+    found = np.linalg.inv(matrix) if backwards else np.asarray(matrix)
+    scale = float(np.cbrt(np.linalg.det(found[:3, :3])))
+    return Similarity(scale, transforms.rigid(found[:3, :3] / scale, found[:3, 3]))
+
+
+def judged(body: Body, seen: Seen, found: Similarity, method: str) -> Placed:
+    """The placement of a baseline, which tells no uncertainty, and how its render agrees with the view."""
+    vertices, faces = kinematics.posed_surface(body)
+    score = ModelView(vertices, faces, seen).score(found)
+    pose = Pose(parent="world", child="object", matrix=found.pose)
+    placement = Placement(pose=pose, scale=found.scale, method=method)
+    return Placed(placement, score.iou, score.violation, float(found.apply(vertices)[:, 2].min()))

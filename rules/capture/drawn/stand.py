@@ -1,0 +1,141 @@
+"""capture.stand: a robot beside the things of a reference world, in the picture but not before them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
+
+from dextera_build.artifacts.draw import Viewpoint
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.world import Part, RobotStand, World
+from dextera_build.geometry import transforms
+from dextera_build.rule import Context, Fraction, Options, rule
+
+from .. import solids, textures
+from ..room import fixture
+from .surroundings import FLOOR_M
+
+SIDE_M = 0.22
+"""Edge length of the pedestal, and of the place that the base needs [m]."""
+
+
+class StandOptions(Options):
+    """Options of capture.stand. Ranges are those from which a value is drawn uniformly."""
+
+    joints_deg: dict[str, float] = Field(default_factory=dict)
+    """Joint -> position in the photograph [deg]; omitted joints are at home."""
+    distance_m: tuple[PositiveFloat, PositiveFloat] = (0.5, 0.8)
+    """Range of the distance from the base to the middle of the things [m]."""
+    aside_deg: NonNegativeFloat = 35.0
+    """Largest angle between the base's x axis and the way to the middle of the things [deg]."""
+    most_hidden: Fraction = 0.02
+    """Largest part of a thing's pixels that the robot may hide."""
+    least_seen: Fraction = 0.02
+    """Smallest part of the picture that shows the robot."""
+    least_hand: Fraction = 0.01
+    """Smallest part of the picture that shows its hand."""
+    clear_m: NonNegativeFloat = 0.05
+    """Smallest distance of the robot's joints and frames from the box around each thing [m]."""
+    tries: PositiveInt = 400
+    """Places that are tried."""
+
+
+class Trial(Protocol):
+    """A world in which a robot is tried at one place after the other."""
+
+    def sight(self, stand: RobotStand) -> tuple[np.ndarray, float, float]:
+        """Part of each thing's pixels (N,) that the robot hides, and parts of the picture that show it and its hand."""
+        ...
+
+    def points(self, stand: RobotStand) -> np.ndarray:
+        """Places (P, 3) of its moving links and frames in the world [m]."""
+        ...
+
+
+class StandBackend(Protocol):
+    """What a backend of capture.stand defines."""
+
+    def trial(self, ctx: Context, world: World, robot: RobotModel, options: Any) -> Trial:
+        """The world, with the robot to be put into it."""
+        ...
+
+
+@rule(version=1, packages=("numpy", "pillow", "manifold3d"), memory_gb=2.0)
+def stand(
+    ctx: Context[StandBackend],
+    world: World,
+    robot: RobotModel,
+    viewpoint: Viewpoint,
+    *,
+    options: StandOptions | None = None,
+) -> World:
+    """Return the world with the robot at a drawn place on the table, or on a pedestal beside it.
+
+    `viewpoint` gives the seed. The camera stays, sees robot and hand, and the robot hides nothing of the things.
+    """
+    options = options or StandOptions()
+    ctx.check(bool(world.objects), "the world has no things to stand beside", hint="draw more things")
+    boxes = [_box(thing.surface.vertices, thing.pose.matrix) for thing in world.objects.values()]
+    trial = ctx.backend.trial(ctx, world, robot, ctx.backend_options)
+    for placed in _places(world, boxes, viewpoint.seed, options):
+        points = trial.points(placed)
+        if points[:, 2].min() < options.clear_m or any(_near(points, box, options.clear_m) for box in boxes):
+            continue
+        hidden, seen, hand = trial.sight(placed)
+        if hidden.max() <= options.most_hidden and seen >= options.least_seen and hand >= options.least_hand:
+            break
+    else:
+        ctx.fail(
+            f"none of {options.tries} places shows the robot beside the things",
+            hint="raise `tries` or `most_hidden`, or choose another posture with `joints_deg`",
+        )
+    ctx.say(f"the robot covers {seen:.0%} of the picture, its hand {hand:.1%}")
+    return world.model_copy(update={"stand": placed, "fixtures": world.fixtures | _pedestal(world, placed)})
+
+
+def _places(
+    world: World, boxes: list[tuple[np.ndarray, np.ndarray]], seed: int, options: StandOptions
+) -> Iterator[RobotStand]:
+    """Drawn places that are free of things and furniture."""
+    draw = np.random.default_rng([seed, 2])
+    middle = np.mean([(low + high) / 2 for low, high in boxes], axis=0)
+    furniture = [
+        _box(thing.surface.vertices, thing.pose.matrix)
+        for name, thing in world.fixtures.items()
+        if name not in ("floor", "table") and not name.startswith("leg")
+    ]
+    joints = {name: float(np.radians(angle)) for name, angle in options.joints_deg.items()}
+    for _ in range(options.tries):
+        angle, distance = draw.uniform(-np.pi, np.pi), draw.uniform(*options.distance_m)
+        aside = np.radians(options.aside_deg) * draw.uniform(-1, 1)
+        place = np.array([*(middle[:2] + distance * np.array([np.cos(angle), np.sin(angle)])), 0.0])
+        column = place + np.outer(np.linspace(0.0, 1.2, 13), [0.0, 0.0, 1.0])
+        if not any(_near(column, box, SIDE_M / 2 + 0.02) for box in (*boxes, *furniture)):
+            yield RobotStand(position=tuple(place.tolist()), yaw=float(angle + np.pi + aside), joints=joints)
+
+
+def _box(vertices: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    points = transforms.apply(pose, vertices.astype(np.float64))
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _near(points: np.ndarray, box: tuple[np.ndarray, np.ndarray], distance: float) -> bool:
+    """Whether any of points (N, 3) is nearer to a box than `distance` [m], or in it."""
+    gap = np.maximum(np.maximum(box[0] - points, points - box[1]), 0.0)
+    return bool((np.linalg.norm(gap, axis=1) < distance).any())
+
+
+def _pedestal(world: World, placed: RobotStand) -> dict[str, Any]:
+    """A block from the floor to the base, unless the base stands on the table."""
+    low, high = _box(world.fixtures["table"].surface.vertices, world.fixtures["table"].pose.matrix)
+    place = np.array(placed.position[:2])
+    if (place - SIDE_M / 2 > low[:2]).all() and (place + SIDE_M / 2 < high[:2]).all():
+        return {}
+    steel = textures.plain(256, 256, (0.30, 0.31, 0.33), 0.03, 8, 3)
+    # A little lower than the base, so that it does not coincide with the table's top where they overlap.
+    mesh = solids.box((SIDE_M, SIDE_M, -FLOOR_M - 0.001), steel)
+    moved = solids.moved(mesh, transforms.rigid(np.eye(3), np.array([*place, FLOOR_M])))
+    return {"pedestal": fixture("pedestal", Part(mesh=moved, gloss=0.2))}

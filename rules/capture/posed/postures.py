@@ -1,0 +1,119 @@
+"""capture.postures: where a robot stands in the pictures of a calibration capture."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
+
+from dextera_build.artifacts.calibration import Board
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.world import World
+from dextera_build.rule import Context, Options, rule
+
+
+class PlateOptions(Options):
+    """The board on the robot: a grid of ArUco markers on a plate."""
+
+    columns: PositiveInt = 4
+    """Markers along x."""
+    rows: PositiveInt = 3
+    """Markers along y."""
+    square_m: PositiveFloat = 0.036
+    """Distance from one marker to the next [m]."""
+    marker_m: PositiveFloat = 0.028
+    """Side of a marker [m]."""
+    dictionary: str = "DICT_4X4_50"
+    """Family of the markers."""
+    frame: str = "flange"
+    """Frame of the robot that it is fixed to."""
+    origin_m: tuple[float, float, float] = (0.085, -0.068, 0.0)
+    """Upper left corner of the markers in that frame [m]."""
+    x_axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    """Direction of its x axis in that frame."""
+    y_axis: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    """Direction of its y axis, which points down on the board."""
+
+    def board(self, ctx: Context) -> Board:
+        """The board as a calibration knows it."""
+        board = Board(kind="aruco", **{key: getattr(self, key) for key in _OF_BOARD})
+        ctx.check(board.marker_m < board.square_m, "the markers of the board overlap", hint="lower `board.marker_m`")
+        return board
+
+
+class RobotErrorOptions(Options):
+    """How the robot differs from its model."""
+
+    arm_shape: float = Field(0.0, ge=-0.2, le=0.2)
+    """Relative size of the arm's surfaces about each link's origin, less 1."""
+    arm_length: float = Field(0.0, ge=-0.2, le=0.2)
+    """Relative length of the arm's links, less 1."""
+    zero_sigma_deg: NonNegativeFloat = 0.0
+    """Standard deviation of the zero of each arm joint's encoder, the same in all pictures [deg]."""
+    encoder_sigma_deg: NonNegativeFloat = 0.01
+    """Standard deviation of each reading of an arm joint [deg]."""
+
+
+class PosturesOptions(Options):
+    """Options of capture.postures, and those that `capture.reference_views` shares with it."""
+
+    count: PositiveInt = 10
+    """Number of pictures."""
+    seed: NonNegativeInt = 0
+    """Seed of the postures and all errors."""
+    joints_deg: dict[str, float] = Field(default_factory=dict)
+    """Joint -> position around which postures are drawn [deg]; of omitted joints it is that in the world."""
+    reach_deg: PositiveFloat = 45.0
+    """Largest difference of an arm joint from that position [deg]."""
+    tries: PositiveInt = 4000
+    """Postures that are drawn before giving up."""
+    widest_deg: PositiveFloat = Field(55.0, lt=90.0)
+    """Largest angle between the board's normal and the ray to the camera [deg]."""
+    board: PlateOptions = PlateOptions()
+    """The board."""
+    errors: RobotErrorOptions = RobotErrorOptions()
+    """The robot's differences from its model."""
+    things: bool = True
+    """Whether the world's things lie on the table; False: they are not there yet, so that the robot can pass."""
+
+
+class PosturesBackend(Protocol):
+    """What a backend of capture.postures defines."""
+
+    def chosen(
+        self, ctx: Context, world: World, robot: RobotModel, board: Board, common: PosturesOptions, options: Any
+    ) -> np.ndarray:
+        """Joint positions (K, J) [rad], in the order of the robot's joints, in which board and hand are seen."""
+        ...
+
+
+@rule(version=1, packages=("numpy",), memory_gb=2.0)
+def postures(
+    ctx: Context[PosturesBackend], world: World, robot: RobotModel, *, options: PosturesOptions | None = None
+) -> Joints:
+    """Return where the joints really are in each picture [rad], drawn around their positions in the world.
+
+    For `capture.reference_views` and `evaluate.*` alone: what the encoders read is in the pictures' own joints.
+    """
+    options = options or PosturesOptions()
+    rows = ctx.backend.chosen(
+        ctx, cleared(ctx, world, options), robot, options.board.board(ctx), options, ctx.backend_options
+    )
+    ctx.say(f"{len(rows)} postures")
+    return Joints(
+        names=tuple(joint.name for joint in robot.joints),
+        stamps=np.arange(len(rows), dtype=np.float64),
+        positions=np.ascontiguousarray(rows, np.float64),
+    )
+
+
+def cleared(ctx: Context, world: World, options: PosturesOptions) -> World:
+    """The world as the options have it, which must have a robot."""
+    if world.stand is None:
+        ctx.fail("this world has no robot", hint="give `capture.world` option `robot`")
+    return world if options.things else world.model_copy(update={"objects": {}})
+
+
+_OF_BOARD = ("columns", "rows", "square_m", "marker_m", "dictionary")

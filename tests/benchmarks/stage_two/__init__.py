@@ -1,0 +1,1 @@
+"""The second stage on drawn scenes, beside programs that are not in the lock file."""
