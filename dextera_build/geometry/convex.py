@@ -1,11 +1,15 @@
-"""Triangle surfaces of convex pieces that are given by their corner points."""
+"""Convex pieces that are given by their corner points: their surfaces, overlaps and cuts."""
 
 from __future__ import annotations
+
+from functools import cached_property
 
 import numpy as np
 
 THINNEST_M = 2e-4
 """Physics engines refuse flat pieces; a fifth of a millimetre is below any measurement here."""
+SLIVER = 1e-9
+"""Volume of a cut piece below which it is left out [m^3]."""
 
 
 def surface(points: np.ndarray, thinnest: float = THINNEST_M) -> tuple[np.ndarray, np.ndarray]:
@@ -42,3 +46,50 @@ def thicken(points: np.ndarray, thinnest: float = THINNEST_M) -> np.ndarray:
         if along.max() - along.min() < thinnest:
             points = np.concatenate([points - axis * thinnest / 2, points + axis * thinnest / 2])
     return points
+
+
+class Convex:
+    """A convex piece by its corners (V, 3) in the world [m]."""
+
+    def __init__(self, corners: np.ndarray) -> None:
+        self.corners = corners.astype(np.float64)
+        self.low, self.high = self.corners.min(axis=0), self.corners.max(axis=0)
+
+    @cached_property
+    def _hull(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Unit normals (F, 3) outwards, edges (E, 2, 3), and the volume."""
+        from scipy.spatial import ConvexHull
+
+        hull = ConvexHull(thicken(self.corners), qhull_options="Qt")
+        sides = hull.simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+        edges = hull.points[np.unique(np.sort(sides, axis=1), axis=0)]
+        return np.unique(hull.equations[:, :3].round(9), axis=0), edges, float(hull.volume)
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3]."""
+        return self._hull[2]
+
+    def overlap(self, other: Convex) -> tuple[float, np.ndarray, float]:
+        """Least overlap [m], at most 0 if apart, and the plane n x = d beyond which `other` does not reach."""
+        if (self.low >= other.high).any() or (other.low >= self.high).any():
+            return 0.0, np.zeros(3), 0.0
+        normals = np.concatenate([other._hull[0], -self._hull[0]])
+        ends = (normals @ other.corners.T).max(axis=1)
+        deep = ends - (normals @ self.corners.T).min(axis=1)
+        least = int(deep.argmin())
+        return float(deep[least]), normals[least], float(ends[least])
+
+    def beyond(self, normal: np.ndarray, end: float) -> Convex | None:
+        """The part where `normal` x >= `end`; None if that is a sliver."""
+        edges = self._hull[1]
+        starts, stops = edges[:, 0] @ normal - end, edges[:, 1] @ normal - end
+        crossing = starts * stops < 0.0
+        share = (starts / np.where(crossing, starts - stops, 1.0))[crossing, None]
+        met = edges[crossing, 0] + share * (edges[crossing, 1] - edges[crossing, 0])
+        kept = np.concatenate([edges[:, 0][starts >= 0.0], edges[:, 1][stops >= 0.0], met])
+        kept = np.unique(kept, axis=0)
+        if len(kept) < 4:
+            return None
+        part = Convex(kept)
+        return part if part.volume > SLIVER else None

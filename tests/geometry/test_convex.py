@@ -50,3 +50,26 @@ def test_many_points_take_little_memory():
     convex.surface(points)
     assert tracemalloc.get_traced_memory()[1] < 50e6  # 20,000 squared numbers would take 3.2 GB
     tracemalloc.stop()
+
+
+def cube(x: float) -> convex.Convex:
+    """A unit cube whose middle is at x."""
+    corners = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
+    return convex.Convex(corners + np.array([x, 0.0, 0.0]))
+
+
+@given(st.floats(0.05, 0.95))
+@settings(max_examples=20, deadline=None)
+def test_a_cut_along_the_least_overlap_leaves_pieces_that_touch(deep: float) -> None:
+    one, other = cube(0.0), cube(1.0 - deep)
+    found, normal, end = one.overlap(other)
+    assert found == pytest.approx(deep)
+    left = one.beyond(normal, end)
+    assert left is not None
+    assert left.volume == pytest.approx(1.0 - deep)
+    assert left.overlap(other)[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_pieces_apart_do_not_overlap_and_nothing_is_left_beyond_a_plane_outside() -> None:
+    assert cube(0.0).overlap(cube(2.0))[0] == 0.0
+    assert cube(0.0).beyond(np.array([1.0, 0.0, 0.0]), 0.6) is None

@@ -14,7 +14,7 @@ from dextera_build.errors import UsageError
 from dextera_build.project.project import Project
 
 if TYPE_CHECKING:
-    from dextera_build.sim.model.imported.urdf import Source
+    from dextera_build.sim.model.imported.source import Source
 
 _HIGHEST = 3
 """Folders in which meshes are searched: the description's, its package's, and that of packages."""

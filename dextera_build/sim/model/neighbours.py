@@ -14,13 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from dextera_build.artifacts.geometry import Hull
 from dextera_build.artifacts.object import Asset
-from dextera_build.geometry import convex, kinematics, transforms
+from dextera_build.geometry import kinematics, transforms
+from dextera_build.geometry.convex import Convex
 
 TOUCH_M = 0.0002
 """Overlaps up to this are contacts [m]."""
@@ -31,8 +31,6 @@ HOVER_M, ALONE_M = (0.002, 0.012), 0.005
 falls hardly at all."""
 UNDERSIDE_M = 0.006
 """Corners up to so far above the lowest one get feet [m]."""
-SLIVER = 1e-9
-"""Volume of a cut piece below which it is left out [m^3]."""
 
 
 @dataclass(frozen=True)
@@ -91,53 +89,6 @@ def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> Parted:
                 cuts.append(body.take(tried, own, by))
     changed = {label: bodies[label].cut_asset(asset) for label, asset in assets.items()}
     return Parted(changed, tuple(cuts), feet)
-
-
-class Convex:
-    """A convex piece by its corners (V, 3) in the world [m]."""
-
-    def __init__(self, corners: np.ndarray) -> None:
-        self.corners = corners.astype(np.float64)
-        self.low, self.high = self.corners.min(axis=0), self.corners.max(axis=0)
-
-    @cached_property
-    def _hull(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """Unit normals (F, 3) outwards, edges (E, 2, 3), and the volume."""
-        from scipy.spatial import ConvexHull
-
-        hull = ConvexHull(convex.thicken(self.corners), qhull_options="Qt")
-        sides = hull.simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-        edges = hull.points[np.unique(np.sort(sides, axis=1), axis=0)]
-        return np.unique(hull.equations[:, :3].round(9), axis=0), edges, float(hull.volume)
-
-    @property
-    def volume(self) -> float:
-        """Volume [m^3]."""
-        return self._hull[2]
-
-    def overlap(self, other: Convex) -> tuple[float, np.ndarray, float]:
-        """Least overlap [m], at most 0 if apart, and the plane n x = d beyond which `other` does not reach."""
-        if (self.low >= other.high).any() or (other.low >= self.high).any():
-            return 0.0, np.zeros(3), 0.0
-        normals = np.concatenate([other._hull[0], -self._hull[0]])
-        ends = (normals @ other.corners.T).max(axis=1)
-        deep = ends - (normals @ self.corners.T).min(axis=1)
-        least = int(deep.argmin())
-        return float(deep[least]), normals[least], float(ends[least])
-
-    def beyond(self, normal: np.ndarray, end: float) -> Convex | None:
-        """The part where `normal` x >= `end`; None if that is a sliver."""
-        edges = self._hull[1]
-        starts, stops = edges[:, 0] @ normal - end, edges[:, 1] @ normal - end
-        crossing = starts * stops < 0.0
-        share = (starts / np.where(crossing, starts - stops, 1.0))[crossing, None]
-        met = edges[crossing, 0] + share * (edges[crossing, 1] - edges[crossing, 0])
-        kept = np.concatenate([edges[:, 0][starts >= 0.0], edges[:, 1][stops >= 0.0], met])
-        kept = np.unique(kept, axis=0)
-        if len(kept) < 4:
-            return None
-        part = Convex(kept)
-        return part if part.volume > SLIVER else None
 
 
 @dataclass(frozen=True)

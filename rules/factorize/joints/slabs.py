@@ -13,7 +13,7 @@ from dextera_build.geometry.solids import Solid
 
 from ..measured import Measurements
 from ..shapes import evidence as evidence_of
-from ..shapes.evidence import Evidence
+from ..shapes.evidence import LEAST_POINTS, Evidence
 from ..shapes.families import open_box, panels
 from ..shapes.families.box import LARGEST_M, upright
 from ..shapes.families.names import HYPOTHESES
@@ -31,8 +31,6 @@ BETTER = 0.02
 """Difference of scores from which a body explains a view better than another one."""
 REFLEX = 1.1 * np.pi
 """Angle between two slabs from which they are neighbouring faces of one body [rad]."""
-LEAST_POINTS = 150
-"""Least number of trusted points."""
 TRIES = 4
 """Number of starts that are refined."""
 STEPS = (5, 25)
@@ -179,13 +177,12 @@ def _solid(p: np.ndarray) -> Solid:
 
 def _rings(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Outside, base and rim, and cavity, rim and floor, of a box: (2, 4, 3) each."""
-    width, depth, height, wall, floor = p[3], p[4], p[5], p[9], min(p[10], 0.9 * p[5])
 
     def ring(z: float, inset: float) -> np.ndarray:
-        x, y = width / 2 - inset, depth / 2 - inset
+        x, y = p[3:5] / 2 - inset
         return np.array([[-x, -y, z], [x, -y, z], [x, y, z], [-x, y, z]])
 
-    return np.stack([ring(0.0, 0.0), ring(height, 0.0)]), np.stack([ring(height, wall), ring(floor, wall)])
+    return open_box.nested(ring, p[5], p[9], p[10])
 
 
 def _walls(p: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -11,8 +11,6 @@ from dextera_build.geometry import cameras
 
 from ..shapes import evidence
 
-FEWEST = 150
-"""A body is fitted to at least so many pixels with trusted depth; `least_points` of factorize.mesh."""
 SOLID = 0.76
 """Depth cameras smear the depth between two surfaces, where few pixels agree with their neighbours. Of the measured
 pixels inside their outline, bodies had trusted depth on 0.81 to 0.99 in real captures and from 0.77 in drawn ones,
@@ -30,7 +28,7 @@ def why_no_body(instance: Instance) -> str:
         return ""
     seen = evidence.gather(Seen(instance.view, instance.measured).upright())
     pixels, trusted = int(seen.mask.sum()), int(seen.core.sum())
-    if trusted < FEWEST or (_solid(seen) < SOLID and not _is_hidden(seen)):
+    if trusted < evidence.LEAST_POINTS or (_solid(seen) < SOLID and not _is_hidden(seen)):
         return f"only {trusted:,} of its {pixels:,} pixels have trusted depth"
     towards = seen.eye - seen.points
     cosine = (towards * seen.normals).sum(axis=1) / np.linalg.norm(towards, axis=1)

@@ -11,6 +11,8 @@ import numpy as np
 from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, regions, transforms
 
+LEAST_POINTS = 150
+"""A body is fitted to at least so many pixels with trusted depth."""
 REACH_PX = 12.0
 """Extent of the samples on each side of the silhouette [px]."""
 CONTACT_M = 0.018

@@ -11,6 +11,7 @@ from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
 from dextera_build.rule import Context, Options, rule
 
 from ..measured import Measurements, of_view
+from .evidence import LEAST_POINTS
 from .picture import picture
 
 
@@ -19,7 +20,7 @@ class MeshOptions(Options):
 
     texture_px: PositiveInt = 1024
     """Largest width and height of the texture [px]."""
-    least_points: PositiveInt = 150
+    least_points: PositiveInt = LEAST_POINTS
     """Minimum number of trusted depth pixels in a view."""
 
 

@@ -8,8 +8,9 @@ import pytest
 
 from dextera_build.artifacts.object import Asset
 from dextera_build.geometry import transforms
+from dextera_build.geometry.convex import Convex
 from dextera_build.sim.model import mjcf, model
-from dextera_build.sim.model.neighbours import TOUCH_M, Convex, Cut, parted
+from dextera_build.sim.model.neighbours import TOUCH_M, Cut, parted
 from tests import factories
 
 SIZE = (0.1, 0.1, 0.1)

@@ -13,7 +13,7 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import robot as robots
 from dextera_build.sim.model.imported.precise import precise
-from dextera_build.sim.model.imported.urdf import Source
+from dextera_build.sim.model.imported.source import Source
 from dextera_build.sim.model.robot_meshes import COLLISION, SEEN, VISUAL
 
 STIFFNESS = 12.0

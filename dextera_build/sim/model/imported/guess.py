@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Any
 
-from dextera_build.sim.model.imported.urdf import Source
+from dextera_build.sim.model.imported.source import Source
 
 _FLANGES = re.compile(r"(^|_)(flange|tool0|ee_link|hand_mount|link_?ee|attachment)", re.IGNORECASE)
 _FINGERS = {

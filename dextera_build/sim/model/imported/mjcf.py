@@ -14,7 +14,7 @@ import numpy as np
 from dextera_build.sim.model.imported import files as meshes
 from dextera_build.sim.model.imported.files import wrong
 from dextera_build.sim.model.imported.precise import precise
-from dextera_build.sim.model.imported.urdf import Source
+from dextera_build.sim.model.imported.source import Source
 
 WHOLE = "world_base"
 """Name of the body for everything, if a file has several roots."""

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import mujoco
@@ -13,30 +11,12 @@ import numpy as np
 
 from dextera_build.errors import listing
 from dextera_build.geometry import quaternions
+from dextera_build.sim.model.imported import elements, tree
 from dextera_build.sim.model.imported import files as meshes
 from dextera_build.sim.model.imported.files import wrong
+from dextera_build.sim.model.imported.source import Source
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
-
-
-@dataclass
-class Source:
-    """A description that was read."""
-
-    spec: Any
-    """The `mujoco.MjSpec`; its meshes are among `spec.assets`."""
-    mimics: dict[str, tuple[str, float, float]] = field(default_factory=dict)
-    """Joint -> the joint that it follows, ratio and offset [rad or m]."""
-    efforts: dict[str, float] = field(default_factory=dict)
-    """Joint -> largest torque or force [N m or N]."""
-    speeds: dict[str, float] = field(default_factory=dict)
-    """Joint -> largest speed [rad/s or m/s]."""
-    gains: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """Joint -> stiffness and damping of its position actuator [N m/rad, N m s/rad]."""
-    home: dict[str, float] = field(default_factory=dict)
-    """Joint -> position in its first keyframe [rad or m]."""
-    dropped: list[str] = field(default_factory=list)
-    """What a robot model has no place for."""
 
 
 def read(path: str, files: Mapping[str, bytes]) -> Source:
@@ -61,10 +41,12 @@ class _Reader:
 
     def __init__(self, path: str, root: ET.Element, files: Mapping[str, bytes]) -> None:
         self._path, self._root, self._files = path, root, files
-        self._links = _named(path, root.findall("link"), "link")
-        self._joints = _named(path, root.findall("joint"), "joint")
+        self._links = elements.named(path, root.findall("link"), "link")
+        self._joints = elements.named(path, root.findall("joint"), "joint")
         self._colours = {
-            each.get("name", ""): _rgba(each) for each in root.findall("material") if each.find("color") is not None
+            each.get("name", ""): elements.rgba(each)
+            for each in root.findall("material")
+            if each.find("color") is not None
         }
         self._spec = mujoco.MjSpec()
         self._spec.compiler.degree = False
@@ -72,7 +54,7 @@ class _Reader:
         self._known: dict[tuple[str, tuple[float, ...]], str] = {}
 
     def read(self) -> Source:
-        children = self._tree()
+        children = tree.children_of(self._links, self._joints)
         (top,) = set(self._links) - {child for group in children.values() for _, child in group}
         body = self._spec.worldbody.add_body(name=top)
         self._fill(body, top)
@@ -81,7 +63,7 @@ class _Reader:
             parent, name = waiting.pop(0)
             for joint, child in children[name]:
                 element = self._joints[joint]
-                place, turn = _origin(element)
+                place, turn = elements.origin(element)
                 below = parent.add_body(name=child, pos=place, quat=turn)
                 self._fill(below, child)
                 self._add_joint(below, joint, element)
@@ -104,43 +86,6 @@ class _Reader:
                     hint="add <inertial> with mass and inertia to the link",
                 )
 
-    def _tree(self) -> dict[str, list[tuple[str, str]]]:
-        """Link -> its joints and their children; refused if it is no tree."""
-        children: dict[str, list[tuple[str, str]]] = {name: [] for name in self._links}
-        above: dict[str, str] = {}
-        for name, joint in self._joints.items():
-            ends = []
-            for end in ("parent", "child"):
-                element = joint.find(end)
-                link = "" if element is None else element.get("link", "")
-                if link not in self._links:
-                    raise wrong(
-                        f"the {end} of joint `{name}` is `{link}`, but no link is called so",
-                        links=listing(self._links, most=40),
-                    )
-                ends.append(link)
-            if ends[1] in above:
-                raise wrong(
-                    f"link `{ends[1]}` hangs on two joints, `{above[ends[1]]}` and `{name}`",
-                    hint="a robot is a tree: leave out the joint that closes the loop",
-                )
-            above[ends[1]] = name
-            children[ends[0]].append((name, ends[1]))
-        tops = [name for name in self._links if name not in above]
-        reached, waiting = set(tops), list(tops)
-        while waiting:
-            below = [child for _, child in children[waiting.pop()]]
-            reached |= set(below)
-            waiting += below
-        if set(self._links) - reached:
-            loop = sorted(set(self._links) - reached)
-            raise wrong("links hang on one another in a circle", links=listing(loop), hint="a robot is a tree")
-        if len(tops) != 1:
-            raise wrong(
-                f"there are {len(tops)} links without a parent", links=listing(tops), hint="join them by joints"
-            )
-        return children
-
     def _fill(self, body: Any, name: str) -> None:
         link = self._links[name]
         self._add_inertia(body, name, link.find("inertial"))
@@ -149,14 +94,16 @@ class _Reader:
                 self._add_geom(body, name, element, kind == "collision")
 
     def _add_inertia(self, body: Any, name: str, element: ET.Element | None) -> None:
-        mass = 0.0 if element is None else _number(element.find("mass"), "value", 0.0)
+        mass = 0.0 if element is None else elements.number(element.find("mass"), "value", 0.0)
         body.explicitinertial = True
         if element is None or mass == 0.0:
             body.mass, body.inertia = 0.0, [0.0, 0.0, 0.0]
             return
-        place, turn = _origin(element)
+        place, turn = elements.origin(element)
         inertia = element.find("inertia")
-        xx, xy, xz, yy, yz, zz = (_number(inertia, key, 0.0) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+        xx, xy, xz, yy, yz, zz = (
+            elements.number(inertia, key, 0.0) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        )
         moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
         check_inertia(name, mass, moments)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
@@ -173,7 +120,7 @@ class _Reader:
             )
         if kind == "fixed":
             return
-        axis = np.array(_numbers(element.find("axis"), "xyz", (1.0, 0.0, 0.0)))
+        axis = np.array(elements.numbers(element.find("axis"), "xyz", (1.0, 0.0, 0.0)))
         if np.linalg.norm(axis) < 1e-6:
             raise wrong(f"joint `{name}` has no axis", found=f"{axis}")
         limit = element.find("limit")
@@ -182,21 +129,21 @@ class _Reader:
             name=name,
             type=mujoco.mjtJoint.mjJNT_SLIDE if slide else mujoco.mjtJoint.mjJNT_HINGE,
             axis=axis / np.linalg.norm(axis),
-            damping=[_number(element.find("dynamics"), "damping", 0.0), 0, 0],
-            frictionloss=_number(element.find("dynamics"), "friction", 0.0),
+            damping=[elements.number(element.find("dynamics"), "damping", 0.0), 0, 0],
+            frictionloss=elements.number(element.find("dynamics"), "friction", 0.0),
         )
         if kind != "continuous" and limit is not None and "lower" in limit.attrib and "upper" in limit.attrib:
-            made.range = [_number(limit, "lower", 0.0), _number(limit, "upper", 0.0)]
+            made.range = [elements.number(limit, "lower", 0.0), elements.number(limit, "upper", 0.0)]
             made.limited = True
         else:
             made.limited = False
         for key, found in (("effort", self._found.efforts), ("velocity", self._found.speeds)):
-            value = _number(limit, key, 0.0)
+            value = elements.number(limit, key, 0.0)
             if value > 0:
                 found[name] = value
         mimic = element.find("mimic")
         if mimic is not None:
-            ratio, offset = _number(mimic, "multiplier", 1.0), _number(mimic, "offset", 0.0)
+            ratio, offset = elements.number(mimic, "multiplier", 1.0), elements.number(mimic, "offset", 0.0)
             self._found.mimics[name] = (mimic.get("joint", ""), ratio, offset)
 
     def _check_mimics(self) -> None:
@@ -213,7 +160,7 @@ class _Reader:
         shape = shape[0] if shape is not None and len(shape) else None
         if shape is None:
             raise wrong(f"a geometry of link `{link}` is empty")
-        place, turn = _origin(element)
+        place, turn = elements.origin(element)
         geom = body.add_geom(pos=place, quat=turn, density=0.0)
         if not collides:
             geom.contype = geom.conaffinity = 0
@@ -224,20 +171,20 @@ class _Reader:
             geom.type = mujoco.mjtGeom.mjGEOM_MESH
             geom.meshname = self._mesh(shape)
         elif shape.tag == "box":
-            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, [each / 2 for each in _numbers(shape, "size")]
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, [each / 2 for each in elements.numbers(shape, "size")]
         elif shape.tag == "sphere":
-            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [_number(shape, "radius"), 0, 0]
+            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_SPHERE, [elements.number(shape, "radius"), 0, 0]
         elif shape.tag in ("cylinder", "capsule"):
             kinds = {"cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER, "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE}
             geom.type = kinds[shape.tag]
-            geom.size = [_number(shape, "radius"), _number(shape, "length") / 2, 0]
+            geom.size = [elements.number(shape, "radius"), elements.number(shape, "length") / 2, 0]
         else:
             raise wrong(f"link `{link}` has a geometry <{shape.tag}>", shapes="mesh, box, cylinder, capsule, sphere")
 
     def _mesh(self, shape: ET.Element) -> str:
         """Name of a mesh, which is added once per file and scale."""
         path = meshes.found(shape.get("filename", ""), self._path, self._files)
-        scale = tuple(_numbers(shape, "scale", (1.0, 1.0, 1.0)))
+        scale = tuple(elements.numbers(shape, "scale", (1.0, 1.0, 1.0)))
         if (path, scale) not in self._known:
             file, data = meshes.mesh(path, self._files[path])
             name = f"mesh_{len(self._known)}"
@@ -251,7 +198,11 @@ class _Reader:
         material = element.find("material")
         if material is None:
             return None
-        return _rgba(material) if material.find("color") is not None else self._colours.get(material.get("name", ""))
+        return (
+            elements.rgba(material)
+            if material.find("color") is not None
+            else self._colours.get(material.get("name", ""))
+        )
 
 
 def check_inertia(link: str, mass: float, moments: np.ndarray) -> None:
@@ -276,54 +227,3 @@ def check_inertia(link: str, mass: float, moments: np.ndarray) -> None:
 
 def _listed(values: np.ndarray) -> str:
     return " ".join(f"{value:.3g}" for value in values)
-
-
-def _named(path: str, elements: list[ET.Element], kind: str) -> dict[str, ET.Element]:
-    found: dict[str, ET.Element] = {}
-    for element in elements:
-        name = element.get("name", "")
-        if not name or name in found:
-            raise wrong(f"`{path}`: two {kind}s are called `{name}`" if name else f"`{path}`: a {kind} has no name")
-        found[name] = element
-    if not found and kind == "link":
-        raise wrong(f"`{path}` has no links")
-    return found
-
-
-def _origin(element: ET.Element) -> tuple[np.ndarray, np.ndarray]:
-    """Position [m] and quaternion w x y z of a child `origin`."""
-    origin = element.find("origin")
-    place = np.array(_numbers(origin, "xyz", (0.0, 0.0, 0.0)))
-    roll, pitch, yaw = _numbers(origin, "rpy", (0.0, 0.0, 0.0))
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a / 2), math.sin(a / 2)) for a in (roll, pitch, yaw))
-    turn = [
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    ]
-    return place, np.array(turn)
-
-
-def _rgba(material: ET.Element) -> list[float]:
-    return _numbers(material.find("color"), "rgba", (0.6, 0.6, 0.6, 1.0))
-
-
-def _number(element: ET.Element | None, key: str, default: float | None = None) -> float:
-    return _numbers(element, key, None if default is None else (default,))[0]
-
-
-def _numbers(element: ET.Element | None, key: str, default: tuple[float, ...] | None = None) -> list[float]:
-    """Numbers of an attribute."""
-    text = None if element is None else element.get(key)
-    if text is None and default is not None:
-        return list(default)
-    try:
-        found = [float(each) for each in (text or "").split()]
-    except ValueError:
-        found = []
-    counts = {"xyz": 3, "rpy": 3, "size": 3, "scale": 3, "rgba": 4}
-    if len(found) != counts.get(key, 1) or not all(map(math.isfinite, found)):
-        tag = "an element" if element is None else f"<{element.tag}>"
-        raise wrong(f"`{key}` of {tag} must be {counts.get(key, 1)} numbers", found=repr(text))
-    return found

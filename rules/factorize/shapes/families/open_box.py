@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from dextera_build.geometry import solids
@@ -97,12 +99,27 @@ def rings(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     All have their edges in the same directions, so that walls between them are flat.
     """
-    half, height, slope, radius, wall, floor = p[3:5] / 2, p[5], p[6], p[7], p[8], min(p[9], 0.9 * p[5])
+    half, height, slope, radius = p[3:5] / 2, p[5], p[6], p[7]
 
     def ring(z: float, inset: float) -> np.ndarray:
         size = np.maximum(half - slope * (height - z) - inset, SMALLEST_M / 3)
         return _rounded(size, float(np.clip(radius - inset, 2e-4, 0.98 * size.min())), z)
 
+    return nested(ring, height, p[8], p[9])
+
+
+def nested(
+    ring: Callable[[float, float], np.ndarray], height: float, wall: float, floor: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rings of the outside, base and rim, and of the cavity, rim and floor: each (2, N, 3).
+
+    Args:
+        ring: Outline (N, 3) at a height and so far inside of the outside [m].
+        height: Of the rim [m].
+        wall: Thickness of the walls [m].
+        floor: Height of the cavity's floor [m], at most nine tenths of the rim's.
+    """
+    floor = min(floor, 0.9 * height)
     return np.stack([ring(0.0, 0.0), ring(height, 0.0)]), np.stack([ring(height, wall), ring(floor, wall)])
 
 

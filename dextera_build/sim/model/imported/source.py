@@ -1,0 +1,26 @@
+"""What reading a robot's description gives, whatever its form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass
+class Source:
+    """A description that was read."""
+
+    spec: Any
+    """The `mujoco.MjSpec`; its meshes are among `spec.assets`."""
+    mimics: dict[str, tuple[str, float, float]] = field(default_factory=dict)
+    """Joint -> the joint that it follows, ratio and offset [rad or m]."""
+    efforts: dict[str, float] = field(default_factory=dict)
+    """Joint -> largest torque or force [N m or N]."""
+    speeds: dict[str, float] = field(default_factory=dict)
+    """Joint -> largest speed [rad/s or m/s]."""
+    gains: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Joint -> stiffness and damping of its position actuator [N m/rad, N m s/rad]."""
+    home: dict[str, float] = field(default_factory=dict)
+    """Joint -> position in its first keyframe [rad or m]."""
+    dropped: list[str] = field(default_factory=list)
+    """What a robot model has no place for."""
