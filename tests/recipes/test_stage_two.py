@@ -47,20 +47,21 @@ def test_the_pictures_have_the_postures_options() -> None:
     assert shared.items() <= scene["calibration_views"].items()
 
 
-def built(tmp_path: Path, *words: str) -> tuple[Answer, dict[str, list[dict[str, str]]]]:
-    """Two scenes with few things, and the tables of its targets."""
+def built(tmp_path: Path, scenes: int, *words: str) -> tuple[Answer, dict[str, list[dict[str, str]]]]:
+    """Some scenes with few things, and the tables of its targets."""
     space = Space(tmp_path)
     recipe = yaml.safe_load((REPO / "recipes/benchmark/objects.yaml").read_text())
     entries = recipe["nodes"]["read"]["entries"]
     recipe["nodes"]["read"]["entries"] = {name: entries[name] for name in NAMES}
     space.write("recipes/small/objects.yaml", yaml.safe_dump(recipe))
     small = {
-        "summary": "Two scenes with few things.",
+        "summary": "Scenes with few things.",
         "extends": "benchmark/stage_two",
         "nodes": {"library": {"recipe": "small/objects", "meshes": "$meshes"}},
     }
     space.write("recipes/small/stage_two.yaml", yaml.safe_dump(small))
-    answer = space.build("small/stage_two", "--input", f"meshes={MESHES}", "--set", "draws.scenes=2", *words)
+    settings = ("--input", f"meshes={MESHES}", "--set", f"draws.scenes={scenes}")
+    answer = space.dxb("build", "--console", "jsonl", "small/stage_two", *settings, *words, timeout_s=3000.0)
     assert answer.code == 0, answer.err[-3000:]
     placed = dict(line.split("\t") for line in answer.out.splitlines())
     return answer, {
@@ -69,9 +70,10 @@ def built(tmp_path: Path, *words: str) -> tuple[Answer, dict[str, list[dict[str,
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3000)
 @pytest.mark.skipif(not (MESHES / ".fetched").exists(), reason="no meshes: `make meshes`")
 def test_the_whole_second_stage_on_two_scenes(tmp_path: Path) -> None:
-    _, tables = built(tmp_path)
+    _, tables = built(tmp_path, 2)
     rows = {(row["Quantity"], row["Method"]): row for row in tables["goals"]}
     for method in ("markers alone", "plain ICP", "balanced ICP"):
         assert rows["hand", method]["Expected"] == "2"
@@ -85,8 +87,9 @@ def test_the_whole_second_stage_on_two_scenes(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3000)
 @pytest.mark.skipif(not (MESHES / ".fetched").exists(), reason="no meshes: `make meshes`")
 def test_it_builds_with_stubs(tmp_path: Path) -> None:
     """Stubs find other things than those that lie there: what they cannot place is left out and counted."""
-    answer, _ = built(tmp_path, "--profile", "stub")
+    answer, _ = built(tmp_path, 1, "--profile", "stub")
     assert not answer.nodes("failed")

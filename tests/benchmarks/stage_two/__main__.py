@@ -1,7 +1,7 @@
 """`benchmark/stage_two` beside small_gicp and roboreg: `python -m tests.benchmarks.stage_two --meshes FOLDER`.
 
 Builds the recipe, adds what `others` can run to the same rules of stage `evaluate`, and prints both tables as Markdown.
-`--picture FILE` draws the bodies that were found and the robot's outline by its calibration over some photographs.
+`--picture FILE` draws the meshes that were placed and the robot's outline by its calibration over some photographs.
 """
 
 from __future__ import annotations

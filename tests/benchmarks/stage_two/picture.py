@@ -1,4 +1,4 @@
-"""What was found, over photographs: bodies of the twin, and the robot's outline by its calibration."""
+"""What was found, over photographs: placed meshes, and the robot's outline by its calibration."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ROBOT, FOUND, TRUE = (30, 140, 255), (240, 40, 240), (60, 220, 60)
 
 
 def save(path: Path, scenes: Scenes) -> None:
-    """Photograph above, twin below: outlines of robot (blue), placed true meshes (magenta), truth (green)."""
+    """Outlines of the robot (blue), of placed true meshes (magenta) and of the truth (green); below, those meshes."""
     panels = [panel for label in scenes.labels if (panel := _panel(scenes, label)) is not None][:SHOWN]
     panels += [np.full_like(panels[0], 255)] * (-len(panels) % COLUMNS)
     rows = [np.concatenate(panels[start : start + COLUMNS], axis=1) for start in range(0, len(panels), COLUMNS)]
@@ -42,28 +42,18 @@ def _panel(scenes: Scenes, label: str) -> np.ndarray | None:
         name: (scenes.get(label, f"unknown[{name}].asset"), scenes.get(label, f"unknown[{name}].placed"))
         for name in scenes.objects(label)
     }
-    placed, own = _seen(drawn, support, camera), _twin(scenes, label, support, camera)
+    masks, colours = _seen(drawn, support, camera)
     outlined = photo.photograph.rgb.pixels.copy()
     for known in sight.true_objects(truth).values():
         outlined[metrics.boundary(known.mask)] = TRUE
-    for mask in placed[0]:
+    for mask in masks:
         outlined[metrics.boundary(mask)] = FOUND
     if robot is not None:
         outlined[metrics.boundary(robot.labels > 0)] = ROBOT
     twin = photo.photograph.rgb.pixels // 3
-    for mask in own[0]:
-        twin[mask] = own[1][mask]
+    for mask in masks:
+        twin[mask] = colours[mask]
     return np.concatenate([outlined, twin], axis=0)
-
-
-def _twin(scenes: Scenes, label: str, support: Any, camera: Any) -> tuple[list[np.ndarray], np.ndarray]:
-    named = scenes.get(label, "twin/named")
-    names = named.items if named is not None else {}
-    drawn = {
-        name: (scenes.get(label, f"twin/body[{name}].joints"), scenes.get(label, f"twin/body[{name}].placed"))
-        for name in names
-    }
-    return _seen(drawn, support, camera)
 
 
 def _seen(
