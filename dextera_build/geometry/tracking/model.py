@@ -12,6 +12,8 @@ from dextera_build.geometry import cameras, kinematics, transforms
 
 RAYS = 1500
 """Rays of one cast, about; the box around the object is divided so."""
+MESH_SIGMA_M = 0.0015
+"""Standard deviation of a mesh from the true surface if nobody states it [m]."""
 
 
 @dataclass(frozen=True)
@@ -48,17 +50,20 @@ class Model:
     Args:
         meshes: Link -> vertices (V, 3) [m] and faces (F, 3), in the object frame with every joint at 0.
         joints: A tree over the links, as `kinematics.link_poses` takes it.
+        mesh_sigma_m: Standard deviation of the meshes from the true surface [m]; 0 for exact ones.
     """
 
     def __init__(
         self,
         meshes: Mapping[str, tuple[np.ndarray, np.ndarray]],
         joints: Sequence[kinematics.JointLike] = (),
+        mesh_sigma_m: float = MESH_SIGMA_M,
     ) -> None:
         import open3d as o3d
 
         self._tensor = o3d.core.Tensor
         self.links, self.joints, self._scenes = dict(meshes), tuple(joints), []
+        self.mesh_sigma_m = float(mesh_sigma_m)
         for vertices, faces in meshes.values():
             scene = o3d.t.geometry.RaycastingScene(nthreads=1)
             scene.add_triangles(

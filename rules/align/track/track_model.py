@@ -25,6 +25,12 @@ BACKEND = Backend(
 )
 
 
+NORMAL = 1.4826
+"""Standard deviation of normal numbers over the median of their absolute values."""
+FINEST_M, COARSEST_M = 0.0005, 0.005
+"""Least and largest deviation of a mesh that is taken over [m]."""
+
+
 class ModelOptions(Options):
     """Options of backend `model` of align.track."""
 
@@ -57,6 +63,10 @@ def track(ctx: Context, job: Job, options: ModelOptions) -> list[dict[str, Track
 
 
 def model_of(asset: Asset) -> Model:
-    """An asset as the tracker knows it."""
+    """An asset as the tracker knows it, with the deviation of its mesh that its maker stated."""
     links = {name: (link.mesh.vertices, link.mesh.faces) for name, link in asset.body.links.items()}
-    return Model(links, asset.body.joints)
+    certainty = asset.body.certainty
+    if certainty is None or certainty.residual_m is None:
+        return Model(links, asset.body.joints)
+    # The residual is a median, and contains the noise of the depth: never less than the mesh is off.
+    return Model(links, asset.body.joints, mesh_sigma_m=min(max(NORMAL * certainty.residual_m, FINEST_M), COARSEST_M))
