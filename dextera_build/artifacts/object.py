@@ -238,6 +238,11 @@ class Body(Artifact):
     certainty: Certainty | None = None
     """How far the photograph determines the shape; None if that is unknown."""
 
+    @property
+    def residual_m(self) -> float | None:
+        """Median distance of the measured depth from the shape [m]; None if that is unknown."""
+        return None if self.certainty is None else self.certainty.residual_m
+
     def picture(self) -> bytes:
         """All links, posed as in the photograph."""
         poses = kinematics.link_poses(self)

@@ -82,6 +82,12 @@ POSITIONS = {
     "align.support.base_above_m",
     "capture.world.robot.position_m",
     "capture.moved_camera.turn_deg",
+    "simulate.imported_robot.limbs.gripper.open",
+    "simulate.imported_robot.limbs.gripper.closed",
+    "simulate.robot.limbs.gripper.open",
+    "simulate.robot.limbs.gripper.closed",
+    "simulate.task.by_m",
+    "simulate.task.turn_deg",
 }
 
 

@@ -35,7 +35,7 @@ class Gate:
     odds: float = -0.3
     """Least mean log-likelihood ratio of the object's colours where it is seen."""
     sigma_m: float = 0.012
-    """Largest standard deviation of the position along any axis [m]."""
+    """Largest standard deviation of the place of its middle along any axis [m]."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,6 @@ def look(
 
 def passes(fit: Fit, verdict: Verdict, gate: Gate) -> str:
     """Why a pose is not measured, in words; empty if it is."""
-    spread = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:3, :3])[-1]))
     reasons = {
         "outside the picture or hidden": verdict.visible < gate.visible or verdict.pixels < gate.pixels,
         "something else is seen behind it": verdict.agreement < gate.agreement,
@@ -105,7 +104,7 @@ def passes(fit: Fit, verdict: Verdict, gate: Gate) -> str:
         "its outline is elsewhere": fit.outline < gate.outline,
         "its outline is not seen": fit.sharp < gate.sharp,
         "its colours are not seen": verdict.odds < gate.odds,
-        "its position is not determined": spread > gate.sigma_m,
+        "its position is not determined": fit.middle_sigma_m > gate.sigma_m,
     }
     return next((why for why, holds in reasons.items() if holds), "")
 

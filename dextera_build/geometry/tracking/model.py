@@ -12,6 +12,12 @@ from dextera_build.geometry import cameras, kinematics, transforms
 
 RAYS = 1500
 """Rays of one cast, about; the box around the object is divided so."""
+MESH_SIGMA_M = 0.0015
+"""Standard deviation of a mesh from the true surface if nobody states it [m]."""
+NORMAL = 1.4826
+"""Standard deviation of normal numbers over the median of their absolute values."""
+FINEST_M, COARSEST_M = 0.0005, 0.005
+"""Least and largest deviation of a mesh that is taken over from its maker [m]."""
 
 
 @dataclass(frozen=True)
@@ -48,17 +54,20 @@ class Model:
     Args:
         meshes: Link -> vertices (V, 3) [m] and faces (F, 3), in the object frame with every joint at 0.
         joints: A tree over the links, as `kinematics.link_poses` takes it.
+        mesh_sigma_m: Standard deviation of the meshes from the true surface [m]; 0 for exact ones.
     """
 
     def __init__(
         self,
         meshes: Mapping[str, tuple[np.ndarray, np.ndarray]],
         joints: Sequence[kinematics.JointLike] = (),
+        mesh_sigma_m: float = MESH_SIGMA_M,
     ) -> None:
         import open3d as o3d
 
         self._tensor = o3d.core.Tensor
         self.links, self.joints, self._scenes = dict(meshes), tuple(joints), []
+        self.mesh_sigma_m = float(mesh_sigma_m)
         for vertices, faces in meshes.values():
             scene = o3d.t.geometry.RaycastingScene(nthreads=1)
             scene.add_triangles(
@@ -75,9 +84,18 @@ class Model:
         self.corners = points
 
     @classmethod
-    def of(cls, body: kinematics.BodyLike) -> Self:
-        """A body as a tracker knows it; `artifacts.object.Body` is one."""
-        return cls({name: (link.mesh.vertices, link.mesh.faces) for name, link in body.links.items()}, body.joints)
+    def of(cls, body: kinematics.BodyLike, residual_m: float | None = None) -> Self:
+        """A body as a tracker knows it; `artifacts.object.Body` is one.
+
+        Args:
+            body: Its links and joints.
+            residual_m: Median distance of the measured depth from it that its maker stated [m].
+        """
+        links = {name: (link.mesh.vertices, link.mesh.faces) for name, link in body.links.items()}
+        if residual_m is None:
+            return cls(links, body.joints)
+        # It contains the noise of the depth: never less than the mesh is off.
+        return cls(links, body.joints, mesh_sigma_m=min(max(NORMAL * residual_m, FINEST_M), COARSEST_M))
 
     @property
     def at_rest(self) -> np.ndarray:

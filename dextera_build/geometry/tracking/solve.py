@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry.tracking import motions, terms
+from dextera_build.geometry.tracking import motions, outline, spread, terms
 from dextera_build.geometry.tracking.colours import Colours
 from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.model import Model, State
@@ -17,12 +17,6 @@ PRIOR = np.array([0.03, 0.03, 0.03, 0.03, 0.03, 0.03])
 stays as predicted, such as the turn of a round thing about its axis."""
 JOINT_PRIOR = 0.1
 """Standard deviation of a predicted joint position [rad or m]."""
-UNKNOWN = np.array([1.0, 1.0, 1.0, 1.8, 1.8, 1.8])
-"""Standard deviation that is stated of what no term determines [m, rad]; 1.8 rad is any turn."""
-DEPENDENT = 6.0
-"""Measurements per independent one: noise of depth is correlated over some pixels, and so are errors of the mesh."""
-FLOOR = np.array([0.001, 0.001, 0.001, 0.006, 0.006, 0.006])
-"""Smallest standard deviation that is stated [m, rad]: calibration and mesh are no better."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +24,16 @@ class Fit:
     """What the terms say of one object in one frame."""
 
     state: State
-    covariance: np.ndarray  # (6 + J, 6 + J) of a twist and the joints
+    spread: spread.Spread
+    middle_sigma_m: float  # largest standard deviation of the place of its middle along any axis [m]
     correlation: float  # of brightness with an earlier view; NaN if there is none or no texture
     outline: float  # part of the outline that is where it is expected; NaN if none is seen
     sharp: float  # part of the outline that is seen there clearly; NaN if none is
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """(6 + J, 6 + J) of a twist and the joints [m, rad]."""
+        return self.spread.covariance()
 
 
 @dataclass(frozen=True)
@@ -74,34 +74,43 @@ def fit(
         stages: Coarse to fine.
         number: Of the object, as in `Frame.owner`.
     """
-    now, size = start, 6 + len(model.joints)
+    now, score, seen = start, np.nan, None
     sigma = np.append(PRIOR, np.full(len(model.joints), JOINT_PRIOR))
-    normal, score, seen = np.diag(sigma**-2.0), np.nan, None
+    rows: list[terms.Rows] = []
+    earlier: np.ndarray | None = None
     for stage in stages:
         cast = model.cast(now, frame.k, frame.shape)
         if cast is None or cast.drawn.sum() < 20:
             return None
         spots = terms.Spots.of(cast, POINTS)
-        edge = terms.Outline.of(cast, frame.shape)
+        edge = outline.Outline.of(cast, frame.shape)
         for gate in stage.gates_m:
             placed = terms.Placed.of(model, now, spots)
-            rows = [terms.depth(frame, placed, gate, number)]
+            rows, earlier = [terms.depth(frame, placed, gate, number)], None
             if colours.known and len(edge.outward):
                 border = terms.Placed.of(model, now, edge.spots)
-                seen = terms.seek(frame, border, edge, colours, stage.reach_px)
-                rows.append(terms.outline(frame, border, edge, seen))
+                seen = outline.seek(frame, border, edge, colours, stage.reach_px)
+                rows.append(outline.rows(frame, border, edge, seen))
             if look is not None:
                 found, score = terms.brightness(frame, terms.Placed.of(model, now, look.spots), look)
                 # Where it looks otherwise, slopes of a fine print lead nowhere.
-                rows += [found] if score > ALIKE else []
-            now, normal = _step(model, now, start, rows, sigma)
-    free = np.append(UNKNOWN, np.full(len(model.joints), UNKNOWN[5]))
-    covariance = np.linalg.inv((normal - np.diag(sigma**-2.0)) / DEPENDENT + np.diag(free**-2.0))
-    covariance[np.diag_indices(6)] += FLOOR**2
-    return Fit(State(motions.proper(now.pose), now.joints), covariance[:size, :size], score, *_placed_well(seen))
+                if score > ALIKE:
+                    rows.append(found)
+                    earlier = look.error(now.pose)
+            now = _step(model, now, start, rows, sigma)
+    errors = spread.of(rows, earlier)
+    state = State(motions.proper(now.pose), now.joints)
+    return Fit(state, errors, _of_middle(model, state, errors.covariance()), score, *_placed_well(seen))
 
 
-def _placed_well(seen: terms.Seen | None) -> tuple[float, float]:
+def _of_middle(model: Model, state: State, covariance: np.ndarray) -> float:
+    """See `Fit.middle_sigma_m`; the origin of the mesh may be anywhere, where it is uncertain by a turn."""
+    x, y, z = state.pose[:3, :3] @ model.centre
+    moves = np.hstack([np.eye(3), [[0, z, -y], [-z, 0, x], [y, -x, 0]]])
+    return float(np.sqrt(np.linalg.eigvalsh(moves @ covariance[:6, :6] @ moves.T)[-1]))
+
+
+def _placed_well(seen: outline.Seen | None) -> tuple[float, float]:
     """Parts of the outline that are within 4 px, and of those that are told clearly."""
     if seen is None or np.isfinite(seen.offset).sum() < 8:
         return np.nan, np.nan
@@ -110,19 +119,17 @@ def _placed_well(seen: terms.Seen | None) -> tuple[float, float]:
     return float(near.mean()), float((near & (seen.sigma[known] < CLEAR_PX)).mean())
 
 
-def _step(
-    model: Model, now: State, start: State, rows: Sequence[terms.Rows], sigma: np.ndarray
-) -> tuple[State, np.ndarray]:
-    """The state after one damped Gauss-Newton step, and the normal matrix."""
+def _step(model: Model, now: State, start: State, rows: Sequence[terms.Rows], sigma: np.ndarray) -> State:
+    """The state after one damped Gauss-Newton step."""
     normal, right = np.diag(sigma**-2.0), np.zeros(len(sigma))
-    for jacobian, off, weight in rows:
-        weighted = jacobian * weight[:, None]
-        normal += weighted.T @ jacobian
-        right += weighted.T @ off
+    for each in rows:
+        weighted = each.jacobian * each.weight[:, None]
+        normal += weighted.T @ each.jacobian
+        right += weighted.T @ each.off
     away = np.append(motions.between(now.pose, start.pose), start.joints - now.joints)
     right += away / sigma**2
     step = np.linalg.solve(normal, right)
     # A step that leaves the reach of the gates is cut: the next one sees new partners.
     far, wide = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:6]))
     step *= min(1.0, 0.04 / max(far, 1e-12), 0.35 / max(wide, 1e-12))
-    return State(motions.moved(now.pose, step[:6]), model.limited(now.joints + step[6:])), normal
+    return State(motions.moved(now.pose, step[:6]), model.limited(now.joints + step[6:]))

@@ -1,8 +1,4 @@
-"""Terms of the least squares problem of one object: depth, outline and brightness.
-
-Each gives rows of a Jacobian (N, 6 + J) for a twist of the pose and steps of the joints, residuals (N,) that the step
-shall cancel, and weights (N,), the inverse of variances.
-"""
+"""Terms of the least squares problem of one object: depth and brightness; `outline` has the third."""
 
 from __future__ import annotations
 
@@ -11,18 +7,31 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.geometry import cameras, planes
-from dextera_build.geometry.tracking.colours import Colours, bins
 from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.model import Cast, Model, State
 
-Rows = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Jacobian (N, 6 + J), residuals (N,), weights (N,)."""
-SURFACE_M = 0.0015
-"""Standard deviation of a mesh from the true surface, added to the noise of depth [m]."""
-BESIDE_M = 0.02
-"""Depth behind the outline from which a pixel cannot show the object, and before it from which it hides it [m]."""
+DEPTH_NOISE = 0.7
+"""Noise of depth in parts of that of a structured-light camera at the same distance."""
+NEIGHBOURS = 1.25
+"""Errors of the mesh in one patch are like those in the next one, which counts as if they were larger by so much."""
+STEP_M = 0.0001
+"""Standard deviation of a lasting error of depth: its stored steps, and that of the nearest pixel [m]."""
+GREY_NOISE, GREY_LASTING = 3.2, 3.0
+"""Standard deviation of brightness between two views by noise, and by light that falls otherwise, alike in a patch."""
 GREY = 10.0
-"""Standard deviation of brightness between two views of one place, 0..255."""
+"""Standard deviation of brightness between two views of one place, for its weight beside other terms, 0..255."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of one term, in its own unit: m, px, or brightness 0..255."""
+
+    jacobian: np.ndarray  # (N, 6 + J) for a twist of the pose and steps of the joints
+    off: np.ndarray  # (N,) residuals that the step shall cancel
+    weight: np.ndarray  # (N,) inverse of variances
+    noise: np.ndarray  # (N,) standard deviation of what is new in every frame
+    lasting: np.ndarray  # (N, K) of K errors that stay, such as those of the mesh, and are alike within a patch
+    patch: np.ndarray  # (N,) int, part of the surface
 
 
 @dataclass(frozen=True)
@@ -54,6 +63,8 @@ class Placed:
     points: np.ndarray  # (N, 3) camera frame [m]
     normals: np.ndarray  # (N, 3) camera frame
     motions: np.ndarray  # (N, 3, 6 + J) derivative of the points
+    patch: np.ndarray  # (N,) int, octant of the object and link
+    surface_m: float  # standard deviation of the mesh from the true surface [m]
 
     @classmethod
     def of(cls, model: Model, state: State, spots: Spots) -> Placed:
@@ -75,7 +86,8 @@ class Placed:
         for number, (axis, origin) in enumerate(_axes(model, state)):
             way = axis if model.joints[number].type == "prismatic" else np.cross(axis, points - origin)
             motions[:, :, 6 + number] = np.where(model.chains[spots.link, number][:, None], way, 0.0)
-        return cls(points, normals, motions)
+        octant = (spots.points > model.centre) @ np.array([1, 2, 4])
+        return cls(points, normals, motions, octant + 8 * spots.link, model.mesh_sigma_m)
 
 
 def _axes(model: Model, state: State) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -104,13 +116,15 @@ def depth(frame: Frame, placed: Placed, gate_m: float, number: int) -> Rows:
     towards = placed.normals[:, 2] * -1.0
     off = (placed.normals * (seen - placed.points)).sum(axis=1)
     z = placed.points[:, 2]
-    sigma = np.hypot(planes.depth_sigma(z) * np.abs(towards).clip(0.2), SURFACE_M)
+    noise = planes.depth_sigma(z) * np.abs(towards).clip(0.2)
+    sigma = np.hypot(noise, placed.surface_m)
     reach = gate_m + 2.0 * sigma
     along = np.abs(seen[:, 2] - z)
     fits = inside & (seen[:, 2] > 0) & (np.abs(off) < reach) & (along < 3.0 * reach)
     weight = np.square(1.0 - np.square(off / reach)) / np.square(sigma)
     jacobian = np.einsum("ni,nij->nj", placed.normals[fits], placed.motions[fits])
-    return jacobian, off[fits], weight[fits]
+    lasting = np.full((int(fits.sum()), 1), np.hypot(NEIGHBOURS * placed.surface_m, STEP_M))
+    return Rows(jacobian, off[fits], weight[fits], DEPTH_NOISE * noise[fits], lasting, placed.patch[fits])
 
 
 def image_motion(frame: Frame, placed: Placed) -> np.ndarray:
@@ -123,84 +137,19 @@ def image_motion(frame: Frame, placed: Placed) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Outline:
-    """Places on a model whose images are its outline, and where the outside is."""
-
-    spots: Spots
-    outward: np.ndarray  # (N, 2) unit directions in the picture, right and down
-    beyond: float  # from a place to the outline [px]
-
-    @classmethod
-    def of(cls, cast: Cast, shape: tuple[int, int], most: int = 90) -> Outline:
-        """Hits at the border of the drawn mask, without the border of the picture."""
-        import cv2
-
-        drawn = np.pad(cast.drawn, 1).astype(np.uint8)
-        edge = (drawn - cv2.erode(drawn, np.ones((3, 3), np.uint8)))[1:-1, 1:-1] > 0
-        soft = cv2.GaussianBlur(drawn.astype(np.float32), (5, 5), 1.2)
-        out = np.stack([cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)], axis=-1)[1:-1, 1:-1]
-        near = 2 * cast.stride
-        edge[(cast.rows < near) | (cast.rows >= shape[0] - near)] = False
-        edge[:, (cast.columns < near) | (cast.columns >= shape[1] - near)] = False
-        chosen = np.flatnonzero(edge & (np.abs(out).sum(axis=-1) > 1e-3))
-        chosen = chosen[:: max(1, -(-len(chosen) // most))]
-        way = -out.reshape(-1, 2)[chosen]
-        way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
-        return cls(Spots.at(cast, chosen), way, 0.5 * cast.stride)
-
-
-@dataclass(frozen=True)
-class Seen:
-    """Where the picture shows the outline: offsets (N,) outward and their standard deviations [px]; NaN if hidden."""
-
-    offset: np.ndarray
-    sigma: np.ndarray
-
-
-def seek(frame: Frame, placed: Placed, outline: Outline, colours: Colours, reach_px: int) -> Seen:
-    """Look along the normals of an outline for the step from the object to its surroundings.
-
-    The posterior of the step's place given the colours (Stoiber et al. 2022, region modality) and the depth: what is
-    clearly behind is not the object; a line along which something nearer is seen tells nothing.
-    """
-    steps = np.arange(-reach_px, reach_px + 1)
-    middle = cameras.project(placed.points, frame.k) + outline.beyond * outline.outward
-    at = np.round(middle[:, None] + steps[:, None] * outline.outward[:, None]).astype(np.int64)
-    height, width = frame.shape
-    inside = ((at >= 0) & (at < (width, height))).all(axis=(1, 2))
-    column, row = at[..., 0].clip(0, width - 1), at[..., 1].clip(0, height - 1)
-    evidence = colours.odds()[bins(frame.rgb[row, column])]
-    z, own = frame.depth[row, column], placed.points[:, 2:3]
-    evidence = np.where((z > own + BESIDE_M), -3.0, evidence)
-    hidden = ((z > 0) & (z < own - BESIDE_M)).mean(axis=1) > 0.2
-    total = np.cumsum(evidence, axis=1)
-    # If the step lies after sample i, those up to i are the object; neighbours are not independent.
-    belief = np.exp(0.7 * (total - total.max(axis=1, keepdims=True)))
-    belief /= belief.sum(axis=1, keepdims=True)
-    places = steps + 0.5
-    offset = belief @ places
-    sigma = np.sqrt(np.maximum(belief @ np.square(places) - np.square(offset), 0.0))
-    return Seen(np.where(inside & ~hidden, offset, np.nan), sigma)
-
-
-def outline(frame: Frame, placed: Placed, edge: Outline, seen: Seen) -> Rows:
-    """Distances of the outline along its normals [px]."""
-    known = np.isfinite(seen.offset)
-    jacobian = np.einsum("nk,nkj->nj", edge.outward[known], image_motion(frame, placed)[known])
-    spread = np.square(seen.sigma[known]) + 1.5**2
-    off = seen.offset[known]
-    # Lines to something else of the object's colour pull with bounded force (Huber).
-    weight = 1.0 / spread * np.minimum(1.0, 3.0 / np.maximum(np.abs(off), 1e-9))
-    return jacobian, off, weight
-
-
-@dataclass(frozen=True)
 class Look:
     """How an object looked once: places on it, and their brightness."""
 
     spots: Spots
     grey: np.ndarray  # (N,) 0..255
     towards: np.ndarray  # (3,) direction to the camera in the object frame
+    turn: np.ndarray  # (3, 3) R_camera_object that was found then
+    covariance: np.ndarray  # (6, 6) of the pose that was found then, as a twist in the camera frame
+
+    def error(self, pose: np.ndarray) -> np.ndarray:
+        """Covariance (6, 6) that its pose leaves in one that is compared with it, T_camera_object (4, 4) now."""
+        turned = np.kron(np.eye(2), pose[:3, :3] @ self.turn.T)
+        return np.asarray(turned @ self.covariance @ turned.T)
 
 
 def brightness(frame: Frame, placed: Placed, look: Look) -> tuple[Rows, float]:
@@ -212,7 +161,7 @@ def brightness(frame: Frame, placed: Placed, look: Look) -> tuple[Rows, float]:
     fits = inside & facing & ((z == 0) | (np.abs(z - own) < 0.015))
     size = placed.motions.shape[2]
     if fits.sum() < 20:
-        return (np.zeros((0, size)), np.zeros(0), np.zeros(0)), np.nan
+        return Rows(np.zeros((0, size)), *3 * (np.zeros(0),), np.zeros((0, 1)), np.zeros(0, np.int64)), np.nan
     rows, columns = rows[fits], columns[fits]
     now, then = frame.smooth[rows, columns].astype(np.float64), look.grey[fits]
     spread_now, spread_then = now.std(), then.std()
@@ -225,4 +174,8 @@ def brightness(frame: Frame, placed: Placed, look: Look) -> tuple[Rows, float]:
     off -= (slope * exact).sum(axis=1)
     jacobian = np.einsum("nk,nkj->nj", slope, image_motion(frame, placed)[fits])
     weight = np.minimum(1.0, 1.5 * GREY / np.maximum(np.abs(off), 1e-9)) / GREY**2
-    return (jacobian, off, weight), score if min(spread_now, spread_then) > 4.0 else np.nan
+    # A print on a mesh that is bent lies beside its place.
+    beside = slope * (placed.surface_m * frame.k[0, 0] / own[fits])[:, None]
+    lasting = np.column_stack([np.full(len(off), GREY_LASTING), beside])
+    told = Rows(jacobian, off, weight, np.full(len(off), GREY_NOISE), lasting, placed.patch[fits])
+    return told, score if min(spread_now, spread_then) > 4.0 else np.nan

@@ -1,4 +1,4 @@
-"""One tracked object: its state, how it moves, how it looked, and what is said about it."""
+"""One tracked object: its state, how it moves, and what is said about it."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from typing import Literal
 
 import numpy as np
 
-from dextera_build.geometry import registration, transforms
-from dextera_build.geometry.tracking import camera_motion, judge, landmarks, motions, search, solve, terms
-from dextera_build.geometry.tracking.colours import Colours, bins
+from dextera_build.geometry import registration
+from dextera_build.geometry.tracking import camera_motion, judge, landmarks, motions, search, solve
+from dextera_build.geometry.tracking.appearance import Appearance
+from dextera_build.geometry.tracking.colours import Colours
 from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.judge import Gate, Verdict
 from dextera_build.geometry.tracking.model import Cast, Model, State
@@ -17,12 +18,6 @@ from dextera_build.geometry.tracking.model import Cast, Model, State
 Status = Literal["tracked", "predicted", "lost"]
 LEARN_EVERY = 5
 """Frames between two from which its colours are learned."""
-LOOKS = 24
-"""Earlier views that are kept."""
-APART = np.cos(np.radians(20.0))
-"""Cosine of the angle between the directions of two of them."""
-PATTERN = 12.0
-"""Standard deviation of brightness from which an object has a texture, 0..255."""
 ALIKE = 0.5
 """Part of the usual log-likelihood ratio of its colours that something found must have."""
 WHOLE = 0.6
@@ -66,15 +61,14 @@ class Thing:
     """
 
     def __init__(self, number: int, model: Model) -> None:
-        self.number, self.model, self.colours = number, model, Colours()
+        self.number, self.model, self.appearance = number, model, Appearance(model)
         self.status: Status = "lost"
         self.state: State | None = None
         self.cast: Cast | None = None
         self.strikes = 0
+        self.searched = -np.inf
         self._velocity = np.zeros(6)
         self._covariance = np.eye(6 + len(model.joints))
-        self._looks: list[terms.Look] = []
-        self.landmarks: list[landmarks.Landmarks] = []
         self._seen_at = -np.inf
         self._stamp = -np.inf
         self._verdict: Verdict = judge.LOST
@@ -93,9 +87,14 @@ class Thing:
         return self._count >= STILL_FRAMES
 
     @property
-    def textured(self) -> bool:
-        """Whether it has a print or a pattern by which views can be told apart."""
-        return any(float(look.grey.std()) > PATTERN for look in self._looks)
+    def colours(self) -> Colours:
+        """Its colours and those around it."""
+        return self.appearance.colours
+
+    @property
+    def landmarks(self) -> list[landmarks.Landmarks]:
+        """Features of its print."""
+        return self.appearance.landmarks
 
     @property
     def explained(self) -> bool:
@@ -152,8 +151,8 @@ class Thing:
     ) -> bool:
         """Fit the model to the frame from a start; take the result over if it passes the gate."""
         if fresh:
-            self._learn(frame, start, 1.0)
-        look = self._look(start)
+            self.appearance.learn(frame, start, 1.0)
+        look = self.appearance.nearest(start)
         fit = solve.fit(self.model, frame, start, self.colours, look, number=self.number)
         if fit is None:
             self._verdict, self._why = judge.LOST, "outside the picture"
@@ -170,9 +169,10 @@ class Thing:
         self._claim(frame)
         self._measured += 1
         if verdict.visible > 0.3 and self._measured % LEARN_EVERY == 0:
-            self._learn(frame, fit.state, 0.2)
+            self.appearance.learn(frame, fit.state, 0.2)
         if verdict.visible > 0.4 and not again:
-            self._remember(frame)
+            assert self.state is not None
+            self.appearance.remember(frame, self.state, self._covariance[:6, :6])
         return True
 
     def _doubt(self, fit: solve.Fit, verdict: Verdict) -> str:
@@ -182,7 +182,7 @@ class Thing:
         if not np.isnan(fit.correlation):
             return ""
         # Shape alone: a printed box fits its place turned by half, and a part of a plane fits any other.
-        if self.textured:
+        if self.appearance.textured:
             return "from there its texture has not been seen"
         return "" if verdict.visible >= WHOLE else "too little of it is seen"
 
@@ -235,7 +235,7 @@ class Thing:
         if self.still:
             state, speed = State(self._mean, state.joints), np.zeros(6)
         self._velocity = 0.6 * speed + 0.4 * self._velocity if np.any(speed) else np.zeros(6)
-        self.state, self._covariance = state, fit.covariance
+        self.state, self._covariance = state, fit.spread.covariance(self._count if self.still else 1)
         self._stamp = self._seen_at = frame.stamp
 
     def _claim(self, frame: Frame) -> None:
@@ -250,66 +250,3 @@ class Thing:
         top, left = rows[0] - side // 2, columns[0] - side // 2
         area = frame.owner[top : top + large.shape[0], left : left + large.shape[1]]
         area[large[: area.shape[0], : area.shape[1]]] = self.number
-
-    def _learn(self, frame: Frame, state: State, rate: float) -> None:
-        """Colours of what shows it, and of what is around it."""
-        cast = self.model.cast(state, frame.k, frame.shape, 1200)
-        box = self.model.box(state, frame.k, frame.shape, margin=0.35)
-        if cast is None or box is None:
-            return
-        z = frame.depth[np.ix_(cast.rows, cast.columns)]
-        shown = cast.drawn & ((z == 0) | (np.abs(z - cast.depth) < 0.012))
-        rows, columns = np.nonzero(shown)
-        inside = bins(frame.rgb[cast.rows[rows], cast.columns[columns]])
-        step = max(1, (box[3] - box[1]) // 40)
-        around = bins(frame.rgb[box[1] : box[3] : step, box[0] : box[2] : step])
-        outside = around[~_drawn_at(cast, np.arange(box[1], box[3], step), np.arange(box[0], box[2], step))]
-        if rate == 1.0:
-            # The whole first picture too, so that search knows what else has these colours.
-            outside = np.concatenate([outside, bins(frame.rgb[4::16, 4::16])[frame.owner[4::16, 4::16] < 0]])
-        self.colours.learn(inside, outside, rate)
-
-    def _look(self, state: State) -> terms.Look | None:
-        """The earlier view from the nearest direction."""
-        if not self._looks:
-            return None
-        towards = _towards(state, self.model)
-        nearest = max(self._looks, key=lambda look: float(look.towards @ towards))
-        return nearest if float(nearest.towards @ towards) > np.cos(np.radians(50.0)) else None
-
-    def _remember(self, frame: Frame) -> None:
-        """Keep how it looks now, if it was not seen from about here."""
-        assert self.state is not None
-        towards = _towards(self.state, self.model)
-        if len(self._looks) >= LOOKS or any(float(look.towards @ towards) > APART for look in self._looks):
-            return
-        cast = self.model.cast(self.state, frame.k, frame.shape)
-        if cast is None or cast.drawn.sum() < 40:
-            return
-        spots = terms.Spots.of(cast, 250)
-        placed = terms.Placed.of(self.model, self.state, spots)
-        rows, columns, inside = frame.nearest(placed.points)
-        z = frame.depth[rows, columns]
-        good = inside & (z > 0) & (np.abs(z - placed.points[:, 2]) < 0.01)
-        if good.sum() < 40:
-            return
-        kept = terms.Spots(spots.points[good], spots.normals[good], spots.link[good])
-        grey = frame.smooth[rows[good], columns[good]].astype(np.float64)
-        self._looks.append(terms.Look(kept, grey, towards))
-        known = landmarks.of(frame, cast)
-        self.landmarks += [] if known is None else [known]
-
-
-def _towards(state: State, model: Model) -> np.ndarray:
-    """Direction (3,) from the object's middle to the camera, in the object frame."""
-    away = transforms.apply(transforms.invert(state.pose), np.zeros((1, 3)))[0] - model.centre
-    return np.asarray(away / np.linalg.norm(away))
-
-
-def _drawn_at(cast: Cast, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Whether the model is drawn at pixels of a grid, (len(rows), len(columns)) bool."""
-    down = (rows - cast.rows[0] + cast.stride // 2) // cast.stride
-    right = (columns - cast.columns[0] + cast.stride // 2) // cast.stride
-    within = ((down >= 0) & (down < len(cast.rows)))[:, None] & ((right >= 0) & (right < len(cast.columns)))[None]
-    drawn = cast.drawn[np.ix_(down.clip(0, len(cast.rows) - 1), right.clip(0, len(cast.columns) - 1))]
-    return np.asarray(within & drawn)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -71,6 +72,7 @@ class Tracker:
         *,
         masks: Mapping[str, np.ndarray] | None = None,
         moved: np.ndarray | None = None,
+        budget_s: float | None = None,
     ) -> dict[str, Tracked]:
         """Track all objects into a new frame.
 
@@ -80,10 +82,13 @@ class Tracker:
             stamp: Time [s], later than before.
             masks: Name -> (H, W) bool, where a video segmentation sees the object; an empty one says nothing.
             moved: T_now_before (4, 4) of the camera frames, if the camera's motion is known; otherwise it is estimated.
+            budget_s: Time after which no second lost object is searched in this frame [s]; its turn comes in a later
+                one. None: all are searched, and equal frames give equal answers.
 
         Returns:
             Name -> what is known of the object now.
         """
+        begin = time.monotonic()
         frame = Frame(np.ascontiguousarray(rgb), np.asarray(depth, np.float32), self._k, float(stamp))
         ways, camera = self._camera(frame, moved)
         order = sorted(self.things.values(), key=lambda thing: (thing.status == "lost", thing.distance))
@@ -92,7 +97,10 @@ class Tracker:
             mask = None if masks is None else masks.get(self._name(thing))
             if not self._follow(thing, frame, ways, camera, mask):
                 failed.append((thing, mask))
-        for thing, mask in failed:
+        for place, (thing, mask) in enumerate(sorted(failed, key=lambda each: each[0].searched)):
+            if place and budget_s is not None and time.monotonic() - begin > budget_s:
+                break
+            thing.searched = frame.stamp
             self._search(thing, frame, camera, mask)
         self._last = frame
         return {name: thing.told(frame.stamp) for name, thing in self.things.items()}

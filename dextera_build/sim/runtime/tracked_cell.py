@@ -59,7 +59,8 @@ class TrackedCell:
         bundle = environment.bundle
         check(cell, bundle.objects)
         self._names = tuple(name for name in bundle.objects if name in {*names, bundle.task.object})
-        self._models = {name: Model.of(cell.assets[name].body) for name in self._names}
+        bodies = {name: cell.assets[name].body for name in self._names}
+        self._models = {name: Model.of(body, body.residual_m) for name, body in bodies.items()}
         base = transforms.invert(bundle.base_pose.matrix)
         self._photographed = {name: base @ cell.assets[name].pose.matrix for name in bundle.objects}
         self._row = {name: number for number, name in enumerate(bundle.objects)}

@@ -70,7 +70,7 @@ class TrackBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy", "opencv-python-headless", "open3d"))
+@rule(version=2, packages=("numpy", "opencv-python-headless", "open3d"))
 def track(
     ctx: Context[TrackBackend],
     video: RgbdVideo,

@@ -10,6 +10,7 @@ from pydantic import PositiveInt
 from dextera_build.artifacts.rgbd_video import RgbdFrame
 from dextera_build.geometry import kinematics
 from dextera_build.geometry.tracking import judge, solve
+from dextera_build.geometry.tracking import spread as errors
 from dextera_build.geometry.tracking.colours import Colours
 from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.judge import Gate
@@ -91,7 +92,7 @@ def _judged(model: Model, seen: RgbdFrame, k: np.ndarray, pose: np.ndarray, asse
     fit = solve.fit(model, frame, state, Colours(), None, stages=(solve.FINE,))
     why = "outside the picture" if fit is None else judge.passes(fit, verdict, GATE)
     joints = np.array([joint.position for joint in asset.body.joints], np.float64)
-    spread = np.diag(solve.UNKNOWN**2) if fit is None else fit.covariance
+    spread = np.diag(errors.UNKNOWN**2) if fit is None else fit.covariance
     if why:
         return Tracked("lost", None, None, joints, np.zeros(len(joints)), 0.0, why)
     return Tracked("tracked", state.pose, spread, joints, np.zeros(len(joints)), verdict.visible, "")

@@ -35,7 +35,7 @@ class ModelOptions(Options):
 
 def track(ctx: Context, job: Job, options: ModelOptions) -> list[dict[str, Tracked]]:
     """Poses by `geometry.tracking.tracker.Tracker`, which a live camera drives the same way."""
-    models = {name: Model.of(asset.body) for name, asset in job.assets.items()}
+    models = {name: Model.of(asset.body, asset.body.residual_m) for name, asset in job.assets.items()}
     tuning = Tuning(patience_s=options.patience_s, hidden_s=options.hidden_s)
     tracker = Tracker(models, job.video.camera.matrix(), tuning)
     tracker.start(job.starts)

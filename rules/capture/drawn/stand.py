@@ -43,23 +43,19 @@ class StandOptions(Options):
     """Places that are tried."""
 
 
-class Trial(Protocol):
-    """A world in which a robot is tried at one place after the other."""
-
-    def sight(self, stand: RobotStand) -> tuple[np.ndarray, float, float]:
-        """Part of each thing's pixels (N,) that the robot hides, and parts of the picture that show it and its hand."""
-        ...
-
-    def points(self, stand: RobotStand) -> np.ndarray:
-        """Places (P, 3) of its moving links and frames in the world [m]."""
-        ...
-
-
 class StandBackend(Protocol):
     """What a backend of capture.stand defines."""
 
-    def trial(self, ctx: Context, world: World, robot: RobotModel, options: Any) -> Trial:
-        """The world, with the robot to be put into it."""
+    def points(
+        self, ctx: Context, world: World, robot: RobotModel, stands: list[RobotStand], options: Any
+    ) -> list[np.ndarray]:
+        """Per place of the robot, the places (P, 3) of its moving links and frames in the world [m]."""
+        ...
+
+    def sights(
+        self, ctx: Context, world: World, robot: RobotModel, stands: list[RobotStand], options: Any
+    ) -> Iterator[tuple[np.ndarray, float, float]]:
+        """Per place, in order: hidden part of each thing's pixels (N,), parts of the picture with robot and hand."""
         ...
 
 
@@ -79,21 +75,29 @@ def stand(
     options = options or StandOptions()
     ctx.check(bool(world.objects), "the world has no things to stand beside", hint="draw more things")
     boxes = [_box(thing.surface.vertices, thing.pose.matrix) for thing in world.objects.values()]
-    trial = ctx.backend.trial(ctx, world, robot, ctx.backend_options)
-    for placed in _places(world, boxes, viewpoint.seed, options):
-        points = trial.points(placed)
-        if points[:, 2].min() < options.clear_m or any(_near(points, box, options.clear_m) for box in boxes):
-            continue
-        hidden, seen, hand = trial.sight(placed)
-        if hidden.max() <= options.most_hidden and seen >= options.least_seen and hand >= options.least_hand:
-            break
-    else:
+    places = list(_places(world, boxes, viewpoint.seed, options))
+    reached = ctx.backend.points(ctx, world, robot, places, ctx.backend_options)
+    free = [
+        place
+        for place, points in zip(places, reached, strict=True)
+        if points[:, 2].min() >= options.clear_m and not any(_near(points, box, options.clear_m) for box in boxes)
+    ]
+    sights = ctx.backend.sights(ctx, world, robot, free, ctx.backend_options)
+    good = (each for each in zip(free, sights, strict=False) if _good(*each[1], options))
+    found = next(good, None)
+    if found is None:
         ctx.fail(
             f"none of {options.tries} places shows the robot beside the things",
             hint="raise `tries` or `most_hidden`, or choose another posture with `joints_deg`",
         )
+    placed, (_, seen, hand) = found
     ctx.say(f"the robot covers {seen:.0%} of the picture, its hand {hand:.1%}")
     return world.model_copy(update={"stand": placed, "fixtures": world.fixtures | _pedestal(world, placed)})
+
+
+def _good(hidden: np.ndarray, seen: float, hand: float, options: StandOptions) -> bool:
+    """Whether a place shows robot, hand and things."""
+    return hidden.max() <= options.most_hidden and seen >= options.least_seen and hand >= options.least_hand
 
 
 def _places(

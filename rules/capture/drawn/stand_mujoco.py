@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+import numpy as np
+
 from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.world import RobotStand, World
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.worlds.tried import TriedWorld
 
@@ -15,6 +19,17 @@ BACKEND = Backend(
 )
 
 
-def trial(ctx: Context, world: World, robot: RobotModel, options: Options) -> TriedWorld:
-    """The world with the robot in it, whose base can be moved."""
-    return TriedWorld(world, robot)
+def points(
+    ctx: Context, world: World, robot: RobotModel, stands: list[RobotStand], options: Options
+) -> list[np.ndarray]:
+    """By forward kinematics."""
+    tried = TriedWorld(world, robot)
+    return [tried.points(stand) for stand in stands]
+
+
+def sights(
+    ctx: Context, world: World, robot: RobotModel, stands: list[RobotStand], options: Options
+) -> Iterator[tuple[np.ndarray, float, float]]:
+    """By segmentations, one when it is asked for."""
+    tried = TriedWorld(world, robot)
+    yield from map(tried.sight, stands)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from dextera_build.artifacts.robot import RobotModel
@@ -11,18 +13,15 @@ from dextera_build.rule import Backend, Context, Options
 BACKEND = Backend(summary="the first free place, unseen", profiles=("stub",))
 
 
-class Anywhere:
-    """Every place is good."""
-
-    def sight(self, stand: RobotStand) -> tuple[np.ndarray, float, float]:
-        """Nothing hidden, robot and hand seen."""
-        return np.zeros(1), 1.0, 1.0
-
-    def points(self, stand: RobotStand) -> np.ndarray:
-        """One place high above."""
-        return np.array([[0.0, 0.0, 10.0]])
+def points(
+    ctx: Context, world: World, robot: RobotModel, stands: list[RobotStand], options: Options
+) -> list[np.ndarray]:
+    """High above everything."""
+    return [np.array([[0.0, 0.0, 10.0]]) for _ in stands]
 
 
-def trial(ctx: Context, world: World, robot: RobotModel, options: Options) -> Anywhere:
-    """See `Anywhere`."""
-    return Anywhere()
+def sights(
+    ctx: Context, world: World, robot: RobotModel, stands: list[RobotStand], options: Options
+) -> Iterator[tuple[np.ndarray, float, float]]:
+    """Nothing hidden, robot and hand seen."""
+    return ((np.zeros(1), 1.0, 1.0) for _ in stands)

@@ -55,6 +55,7 @@ class Sequence:
     camera: Path
     seconds: float
     rate: float = RATE
+    lens: Camera = CAMERA
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,8 @@ def render(sequence: Sequence, time: float, scenery: list[Mesh]) -> tuple[np.nda
             surfaces.append(_surface(mesh, poses[name]))
             owners.append(number)
     camera = sequence.camera(time)
-    seen = raycast.render(surfaces, CAMERA.matrix(), camera, CAMERA.height, CAMERA.width)
+    lens = sequence.lens
+    seen = raycast.render(surfaces, lens.matrix(), camera, lens.height, lens.width)
     colour = raycast.shade(surfaces, seen).astype(np.float64) / 255
     light = 0.55 + 0.45 * np.abs(seen.normal @ LIGHT)
     labels = np.append(np.array(owners), 0)[seen.index]
@@ -155,7 +157,7 @@ def frames(
         random = np.random.default_rng((seed, number))
         drawn = render(sequence, time, scenery) if drawn is None or not still else drawn
         rgb, depth, labels = drawn
-        measured = np.roll(measure_depth(depth, rgb, CAMERA.matrix(), deeper, random), strain.shift_px, axis=1)
+        measured = np.roll(measure_depth(depth, rgb, sequence.lens.matrix(), deeper, random), strain.shift_px, axis=1)
         yield RgbdFrame(time, measure_colour(_soft(rgb), colours, random), measured), labels
 
 

@@ -63,14 +63,15 @@ def test_depth_pulls_to_the_surface_and_not_to_what_hides_it():
     assert cast is not None
     spots = terms.Spots.of(cast, 300)
     nearer = stepped(at, np.array([0, 0, 0.004, 0, 0, 0, 0]))
-    jacobian, off, weight = terms.depth(frame, terms.Placed.of(model, nearer, spots), 0.03, 0)
+    found = terms.depth(frame, terms.Placed.of(model, nearer, spots), 0.03, 0)
+    jacobian, off, weight = found.jacobian, found.off, found.weight
     assert len(off) > 100
     step = (jacobian[:, 2] * weight) @ off / ((jacobian[:, 2] * weight) @ jacobian[:, 2])
     assert step == pytest.approx(-0.004, abs=1e-4)
     frame.depth[:, :160] = 0.4  # a hand before the left half
     kept = terms.depth(frame, terms.Placed.of(model, at, spots), 0.03, 0)
-    assert 20 < len(kept[1]) < len(off)
-    assert np.abs(kept[1]).max() < 1e-3
+    assert 20 < len(kept.off) < len(off)
+    assert np.abs(kept.off).max() < 1e-3
 
 
 def test_places_of_another_object_do_not_take_part():
@@ -80,5 +81,5 @@ def test_places_of_another_object_do_not_take_part():
     assert cast is not None
     placed = terms.Placed.of(model, at, terms.Spots.of(cast, 300))
     frame.owner[:] = 1
-    assert len(terms.depth(frame, placed, 0.03, 0)[1]) == 0
-    assert len(terms.depth(frame, placed, 0.03, 1)[1]) > 100
+    assert len(terms.depth(frame, placed, 0.03, 0).off) == 0
+    assert len(terms.depth(frame, placed, 0.03, 1).off) > 100

@@ -1,0 +1,113 @@
+"""How one tracked object looks: its colours, brightness from several directions, and features of its print."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.geometry import transforms
+from dextera_build.geometry.tracking import landmarks, terms
+from dextera_build.geometry.tracking.colours import Colours, bins
+from dextera_build.geometry.tracking.frame import Frame
+from dextera_build.geometry.tracking.model import Cast, Model, State
+
+LOOKS = 24
+"""Earlier views that are kept."""
+APART = np.cos(np.radians(20.0))
+"""Cosine of the angle between the directions of two of them."""
+PATTERN = 12.0
+"""Standard deviation of brightness from which an object has a texture, 0..255."""
+
+
+class Appearance:
+    """What was learned of an object's looks from frames in which it was tracked.
+
+    Args:
+        model: Its shape.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._model, self.colours = model, Colours()
+        self.landmarks: list[landmarks.Landmarks] = []
+        self._looks: list[terms.Look] = []
+
+    @property
+    def textured(self) -> bool:
+        """Whether it has a print or a pattern by which views can be told apart."""
+        return any(float(look.grey.std()) > PATTERN for look in self._looks)
+
+    def learn(self, frame: Frame, state: State, rate: float) -> None:
+        """Colours of what shows it, and of what is around it, mixed in with weight `rate`."""
+        cast = self._model.cast(state, frame.k, frame.shape, 1200)
+        box = self._model.box(state, frame.k, frame.shape, margin=0.35)
+        if cast is None or box is None:
+            return
+        z = frame.depth[np.ix_(cast.rows, cast.columns)]
+        shown = cast.drawn & ((z == 0) | (np.abs(z - cast.depth) < 0.012))
+        rows, columns = np.nonzero(shown)
+        inside = bins(frame.rgb[cast.rows[rows], cast.columns[columns]])
+        step = max(1, (box[3] - box[1]) // 40)
+        around = bins(frame.rgb[box[1] : box[3] : step, box[0] : box[2] : step])
+        outside = around[~_drawn_at(cast, np.arange(box[1], box[3], step), np.arange(box[0], box[2], step))]
+        if rate == 1.0:
+            # The whole first picture too, so that search knows what else has these colours.
+            outside = np.concatenate([outside, bins(frame.rgb[4::16, 4::16])[frame.owner[4::16, 4::16] < 0]])
+        self.colours.learn(inside, outside, rate)
+
+    def nearest(self, state: State) -> terms.Look | None:
+        """The earlier view from the nearest direction; None if none is near."""
+        if not self._looks:
+            return None
+        towards = _towards(state, self._model)
+        found = max(self._looks, key=lambda look: float(look.towards @ towards))
+        return found if float(found.towards @ towards) > np.cos(np.radians(50.0)) else None
+
+    def remember(self, frame: Frame, state: State, covariance: np.ndarray) -> None:
+        """Keep how it looks now, if it was not seen from about here.
+
+        Args:
+            frame: What is seen.
+            state: Where it was found.
+            covariance: (6, 6) of its pose.
+        """
+        towards = _towards(state, self._model)
+        if len(self._looks) >= LOOKS or any(float(look.towards @ towards) > APART for look in self._looks):
+            return
+        cast = self._model.cast(state, frame.k, frame.shape)
+        if cast is None or cast.drawn.sum() < 40:
+            return
+        spots = _inside(cast, 250)
+        placed = terms.Placed.of(self._model, state, spots)
+        rows, columns, inside = frame.nearest(placed.points)
+        z = frame.depth[rows, columns]
+        good = inside & (z > 0) & (np.abs(z - placed.points[:, 2]) < 0.01)
+        if good.sum() < 40:
+            return
+        kept = terms.Spots(spots.points[good], spots.normals[good], spots.link[good])
+        grey = frame.smooth[rows[good], columns[good]].astype(np.float64)
+        self._looks.append(terms.Look(kept, grey, towards, state.pose[:3, :3], covariance))
+        known = landmarks.of(frame, cast)
+        self.landmarks += [] if known is None else [known]
+
+
+def _towards(state: State, model: Model) -> np.ndarray:
+    """Direction (3,) from the object's middle to the camera, in the object frame."""
+    away = transforms.apply(transforms.invert(state.pose), np.zeros((1, 3)))[0] - model.centre
+    return np.asarray(away / np.linalg.norm(away))
+
+
+def _inside(cast: Cast, most: int) -> terms.Spots:
+    """Hits that are not beside the outline: there, brightness is mixed with that of the surroundings."""
+    import cv2
+
+    inner = cv2.erode(np.pad(cast.drawn, 1).astype(np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1]
+    chosen = np.flatnonzero(inner)
+    return terms.Spots.at(cast, chosen[:: max(1, -(-len(chosen) // most))])
+
+
+def _drawn_at(cast: Cast, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Whether the model is drawn at pixels of a grid, (len(rows), len(columns)) bool."""
+    down = (rows - cast.rows[0] + cast.stride // 2) // cast.stride
+    right = (columns - cast.columns[0] + cast.stride // 2) // cast.stride
+    within = ((down >= 0) & (down < len(cast.rows)))[:, None] & ((right >= 0) & (right < len(cast.columns)))[None]
+    drawn = cast.drawn[np.ix_(down.clip(0, len(cast.rows) - 1), right.clip(0, len(cast.columns) - 1))]
+    return np.asarray(within & drawn)

@@ -1,0 +1,132 @@
+"""Tracking from a live camera: always the newest frame, within a budget of time.
+
+```python
+for seen in live.follow(tracker, camera(), budget_s=1 / 15):
+    print(seen.stamp, seen.found["mug"].status, seen.delay_s)
+```
+
+A thread waits for frames and keeps the newest; frames that came while the tracker was busy are dropped, so poses are
+never older than two frames and the work on one.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from dextera_build.geometry import transforms
+from dextera_build.geometry.tracking.thing import Tracked
+from dextera_build.geometry.tracking.tracker import Tracker
+
+
+class Shot(Protocol):
+    """A frame of a camera, such as `artifacts.rgbd_video.RgbdFrame`."""
+
+    @property
+    def stamp(self) -> float:
+        """Time [s]."""
+        ...
+
+    @property
+    def rgb(self) -> np.ndarray:
+        """(H, W, 3) uint8 sRGB."""
+        ...
+
+    @property
+    def depth(self) -> np.ndarray:
+        """(H, W) image-plane z [m], registered to `rgb`; 0 where nothing was measured."""
+        ...
+
+    @property
+    def pose(self) -> np.ndarray | None:
+        """T_world_camera (4, 4), OpenCV axes; None if the camera's motion is unknown, then it is estimated."""
+        ...
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The poses of one frame."""
+
+    stamp: float
+    """Of the frame [s]."""
+    found: dict[str, Tracked]
+    """Name -> what is known of the object."""
+    delay_s: float
+    """From the arrival of the frame until now [s]."""
+    dropped: int
+    """Frames that came since the last one and were not looked at."""
+
+
+def follow(tracker: Tracker, source: Iterable[Shot], budget_s: float | None = None) -> Iterator[Seen]:
+    """Track objects in the newest frame of a source, until it ends.
+
+    Args:
+        tracker: Knows where the objects are in the first frame (`Tracker.start`).
+        source: Waits for a frame and gives it. It is read by a thread of its own, and may be endless.
+        budget_s: Time for one frame [s], after which lost objects are searched in later frames; None without.
+
+    Raises:
+        Exception: Whatever the source raises, after the frames before it.
+    """
+    newest = _Newest(source)
+    before: np.ndarray | None = None
+    try:
+        while (taken := newest.take()) is not None:
+            shot, arrived, dropped = taken
+            moved = None
+            if shot.pose is not None:
+                moved = np.eye(4) if before is None else transforms.invert(shot.pose) @ before
+            before = shot.pose
+            found = tracker.step(shot.rgb, shot.depth, shot.stamp, moved=moved, budget_s=budget_s)
+            yield Seen(shot.stamp, found, time.monotonic() - arrived, dropped)
+    finally:
+        newest.close()
+
+
+class _Newest:
+    """The newest frame of a source, and how many it replaced."""
+
+    def __init__(self, source: Iterable[Shot]) -> None:
+        self._changed = threading.Condition()
+        self._shot: Shot | None = None
+        self._arrived, self._dropped = 0.0, 0
+        self._ended = self._closed = False
+        self._error: BaseException | None = None
+        threading.Thread(target=self._read, args=(source,), name="camera", daemon=True).start()
+
+    def take(self) -> tuple[Shot, float, int] | None:
+        """A frame, when it came (`time.monotonic`) and how many were dropped before it; None at the end."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._shot is not None or self._ended)
+            if self._shot is None:
+                if self._error is not None:
+                    raise self._error
+                return None
+            taken = self._shot, self._arrived, self._dropped
+            self._shot, self._dropped = None, 0
+            return taken
+
+    def close(self) -> None:
+        """Stop reading after the frame that is awaited."""
+        self._closed = True
+
+    def _read(self, source: Iterable[Shot]) -> None:
+        try:
+            for shot in source:
+                if self._closed:
+                    return
+                with self._changed:
+                    self._dropped += self._shot is not None
+                    self._shot, self._arrived = shot, time.monotonic()
+                    self._changed.notify()
+        except Exception as error:
+            self._error = error
+        finally:
+            with self._changed:
+                self._ended = True
+                self._changed.notify()
