@@ -89,6 +89,12 @@ class Cavity(Artifact):
     rim_m: Annotated[np.ndarray, Array("X Y", "float32", unit="m", frame="object")]
     """Height of the lowest rim over which water would run out of this column."""
 
+    def sized(self, factor: float) -> Cavity:
+        """The room with all lengths times `factor`."""
+        x, y = self.corner_m
+        heights = {name: getattr(self, name) * np.float32(factor) for name in ("floor_m", "rim_m")}
+        return self.model_copy(update={"corner_m": (x * factor, y * factor), "cell_m": self.cell_m * factor, **heights})
+
 
 class TaskObject(Artifact):
     """One movable object of a task's model."""
@@ -118,6 +124,13 @@ class TaskObject(Artifact):
     """Points sampled on its surface by area, joints as in the photograph."""
     cavity: Cavity | None = None
     """The room inside a container; None where nothing asks for it."""
+
+    def sized(self, factor: float) -> TaskObject:
+        """The object with all lengths of its shape times `factor`, as a start draws it."""
+        if factor == 1.0:
+            return self
+        room = None if self.cavity is None else self.cavity.sized(factor)
+        return self.model_copy(update={"points": self.points * np.float32(factor), "cavity": room})
 
 
 class TaskBundle(Artifact):

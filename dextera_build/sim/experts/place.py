@@ -16,11 +16,9 @@ from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.runtime.environment import Environment
 
 OVER_M = 0.08
-"""Height at which the object is carried above its start, its target and a container's rim [m]."""
+"""Height at which the object is carried above its start and its target [m]."""
 SPARE_M = 0.006
 """Height above its support at which the object is let go [m]."""
-INTO_M = 0.05
-"""The same above a container's floor, so that the hand stays out of it [m]."""
 SECONDS = (0.8, 1.4, 0.9, 0.5, 0.6, 0.7)
 """Durations: lift, carry, lower, open, retreat, rest [s]."""
 TAKING = ("approach", "reach", "grasp", "lift")
@@ -75,9 +73,8 @@ class Place:
         hold = base @ grasp.palm
         wait = _shifted(hold, base[:3, :3] @ grasp.away)
         over = _shifted(wait, self._up * grasp.above_m + base[:3, :3] @ grasp.away * grasp.aside)
-        target, rim = self._target(state, base)
-        highest = max(0.0, float((target[:3, 3] - base[:3, 3]) @ self._up), rim - float(base[:3, 3] @ self._up))
-        raised = _shifted(hold, self._up * (highest + OVER_M))
+        height = float((self._target(state, base)[:3, 3] - base[:3, 3]) @ self._up)
+        raised = _shifted(hold, self._up * (max(0.0, height) + OVER_M))
         near = grasp.seconds
         return [
             Leg(over, grasp.open, near[0], "approach", arc_m=grasp.arc_m),
@@ -91,7 +88,7 @@ class Place:
     def _carried(self, state: State, base: np.ndarray, raised: np.ndarray, held: np.ndarray) -> list[Leg]:
         """The way from `raised` to the target and back from it, the palm at `held` (4, 4) in the object."""
         grasp = self.grasp
-        laid = self._target(state, base)[0] @ held
+        laid = self._target(state, base) @ held
         above = _shifted(laid, self._up * float((raised[:3, 3] - laid[:3, 3]) @ self._up))
         back = _shifted(laid, base[:3, :3] @ grasp.away + self._up * 0.03)
         _, carry, lower, let, retreat, rest = SECONDS
@@ -106,33 +103,28 @@ class Place:
     def _leg(self, palm: np.ndarray, fingers: np.ndarray, seconds: float, name: str) -> Leg:
         return Leg(palm, fingers, seconds, name, self._object, True)
 
-    def _target(self, state: State, base: np.ndarray) -> tuple[np.ndarray, float]:
-        """T_base_object where it is let go, turned as it stands unless the goal says otherwise; height to pass [m]."""
+    def _target(self, state: State, base: np.ndarray) -> np.ndarray:
+        """T_base_object where it is let go, turned as it stands unless the goal says otherwise."""
         found = base.copy()
         if self._goal.quaternion is not None:
             found[:3, :3] = self._base_from_world[:3, :3] @ quaternions.to_matrix(np.array(self._goal.quaternion))
         if self._cavity is not None:
-            middle, floor, rim = _middle(self._cavity)
-            container = state.objects[self._goal.into]
-            found[:3, 3] = transforms.apply(container, np.array([*middle, floor]))
+            # At the height of the rim, so that the hand stays out.
+            found[:3, 3] = transforms.apply(state.objects[self._goal.into], _opening(self._cavity))
             lowest = float((self._points @ found[:3, :3].T @ self._up).min())
-            found[:3, 3] += self._up * (INTO_M - lowest)
-            return found, float((container[:3, 3] + container[:3, :3] @ [0.0, 0.0, rim]) @ self._up) - lowest
+            found[:3, 3] += self._up * (SPARE_M - lowest)
+            return found
         assert self._goal.place_m is not None
         found[:3, 3] = (self._base_from_world @ [*self._goal.place_m, 1.0])[:3] + self._up * SPARE_M
-        return found, float(found[:3, 3] @ self._up)
+        return found
 
 
-def _middle(cavity: Cavity) -> tuple[np.ndarray, float, float]:
-    """Middle of a cavity (x, y), the height of its floor there, and its highest rim, in its frame [m]."""
+def _opening(cavity: Cavity) -> np.ndarray:
+    """Middle of a cavity at the height of its rim (3,), in its frame [m]."""
     deep = cavity.rim_m - cavity.floor_m
-    rows, columns = np.indices(deep.shape)
     weights = deep / deep.sum()
-    cell = np.array([float((weights * rows).sum()), float((weights * columns).sum())])
-    # The floor under the object's footprint, a few columns around the middle.
-    row, column = np.round(cell).astype(int)
-    around = cavity.floor_m[max(0, row - 2) : row + 3, max(0, column - 2) : column + 3]
-    return cavity.corner_m + (cell + 0.5) * cavity.cell_m, float(around.max()), float(cavity.rim_m[deep > 0].max())
+    cell = np.array([float((weights * each).sum()) for each in np.indices(deep.shape)])
+    return np.array([*(cavity.corner_m + (cell + 0.5) * cavity.cell_m), float(cavity.rim_m[deep > 0].max())])
 
 
 def _shifted(pose: np.ndarray, way: np.ndarray) -> np.ndarray:

@@ -22,14 +22,16 @@ class Touch:
         base = model.body(ROBOT + "base").id
         roots = model.body_rootid[model.geom_bodyid]
         self._robot = roots == base
-        self._target = roots == model.body(environment.task.object).id
+        # A hand may brush the container that it reaches into.
+        meant = (environment.task.object, *environment.primitive.others())
+        self._target = np.isin(roots, [model.body(name).id for name in meant])
         self._names = [self._name(geom) for geom in range(model.ngeom)]
 
     def unintended(self, contact: bool, press_n: float) -> str:
         """Unintended contacts with more than `press_n` [N]; empty if there are none.
 
         Args:
-            contact: Whether the task's object may be touched now.
+            contact: Whether the bodies that the task names may be touched now.
             press_n: Tolerated force [N].
         """
         data, model = self._environment.data, self._environment.model

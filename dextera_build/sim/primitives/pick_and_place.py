@@ -17,6 +17,8 @@ from dextera_build.sim.primitives.state import TaskState
 
 DROP_M = 0.08
 """Way from where it was let go after which an object was dropped or thrown, not placed [m]."""
+OVER_M = 0.02
+"""Height above a container's rim from which an object may still be let go into it [m]."""
 PUSHED_M = 0.02
 """Way in touch with a hand that does not hold it after which an object was pushed [m]."""
 TIPPED_RAD = 0.5
@@ -72,7 +74,7 @@ class Place(Primitive[PlaceGoal]):
             return Past(now, CARRIED, fault, place)
         if past.mark is None or past.stage == WAITS:
             return Past(now, WAITS, fault, past.mark)
-        if not float(np.linalg.norm(place - past.mark)) <= (PUSHED_M if now.touching else DROP_M):
+        if not float(np.linalg.norm(place - past.mark)) <= (PUSHED_M if now.touching else self._fall_m()):
             return Past(now, WAITS, fault, past.mark)
         return Past(now, CARRIED if now.touching and past.stage == CARRIED else LET_GO, fault, past.mark)
 
@@ -104,6 +106,11 @@ class Place(Primitive[PlaceGoal]):
     def others(self) -> tuple[str, ...]:
         """The container."""
         return (self.goal.into,) if self.goal.into else ()
+
+    def _fall_m(self) -> float:
+        """Way that an object may go after it was let go: into a container from its rim, however deep it is [m]."""
+        cavity = self.objects[self.goal.into].cavity if self.goal.into else None
+        return DROP_M if cavity is None else max(DROP_M, float((cavity.rim_m - cavity.floor_m).max()) + OVER_M)
 
     def _there(self, start: TaskState, now: TaskState) -> bool:
         if not self.goal.into:

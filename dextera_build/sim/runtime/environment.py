@@ -95,7 +95,8 @@ class Environment:
         self.steps = 0
         self.previous_action = self.data.ctrl[self._actuators].copy()
         self._earlier = self.previous_action
-        self.judge = Judge(self.task, self.state(), self.bundle.objects)
+        shapes = {name: each.sized(start.size_scale.get(name, 1.0)) for name, each in self.bundle.objects.items()}
+        self.judge = Judge(self.task, self.state(), shapes)
         return self.observe()
 
     def step(self, action: np.ndarray) -> Outcome:

@@ -107,6 +107,14 @@ def test_dropping_into_the_container_from_above_is_refused() -> None:
     assert trace.verdict(INTO, tray=tray()) == (False, "the object was dropped")
 
 
+def test_letting_go_at_the_rim_counts_however_deep_the_container_is() -> None:
+    deep = tray(wall=0.16)
+    at_rim = (0.3, 0.0, HALF_M + 0.16)
+    assert carried(at_rim).go(LAID, 4, right=FREE).stay(12).succeeds(INTO, tray=deep)
+    above = (0.3, 0.0, HALF_M + 0.22)
+    assert not carried(above).go(LAID, 5, right=FREE).stay(12).succeeds(INTO, tray=deep)
+
+
 def test_beside_the_wall_is_not_inside_though_the_hull_holds_it() -> None:
     beside = tuple((TRAY @ [0.075, 0.0, HALF_M, 1.0])[:3].tolist())
     assert not carried(beside).stay(20).succeeds(INTO, tray=tray())
@@ -145,6 +153,20 @@ def test_the_room_of_a_bowl_is_that_below_its_rim() -> None:
     assert not inside(cavity, low + np.array([0.0, 0.0, 0.03]))
     assert not inside(cavity, low + np.array([0.06, 0.0, 0.0]))
     assert not inside(cavity, low * np.nan)
+
+
+def test_a_smaller_container_holds_less() -> None:
+    room = tray().cavity
+    assert room is not None
+    points = factories.box_corners((-0.06, -0.06, 0.015), (0.04, 0.06, 0.05)).astype(np.float64)
+    assert inside(room, points)
+    assert inside(room.sized(1.1), points * 1.1)
+    assert not inside(room.sized(0.7), points)
+    small = tray().sized(0.5)
+    assert small.cavity is not None
+    assert small.cavity.cell_m == pytest.approx(room.cell_m / 2)
+    assert np.allclose(small.points, tray().points / 2)
+    assert tray().sized(1.0).points is not None
 
 
 def test_a_box_and_a_plate_are_no_containers() -> None:
