@@ -13,7 +13,7 @@ import numpy as np
 
 from dextera_build.geometry.cameras import backproject
 from dextera_build.geometry.scene_pose import flow
-from dextera_build.geometry.scene_terms import CELLS, Terms, Weights, by_cell, cell_of
+from dextera_build.geometry.scene_terms import CELLS, Terms, Weights, by_cell, cell_of, runs
 
 RADIUS_PX, SIGMA_PX = 5, 1.5
 """Window of SSIM (Wang et al. 2004), 11 x 11 [px]."""
@@ -94,16 +94,16 @@ def photometric(
     slope, weight = np.zeros(made.shape), np.zeros(made.shape)
     value = _squares(made, photo, omega, weights.rgb, slope, weight)
     value += _structure(made, photo, eroded(omega, RADIUS_PX), weights.ssim, slope, weight)
-    rows, columns = np.nonzero(omega & (slope != 0).any(axis=-1))
-    moves = _motion(drawn, light, k, unit)[rows, columns]
-    each = np.einsum("nc,ncj->nj", slope[rows, columns], moves)
+    there = omega & (slope != 0).any(axis=-1)
+    moves, slope, weight = _motion(drawn, light, k, unit, there), slope[there], weight[there]
+    rows, columns = np.nonzero(there)
     where = cell_of(np.stack([columns, rows], axis=1), omega.shape)
-    cells, bends = np.zeros((CELLS[0] * CELLS[1], 7)), np.zeros((CELLS[0] * CELLS[1], 7, 7))
-    cells[:, :6] = by_cell(each, where)
-    flat, shares = moves.reshape(-1, 6), weight[rows, columns].reshape(-1)
-    for cell in np.unique(where):
-        some = np.repeat(where == cell, 3)
-        bends[cell, :6, :6] = flat[some].T @ (shares[some, None] * flat[some])
+    cells = np.zeros((CELLS[0] * CELLS[1], 7))
+    cells[:, :6] = by_cell(np.einsum("nc,ncj->nj", slope, moves), where)
+    bends = np.zeros((len(cells), 7, 7))
+    for cell, some in runs(where):
+        flat = moves[some].reshape(-1, 6)
+        bends[cell, :6, :6] = flat.T @ (weight[some].reshape(-1, 1) * flat)
     return Terms(value, cells.sum(axis=0), bends.sum(axis=0), cells, bends)
 
 
@@ -141,27 +141,27 @@ def _structure(
     return share * (1 - float(alike[inside].mean()))
 
 
-def _motion(drawn: Drawn, light: Exposure, k: np.ndarray, unit: float) -> np.ndarray:
-    """(H, W, 3, 6): how the colour of each pixel changes with a step; 0 at edges of what G shows."""
+def _motion(drawn: Drawn, light: Exposure, k: np.ndarray, unit: float, there: np.ndarray) -> np.ndarray:
+    """(N, 3, 6): how the colours of the pixels `there` change with a step; 0 at edges of what G shows."""
     bright = drawn.rgb * light.gain
-    inner = eroded(drawn.solid, 1)
-    down, across = (np.gradient(bright, axis=axis) * inner[..., None] for axis in (0, 1))
-    places = backproject(np.where(drawn.solid, drawn.depth, unit), k)
-    moves = flow(places, k, unit)[..., :6]
-    return -np.asarray(across[..., None] * moves[..., None, 0, :] + down[..., None] * moves[..., None, 1, :])
+    inner = eroded(drawn.solid, 1)[there][:, None]
+    down, across = (np.gradient(bright, axis=axis)[there] * inner for axis in (0, 1))
+    moves = flow(backproject(np.where(drawn.solid, drawn.depth, unit), k)[there], k, unit)[..., :6]
+    return -np.asarray(across[..., None] * moves[:, None, 0, :] + down[..., None] * moves[:, None, 1, :])
 
 
 def _window(pictures: np.ndarray) -> np.ndarray:
     """Pictures (H, W, 3) under the window of SSIM."""
-    from scipy.ndimage import gaussian_filter
+    import cv2
 
-    return np.asarray(
-        gaussian_filter(pictures, (SIGMA_PX, SIGMA_PX, 0), mode="constant", radius=(RADIUS_PX,) * 2 + (0,))
-    )
+    side = 2 * RADIUS_PX + 1
+    return np.asarray(cv2.GaussianBlur(pictures, (side, side), SIGMA_PX, borderType=cv2.BORDER_CONSTANT))
 
 
 def eroded(mask: np.ndarray, reach: int) -> np.ndarray:
     """Pixels (H, W) whose square of `reach` to all sides lies in the mask and in the picture."""
-    from scipy.ndimage import minimum_filter
+    import cv2
 
-    return np.asarray(minimum_filter(mask, size=2 * reach + 1, mode="constant", cval=0))
+    square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    left = cv2.erode(mask.view(np.uint8), square, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    return np.asarray(left > 0)

@@ -19,6 +19,23 @@ def from_matrix(rotation: np.ndarray) -> np.ndarray:
     return np.asarray(quaternion if leading > 0 else -quaternion)
 
 
+def from_matrices(rotations: np.ndarray) -> np.ndarray:
+    """(N, 4) unit quaternions of (N, 3, 3) rotations, of either sign (Shepperd 1978: by the largest component)."""
+    x, y, z = np.moveaxis(np.diagonal(rotations, axis1=1, axis2=2), -1, 0)
+    squares = 1 + np.stack([x + y + z, x - y - z, y - x - z, z - x - y], axis=1)  # four times those of w, x, y, z
+    lead = squares.argmax(axis=1)
+    above, below = (
+        np.stack([each[:, i, j] for i, j in ((2, 1), (0, 2), (1, 0))]) for each in (rotations, rotations.swapaxes(1, 2))
+    )
+    (a, b, c), (d, e, f) = above - below, above + below
+    # Four times each product of two components, row by row.
+    products = np.array(
+        [[squares[:, 0], a, b, c], [a, squares[:, 1], f, e], [b, f, squares[:, 2], d], [c, e, d, squares[:, 3]]]
+    )
+    found = products[lead, :, np.arange(len(lead))]
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+
 def to_matrix(quaternion: np.ndarray) -> np.ndarray:
     """(3, 3) rotation of a (4,) quaternion of any nonzero length."""
     w, x, y, z = quaternion / np.linalg.norm(quaternion)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -58,10 +59,10 @@ def align_sparse(
 ) -> Solution:
     """The minimum of the sparse terms alone; arguments as in `scene_terms.sparse`."""
 
-    def at(theta: ScenePose) -> Terms:
-        return scene_terms.sparse(theta, matches, k, size, weights, unit)
+    def at(theta: ScenePose) -> tuple[Terms, None]:
+        return scene_terms.sparse(theta, matches, k, size, weights, unit), None
 
-    pose, terms = _descended(pose, at, unit, 50)
+    pose, (terms, _) = _descended(pose, at(pose), at, unit, 50)
     return Solution(pose, *_spread(terms), terms, photo_terms.SAME, None, None)
 
 
@@ -81,49 +82,71 @@ class Problem:
 
 def align(pose: ScenePose, given: Problem) -> Solution:
     """The minimum of all four terms near `pose`."""
-    matches, levels, render, weights, unit = given.matches, given.levels, given.render, given.weights, given.unit
-    for level in levels:
+    for level in given.levels:
+        drawn = given.render(pose.scene_from_camera, level.k, level.depth.shape)
         for _ in range(2):  # Omega and the exposure belong to a pose, so they are made again where it has moved
-            shape = level.depth.shape
-            drawn = render(pose.scene_from_camera, level.k, shape)
-            omega = level.valid & drawn.solid & _near(drawn.depth * pose.scale, level.depth, given.apart)
-            light = photo_terms.exposure(drawn, level.rgb, omega)
+            within = _near(drawn.depth * pose.scale, level.depth, given.apart)
+            here = _Compared(given, level, level.valid & drawn.solid & within, drawn)
+            pose, (terms, drawn) = _descended(pose, here.terms(pose, drawn), here.at, given.unit, STEPS)
+    return Solution(pose, *_spread(terms), terms, here.light, drawn, here.omega)
 
-            def at(theta: ScenePose, level: Level = level, omega: np.ndarray = omega, light: Exposure = light) -> Terms:
-                made = render(theta.scene_from_camera, level.k, level.depth.shape)
-                found = scene_terms.sparse(theta, matches, given.k, given.size, weights, unit)
-                found += surface_term.surface(made, theta.scale, level.depth, omega, level.k, weights, unit)
-                return found + photo_terms.photometric(made, level.rgb, omega, level.k, weights, unit, light)
 
-            pose, terms = _descended(pose, at, unit, STEPS)
-    drawn = render(pose.scene_from_camera, level.k, shape)
-    return Solution(pose, *_spread(terms), terms, light, drawn, omega)
+class _Compared:
+    """All four terms at one size, over pixels that stay the same."""
+
+    def __init__(self, given: Problem, level: Level, omega: np.ndarray, drawn: Drawn) -> None:
+        self._given, self._level, self.omega = given, level, omega
+        self.light = photo_terms.exposure(drawn, level.rgb, omega)
+
+    def at(self, pose: ScenePose) -> tuple[Terms, Drawn]:
+        """The terms, and G from there."""
+        drawn = self._given.render(pose.scene_from_camera, self._level.k, self._level.depth.shape)
+        return self.terms(pose, drawn)
+
+    def terms(self, pose: ScenePose, drawn: Drawn) -> tuple[Terms, Drawn]:
+        """The terms, where G was drawn from `pose` already."""
+        given, level, weights, unit = self._given, self._level, self._given.weights, self._given.unit
+        found = scene_terms.sparse(pose, given.matches, given.k, given.size, weights, unit)
+        found += surface_term.surface(drawn, pose.scale, level.depth, self.omega, level.k, weights, unit)
+        found += photo_terms.photometric(drawn, level.rgb, self.omega, level.k, weights, unit, self.light)
+        return found, drawn
 
 
 def _near(made: np.ndarray, measured: np.ndarray, apart: float) -> np.ndarray:
     return np.asarray((measured > 0) & (np.abs(made - measured) < apart * measured))
 
 
-def _descended(pose: ScenePose, at: Callable[[ScenePose], Terms], unit: float, steps: int) -> tuple[ScenePose, Terms]:
-    """Levenberg-Marquardt with the true objective as judge."""
-    terms, damping = at(pose), 1e-3
+Seen = TypeVar("Seen")
+
+
+def _descended(
+    pose: ScenePose,
+    here: tuple[Terms, Seen],
+    at: Callable[[ScenePose], tuple[Terms, Seen]],
+    unit: float,
+    steps: int,
+) -> tuple[ScenePose, tuple[Terms, Seen]]:
+    """Levenberg-Marquardt with the true objective as judge; `here` is `at(pose)`."""
+    damping = 1e-3
     for _ in range(steps):
+        terms, _ = here
         scale = np.diag(np.maximum(np.diag(terms.step), 1e-12))
         step = -np.linalg.solve(terms.step + damping * scale, terms.gradient)
-        if np.abs(step).max() < STILL:
+        hoped = -(terms.gradient @ step + step @ terms.step @ step / 2)
+        if np.abs(step).max() < STILL or hoped < DONE * terms.value:
             break
         tried = pose.moved(step, unit)
         found = at(tried)
-        if found.value < terms.value:
-            gained = terms.value - found.value
-            pose, terms, damping = tried, found, max(damping / 10, 1e-6)
+        if found[0].value < terms.value:
+            gained = terms.value - found[0].value
+            pose, here, damping = tried, found, max(damping / 10, 1e-6)
             if gained < DONE * terms.value:
                 break
         elif damping > 1e3:
             break
         else:
             damping *= 10
-    return pose, terms
+    return pose, here
 
 
 def _spread(terms: Terms) -> tuple[np.ndarray, float]:
@@ -134,7 +157,7 @@ def _spread(terms: Terms) -> tuple[np.ndarray, float]:
     the pull of each cell on the estimate itself (CR3: Bell and McCaffrey, 2002), and as wide as Hotelling's
     distribution makes the 95 % region for so few cells. Nothing is assumed about the noise; the residuals show it.
     """
-    from scipy.stats import chi2, f
+    from scipy.special import chdtri, fdtri
 
     values, axes = np.linalg.eigh(terms.curvature)
     largest = max(float(values[-1]), 1e-300)
@@ -146,5 +169,5 @@ def _spread(terms: Terms) -> tuple[np.ndarray, float]:
         return np.full((size, size), np.nan), condition
     alone = np.eye(size) - terms.bends[used] @ inverse
     slopes = np.linalg.solve(alone, terms.cells[used][..., None])[..., 0]
-    wider = size * (count - 1) / (count - size) * f.ppf(0.95, size, count - size) / chi2.ppf(0.95, size)
+    wider = size * (count - 1) / (count - size) * fdtri(size, count - size, 0.95) / chdtri(size, 0.05)
     return np.asarray(wider * inverse @ slopes.T @ slopes @ inverse), condition

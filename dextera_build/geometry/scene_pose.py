@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.geometry import transforms
-from dextera_build.geometry.registration import rotation
+from dextera_build.geometry.registration import rotation, rotation_vector
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,12 @@ class ScenePose:
         motion = transforms.rigid(rotation(step[:3]), unit * step[3:6])
         return ScenePose(motion @ self.camera_from_scene, self.scale * float(np.exp(step[6])))
 
+    def step_to(self, other: ScenePose, unit: float) -> np.ndarray:
+        """The step (7,) after which theta is `other`."""
+        motion = other.camera_from_scene @ transforms.invert(self.camera_from_scene)
+        turn = rotation_vector(motion[:3, :3])
+        return np.array([*turn, *motion[:3, 3] / unit, np.log(other.scale / self.scale)])
+
     def covariance(self, of_steps: np.ndarray, unit: float) -> np.ndarray:
         """Covariance (7, 7) as `artifacts.pose.Similarity` has it, from that of steps.
 
@@ -61,12 +67,15 @@ def flow(seen: np.ndarray, k: np.ndarray, unit: float) -> np.ndarray:
     """How pixels move with a step: (..., 2, 7) [px] for points (..., 3) in the axes of the camera, in lengths of G."""
     x, y, z = np.moveaxis(seen, -1, 0)
     found = np.zeros((*seen.shape[:-1], 2, 7))
-    for axis, (focal, slope) in enumerate(((k[0, 0], x / z), (k[1, 1], y / z))):
-        to_point = np.zeros((*seen.shape[:-1], 3))
-        to_point[..., axis] = focal / z
-        to_point[..., 2] = -focal * slope / z
-        found[..., axis, :3] = np.cross(seen, to_point)  # d(w x Y) . g = w . (Y x g)
-        found[..., axis, 3:6] = unit * to_point
+    for axis, focal in enumerate((k[0, 0], k[1, 1])):
+        aside, near = focal / z, -focal * seen[..., axis] / z**2  # derivative by the point: along the axis, along z
+        # A rotation w moves the point by w x Y, and d(w x Y) . g = w . (Y x g).
+        found[..., axis, 0] = y * near
+        found[..., axis, 1] = -x * near
+        found[..., axis, 1 - axis] += (z if axis == 0 else -z) * aside
+        found[..., axis, 2] = -y * aside if axis == 0 else x * aside
+        found[..., axis, 3 + axis] = unit * aside
+        found[..., axis, 5] = unit * near
     return found
 
 

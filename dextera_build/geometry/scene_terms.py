@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -122,6 +123,14 @@ def by_cell(values: np.ndarray, where: np.ndarray) -> np.ndarray:
     flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
     sums = [np.bincount(where, column, CELLS[0] * CELLS[1]) for column in flat.T]
     return np.stack(sums, axis=1).reshape(-1, *values.shape[1:])
+
+
+def runs(where: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Each cell in `where` (N,) with the places of its values."""
+    order = np.argsort(where, kind="stable")
+    for some in np.split(order, np.flatnonzero(np.diff(where[order])) + 1):
+        if len(some):
+            yield int(where[some[0]]), some
 
 
 def _summed(value: float, jacobian: np.ndarray, slopes: np.ndarray, where: np.ndarray) -> Terms:

@@ -11,7 +11,7 @@ import numpy as np
 from dextera_build.geometry.cameras import backproject
 from dextera_build.geometry.photo_terms import Drawn, eroded
 from dextera_build.geometry.scene_pose import flow, nearing
-from dextera_build.geometry.scene_terms import CELLS, Terms, Weights, by_cell, cell_of
+from dextera_build.geometry.scene_terms import CELLS, Terms, Weights, by_cell, cell_of, runs
 
 
 def surface(
@@ -48,8 +48,8 @@ def surface(
     value = share * float(np.where(near, apart**2 / (2 * huber), size - huber / 2).sum())
     each = share * np.clip(apart / huber, -1, 1)[:, None] * jacobian
     bends = np.zeros((len(cells), 7, 7))
-    for cell in np.unique(where):
-        some = jacobian[(where == cell) & near]
-        bends[cell] = share / huber * some.T @ some
+    for cell, some in runs(where):
+        steep = jacobian[some[near[some]]]
+        bends[cell] = share / huber * steep.T @ steep
     step = share * jacobian.T @ (jacobian / np.maximum(size, huber)[:, None])
     return Terms(value, each.sum(axis=0), step, by_cell(each, where), bends)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,28 +30,45 @@ class SiftOptions(Options):
     """Largest distance to the nearest descriptor, in distances to the second nearest (Lowe, 2004)."""
 
 
+@dataclass(frozen=True)
+class Points:
+    """Points of one picture."""
+
+    pixels: np.ndarray  # (N, 2) column and row [px]
+    descriptors: np.ndarray  # (N, 128) float32
+
+
 def match(ctx: Context, first: Image, second: Image, common: MatchesOptions, options: SiftOptions) -> Matches:
     """Pairs whose descriptors are nearest to each other; confidence is 1 less the ratio of distances."""
+    return paired(points_of(first, common.points), points_of(second, common.points), options.ratio)
+
+
+def points_of(picture: Image, most: int) -> Points:
+    """Points of a picture by SIFT, at most about so many."""
     import cv2
 
-    detector = cv2.SIFT_create(nfeatures=common.points, enable_precise_upscale=True)
-    points, descriptors = [], []
-    for picture in (first, second):
-        found, each = detector.detectAndCompute(cv2.cvtColor(picture.pixels, cv2.COLOR_RGB2GRAY), None)
-        points.append(np.array([point.pt for point in found]).reshape(-1, 2))
-        descriptors.append(each)
-    if min(len(each) for each in points) < 2:
+    detector = cv2.SIFT_create(nfeatures=most, enable_precise_upscale=True)
+    found, descriptors = detector.detectAndCompute(cv2.cvtColor(picture.pixels, cv2.COLOR_RGB2GRAY), None)
+    pixels = np.array([point.pt for point in found]).reshape(-1, 2)
+    return Points(pixels, np.zeros((0, 128), np.float32) if descriptors is None else descriptors)
+
+
+def paired(first: Points, second: Points, most: float) -> Matches:
+    """Pairs of points that are nearest to each other, and nearer than `most` times the second nearest."""
+    import cv2
+
+    if min(len(first.pixels), len(second.pixels)) < 2:
         nothing = np.zeros((0, 2))
         return Matches(first=nothing, second=nothing, confidence=np.zeros(0, np.float32), method="SIFT")
     matcher = cv2.BFMatcher(cv2.NORM_L2)
-    there = matcher.knnMatch(descriptors[0], descriptors[1], k=2)
-    back = {each[0].queryIdx: each[0].trainIdx for each in matcher.knnMatch(descriptors[1], descriptors[0], k=1)}
+    there = matcher.knnMatch(first.descriptors, second.descriptors, k=2)
+    back = {each[0].queryIdx: each[0].trainIdx for each in matcher.knnMatch(second.descriptors, first.descriptors, k=1)}
     pairs = [
         (near.queryIdx, near.trainIdx, near.distance / max(far.distance, 1e-9))
         for near, far in there
         if back[near.trainIdx] == near.queryIdx
     ]
-    kept = np.array([pair for pair in pairs if pair[2] <= options.ratio]).reshape(-1, 3)
+    kept = np.array([pair for pair in pairs if pair[2] <= most]).reshape(-1, 3)
     left, right = kept[:, 0].astype(int), kept[:, 1].astype(int)
     confidence = (1.0 - kept[:, 2]).astype(np.float32)
-    return Matches(first=points[0][left], second=points[1][right], confidence=confidence, method="SIFT")
+    return Matches(first=first.pixels[left], second=second.pixels[right], confidence=confidence, method="SIFT")

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from dextera_build.geometry import balanced_icp, transforms
-from dextera_build.geometry.balanced_icp import Doubts, Surface
+from dextera_build.geometry import balanced_icp, robot_pairs, transforms
+from dextera_build.geometry.robot_covariance import Doubts
+from dextera_build.geometry.robot_pairs import Surface
 from tests.geometry.hand_eyes import error_of
 from tests.geometry.toy_robots import Faults, capture
 
@@ -44,7 +45,7 @@ def test_components_count_alike_after_trimming() -> None:
         {**pose, "hand": replace(pose["hand"], seen=pose["hand"].seen[pose["hand"].seen[:, 1] > middle[1] - 0.15])}
         for pose in scene.poses
     ]
-    pairs = balanced_icp._drawn(poses, ["arm", "hand"], 2000, True, np.random.default_rng(0))
+    pairs = robot_pairs.drawn(poses, ["arm", "hand"], 2000, True, np.random.default_rng(0))
     target = np.where(pairs.part[:, None] == 1, pairs.model + 0.01, pairs.model), pairs.normals
     _, _, weight = balanced_icp._linear(np.eye(4), pairs, target, np.zeros(3), 2, True)
     assert weight[pairs.part == 0].sum() == pytest.approx(0.5)

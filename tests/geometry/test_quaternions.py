@@ -39,3 +39,13 @@ def test_products_are_those_of_the_rotations(seed: int) -> None:
     np.testing.assert_allclose([quaternions.to_matrix(q) for q in product], expected, atol=1e-12)
     one = quaternions.multiply(first[0].as_quat(scalar_first=True), second.as_quat(scalar_first=True))
     np.testing.assert_allclose(quaternions.to_matrix(one[3]), (first[0] * second[3]).as_matrix(), atol=1e-12)
+
+
+@given(st.integers(0, 100_000))
+def test_many_matrices_at_once(seed: int) -> None:
+    rotations = Rotation.random(20, rng=np.random.default_rng(seed))
+    half_turns = np.array([np.eye(3), *(2 * np.diag(axis) - np.eye(3) for axis in np.eye(3))])
+    matrices = np.concatenate([rotations.as_matrix(), half_turns])
+    found = quaternions.from_matrices(matrices)
+    np.testing.assert_allclose([quaternions.to_matrix(each) for each in found], matrices, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-12)

@@ -51,6 +51,11 @@ def test_steps_are_those_of_a_similarity():
     assert np.allclose(turn, rotation(step[:3]), atol=1e-12)
 
 
+def test_the_step_to_another_pose_leads_there():
+    step = np.array([0.2, -0.3, 0.1, 0.4, -0.2, 0.3, -0.5])
+    assert np.allclose(POSE.step_to(POSE.moved(step, UNIT), UNIT), step, atol=1e-9)
+
+
 def test_the_scale_is_applied_to_the_scene_before_the_motion():
     """Trap 6: X_W = T_W_C (T_G_C)^-1 with s applied to G first; applied to the camera, the scale flips sides."""
     point = np.array([[1.0, 2.0, 5.0]])

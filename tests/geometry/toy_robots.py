@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.geometry import cameras, registration, transforms
-from dextera_build.geometry.balanced_icp import Surface
+from dextera_build.geometry.robot_pairs import Surface
 
 LENGTHS = (0.30, 0.32, 0.28)
 RADIUS = 0.06

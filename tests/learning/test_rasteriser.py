@@ -183,3 +183,24 @@ def test_without_gaussians_the_picture_is_black() -> None:
     hidden = Scene(*(each[:6] for each in scene(0)))
     assert (rendered(hidden)[2] == 1).all()
     assert not gradients(hidden).means.any()
+
+
+def test_a_small_picture_shows_the_mean_of_what_was_measured_with_noise() -> None:
+    """Without it the nearest of the sixteen Gaussians in a pixel hides the others, and the wall comes nearer."""
+    draw = np.random.default_rng(3)
+    column, row = (each.ravel() for each in np.meshgrid(np.arange(160.0), np.arange(120.0)))
+    z = 2.0 * (1.0 + 0.01 * draw.normal(size=len(row)))
+    means = np.stack([(column - 79.5) / 200 * z, (row - 59.5) / 200 * z, z], axis=1)
+    turns = np.tile([1.0, 0, 0, 0], (len(z), 1))
+    scales = np.repeat(np.log(0.45 * z / 200)[:, None], 3, axis=1)
+    given = Scene(means, turns, scales, np.full(len(z), 3.5), np.zeros((len(z), 1, 3)))
+    small = raster.Camera(np.array([[50.0, 0, 19.5], [0, 50.0, 14.5], [0, 0, 1]]), np.eye(4), (30, 40))
+    maker = raster.Rasteriser(double=True)
+    off = []
+    for faded in (True, False):
+        picture = maker.forward(arrays(given, maker.real), small, faded=faded)
+        solid = 1 - picture.light.numpy()
+        assert np.median(solid) > 0.6
+        off.append(np.median(picture.depth.numpy() / solid) - 2.0)
+    assert abs(off[0]) < 0.25 * abs(off[1])
+    assert off[1] < -0.015

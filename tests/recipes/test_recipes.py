@@ -89,9 +89,9 @@ KNOCKED = {
     "knocked",
     "now",
     "calibration_views",
-    "marked",
-    "calibration",
-    "mount_now",
+    "again/marked",
+    "again/calibration",
+    "again/mount",
     "seen",
     "camera",
     "base",
@@ -111,7 +111,7 @@ def test_a_knocked_camera_rebuilds_what_depends_on_its_calibration_alone(tmp_pat
     knock = ("--set", "knocked.shift_m=[0.012, 0.012, 0.011]", "--set", "knocked.turn_deg=[0.6, 0.6, 0.5]")
     moved = space.build(address, "--profile", profile, *knock)
     assert moved.code == 0, moved.err[-3000:]
-    stubs_end = {"mount_now", "camera", "base", "task"} if profile == "stub" else set()
+    stubs_end = {"again/mount", "camera", "base", "task"} if profile == "stub" else set()
     assert moved.nodes("ran") == KNOCKED - stubs_end
     told = json.loads(space.dxb("diff", address, "--json").out)
     motions = {each["node"]: row["motion"] for each in told["differences"] for row in each["rows"] if "motion" in row}

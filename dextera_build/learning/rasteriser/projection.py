@@ -58,6 +58,7 @@ def projecting(real: Any) -> Any:
         eye: three,
         lens: seven,
         size: wp.vec2i,
+        faded: int,
         flat: wp.array[eight],
         colours: wp.array[three],
         boxes: wp.array[wp.vec4i],
@@ -79,7 +80,9 @@ def projecting(real: Any) -> Any:
         xy = spread[0, 1]
         yy = spread[1, 1] + real(LOW_PASS_PX2)
         determinant = xx * yy - xy * xy
-        if not determinant > real(0.0):
+        if faded == 1:
+            opacity *= wp.sqrt(wp.max(spread[0, 0] * spread[1, 1] - xy * xy, real(0.0)) / determinant)
+        if not determinant > real(0.0) or opacity < real(LEAST):
             return
         cut = wp.log(opacity / real(LEAST))
         column = lens[0] * p[0] / p[2] + lens[2]

@@ -38,7 +38,7 @@ class Picture:
     colour: Any  # (H W, 3) sRGB on black
     depth: Any  # (H W,) sum of weight times depth [m]; over `1 - light` it is the expected depth
     light: Any  # (H W,) what passes all Gaussians, 0..1; 1 minus it is their opacity
-    kept: Any  # what the gradients need
+    kept: Any  # what the gradients need; None if there are none
 
 
 @dataclass(frozen=True)
@@ -75,13 +75,18 @@ class Rasteriser:
         self.threads = threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self.threads) if device == "cpu" and self.threads > 1 else None
 
-    def forward(self, parameters: Parameters, camera: Camera, limits: Any = None) -> Picture:
+    def forward(self, parameters: Parameters, camera: Camera, limits: Any = None, *, faded: bool = False) -> Picture:
         """The picture that the camera sees.
+
+        The low-pass makes Gaussians below a pixel as large as one. Together they then cover more than they did, and
+        the nearest of them hides the others. With `faded` their opacity falls as they widen (the 2D filter of
+        Mip-Splatting, Yu et al. 2024), so that a small picture shows the mean of a large one.
 
         Args:
             parameters: The Gaussians.
             camera: Where the picture is taken.
             limits: (H W,) depth of something solid in each pixel [m], which hides means that are farther; or None.
+            faded: Whether opacities make up for the low-pass; such a picture has no gradients.
         """
         rows, columns = camera.size
         placed, size = self._camera(camera), wp.vec2i(columns, rows)
@@ -90,7 +95,8 @@ class Rasteriser:
         flat, colours = self._new(count, 8), self._new(count, 3)
         boxes, counts = (wp.empty(count, dtype=kind, device=self.device) for kind in (wp.vec4i, wp.int32))
         arrays = [given.means, given.quaternions, given.log_scales, given.logits, given.harmonics]
-        self._launch(projection.projecting(self.real), count, [*arrays, *placed, size, flat, colours, boxes, counts])
+        out = [flat, colours, boxes, counts]
+        self._launch(projection.projecting(self.real), count, [*arrays, *placed, size, int(faded), *out])
         ends = wp.empty(count, dtype=wp.int32, device=self.device)
         wp.utils.array_scan(counts, ends, inclusive=True)
         pairs = int(ends[-1:].numpy()[0]) if count else 0
@@ -103,7 +109,7 @@ class Rasteriser:
             blending.blending(self.real), starts, [size, starts, run, tones, limits, picture, depth, light, lasts]
         )
         kept = _Kept(given, (*placed, size), flat, colours, counts, ends, places, starts, run, tones, lasts)
-        return Picture(picture, depth, light, kept)
+        return Picture(picture, depth, light, None if faded else kept)
 
     def backward(self, picture: Picture, to_colour: Any, to_depth: Any, to_light: Any, into: Parameters) -> None:
         """Write the gradients of the parameters to `into`, which holds zeros, from those of a picture's arrays."""

@@ -10,7 +10,8 @@ from dextera_build.artifacts.camera import Camera, Capture
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.geometry import balanced_icp, cameras, robot_mask, transforms, uncertainty
-from dextera_build.geometry.balanced_icp import Doubts, Surface
+from dextera_build.geometry.robot_covariance import Doubts
+from dextera_build.geometry.robot_pairs import Surface
 from dextera_build.rule import Backend, Context, Options
 
 from . import robot_overlays, stated

@@ -16,6 +16,8 @@ from dextera_build.geometry.scene_alignment import Render
 from dextera_build.geometry.scene_pose import ScenePose
 from dextera_build.geometry.scene_terms import Correspondences
 
+Viewpoint = tuple[np.ndarray, Drawn]
+"""T_G_C (4, 4), and the scene from there."""
 Match = Callable[[Image, Image], Matches]
 """Points of a rendered picture and of the photograph."""
 
@@ -29,6 +31,8 @@ LEAST = 6
 """Fewer points give no pose."""
 ROUNDS = 3
 """Most times that the scene is drawn again from where the photograph was found to be taken."""
+NEAR = 0.05
+"""It is not, where enough points were found from nearer than this: in median depths, and in radians."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +42,11 @@ class Start:
     pose: ScenePose
     matches: Correspondences  # those that agree with the pose and with one scale
     tried: int  # pairs of points that had a depth in the scene
+    drawn_from: np.ndarray  # (4, 4) T_G_C of the picture that shows them
 
 
 def found(
-    capture: Capture, render: Render, match: Match, viewpoints: Iterable[np.ndarray], enough: int
+    capture: Capture, render: Render, match: Match, viewpoints: Iterable[Viewpoint], enough: int, unit: float
 ) -> tuple[Start | None, int]:
     """The start with the most points, refined by drawing the scene again from there; and the most pairs of any try.
 
@@ -49,20 +54,25 @@ def found(
         capture: With depth.
         render: Draws the scene.
         match: Finds points of two pictures.
-        viewpoints: T_G_C (4, 4) to draw it from, the likeliest first.
+        viewpoints: Where it was drawn, and as it looks from there; the likeliest first.
         enough: Points with which no further viewpoint is tried.
+        unit: Median depth of the scene, in its lengths.
     """
     best, pairs = None, 0
-    for place in viewpoints:
-        start, tried = _seen_from(capture, render, match, place)
+    for place, drawn in viewpoints:
+        start, tried = _seen_in(capture, drawn, match, place)
         pairs = max(pairs, tried)
         if start and (best is None or len(start.matches) > len(best.matches)):
             best = start
             if len(start.matches) >= enough:
                 break
+    camera = capture.photograph.camera
     for _ in range(ROUNDS if best else 0):
         assert best is not None
-        again, _ = _seen_from(capture, render, match, best.pose.scene_from_camera)
+        place = best.pose.scene_from_camera
+        if len(best.matches) >= enough and _beside(place, best.drawn_from, unit):
+            break
+        again, _ = _seen_in(capture, render(place, camera.matrix(), (camera.height, camera.width)), match, place)
         if again is None or len(again.matches) <= 1.05 * len(best.matches):
             if again and len(again.matches) > len(best.matches):
                 best = again
@@ -71,27 +81,41 @@ def found(
     return best, pairs
 
 
-def _seen_from(capture: Capture, render: Render, match: Match, place: np.ndarray) -> tuple[Start | None, int]:
-    camera = capture.photograph.camera
-    drawn = render(place, camera.matrix(), (camera.height, camera.width))
+def _seen_in(capture: Capture, drawn: Drawn, match: Match, place: np.ndarray) -> tuple[Start | None, int]:
     pairs = match(Image(pixels=filled(drawn)), capture.photograph.rgb)
     matches = _anchored(pairs, drawn, place, capture)
-    return _robust(matches, camera), len(matches)
+    return _robust(matches, capture.photograph.camera, place), len(matches)
+
+
+def _beside(place: np.ndarray, other: np.ndarray, unit: float) -> bool:
+    """Whether two cameras T_G_C (4, 4) see the same, as far as points are concerned."""
+    motion = transforms.invert(other) @ place
+    return float(np.linalg.norm(motion[:3, 3])) < NEAR * unit and float(transforms.angle(motion[:3, :3])) < NEAR
 
 
 def filled(drawn: Drawn) -> np.ndarray:
     """The picture (H, W, 3) uint8 whose holes take the colours around them: black ones would have corners."""
     import cv2
 
-    there = drawn.solid.astype(np.float64)
-    colour = drawn.rgb * there[..., None]
-    made, left = colour.copy(), there.copy()
+    there = drawn.solid.astype(np.float32)
+    made, left = (drawn.rgb * there[..., None]).astype(np.float32), there == 0
+    rows, columns = there.shape
+    colour = made.copy()
     for sigma in (2.0, 8.0, 32.0, 128.0):
-        weight = cv2.GaussianBlur(there, (0, 0), sigma)
-        soft = cv2.GaussianBlur(colour, (0, 0), sigma) / np.maximum(weight, 1e-9)[..., None]
-        fresh = (left == 0) & (weight > 1e-3)
-        made[fresh], left[fresh] = soft[fresh], 1.0
-    return np.round(255 * made.clip(0, 1)).astype(np.uint8)
+        if not left.any():
+            break
+        # A wide blur has nothing to show that a small picture has not.
+        size = tuple(max(1, round(2 * length / sigma)) for length in (columns, rows))
+        weight, soft = (
+            cv2.resize(
+                cv2.GaussianBlur(cv2.resize(each, size, interpolation=cv2.INTER_AREA), (0, 0), 2.0), (columns, rows)
+            )
+            for each in (there, colour)
+        )
+        fresh = left & (weight > 1e-3)
+        made[fresh] = soft[fresh] / weight[fresh, None]
+        left &= ~fresh
+    return np.asarray(np.round(255 * made.clip(0, 1)), np.uint8)
 
 
 def _anchored(pairs: Matches, drawn: Drawn, place: np.ndarray, capture: Capture) -> Correspondences:
@@ -119,7 +143,7 @@ def sampled(depth: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(inside & (low > 0) & (high - low < EDGE * high), np.median(around, axis=0), 0.0))
 
 
-def _robust(matches: Correspondences, camera: Camera) -> Start | None:
+def _robust(matches: Correspondences, camera: Camera, place: np.ndarray) -> Start | None:
     """The pose that most pairs agree with (LO-RANSAC), its scale by the median of measured over rendered depth."""
     import pycolmap
 
@@ -147,4 +171,4 @@ def _robust(matches: Correspondences, camera: Camera) -> Start | None:
     agree &= (depth > 0) & ((matches.depths == 0) | (np.abs(ratio / scale - 1) < APART))
     if (agree & known).sum() < LEAST:
         return None
-    return Start(ScenePose(motion, scale), matches[agree], len(matches))
+    return Start(ScenePose(motion, scale), matches[agree], len(matches), place)

@@ -8,6 +8,7 @@ from dextera_build.artifacts.scene_fit import SceneEvidence
 from dextera_build.geometry.scene_alignment import Level, Solution
 from dextera_build.geometry.scene_pose import ScenePose
 from dextera_build.geometry.scene_terms import Correspondences
+from dextera_build.geometry.sharpness import left_by_blur
 
 from .beginning import Start
 
@@ -64,19 +65,13 @@ def about(pixels: np.ndarray) -> dict[str, str]:
     import cv2
 
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY).astype(np.float64)
-    sharp, soft = (_edges(cv2.GaussianBlur(grey, (0, 0), sigma)) for sigma in (1.0, 2.5))
-    left = soft / max(sharp, 1e-9)
+    left = left_by_blur(grey)
     said = {"brightness": f"{grey.mean():.0f} of 255", "edges after a blur of 2.5 px": f"{left:.0%}"}
     if grey.mean() < DARK:
         said["dark"] = f"less than {DARK:.0f} of 255: little can be told apart"
     if left > BLURRED:
         said["blurred"] = f"more than {BLURRED:.0%} are left: the camera or the scene moved, or it is out of focus"
     return said
-
-
-def _edges(grey: np.ndarray) -> float:
-    down, across = np.gradient(grey)
-    return float(np.hypot(down, across).mean())
 
 
 DARK, BLURRED = 25.0, 0.85

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dextera_build.artifacts.camera import Capture
 from dextera_build.artifacts.splats import Splats
 from dextera_build.geometry.photo_terms import Drawn
-from dextera_build.geometry.scene_alignment import Level, Problem, Render, align, align_sparse
+from dextera_build.geometry.scene_alignment import Level, Problem, align, align_sparse
 from dextera_build.geometry.scene_terms import Weights
 from dextera_build.rule import Context
 
@@ -26,23 +27,28 @@ if TYPE_CHECKING:
 def fitted(ctx: Context, given: Given, match: Match, options: SceneOptions) -> Fitted:
     """Theta of the scene; what cannot be found at all is refused with the facts about the photograph."""
     capture, scene, taken = given.capture, given.scene, given.taken
-    render = drawing.of_splats(scene, ctx.device) if isinstance(scene, Splats) else drawing.of_mesh(scene)
+    shown = drawing.SplatScene(scene, ctx.device) if isinstance(scene, Splats) else drawing.MeshScene(scene)
+    render = shown.whole()
     camera = capture.photograph.camera
     k, size = camera.matrix(), (camera.height, camera.width)
     own = render(taken, k, size)
     if not own.solid.any():
         ctx.fail("the scene is not seen from where its picture was taken", hint="give `taken`, T_scene_camera of it")
     unit = float(np.median(own.depth[own.solid]))
-    start = _start(ctx, given, render, match, unit, options)
+    places = ((place, render(place, k, size)) for place in around(taken, unit))
+    begun, pairs = found(capture, render, match, chain([(taken, own)], places), options.enough, unit)
+    start = _enough(ctx, capture, begun, pairs, options)
     weights = Weights(options.rgb, options.ssim, options.pixel, options.depth, options.surface)
     sparse = align_sparse(start.pose, start.matches, k, size, weights, unit)
     pyramid = levels(capture, given.ignored, options.widths, options.farthest_m)
-    problem = Problem(start.matches, k, size, pyramid, render, weights, unit, options.apart)
+    small = shown.around(sparse.pose.scene_from_camera, [(level.k, level.depth.shape) for level in pyramid])
+    problem = Problem(start.matches, k, size, pyramid, small, weights, unit, options.apart)
     solution = align(sparse.pose, problem)
     seen = evidence.evidence(start, solution, pyramid[-1], k, size)
     # What the photometric terms err by is common to the picture (light, colours beside their depth), and no residual
-    # shows it: they narrow the estimate, but what is stated is what the points tell.
-    steps = sparse.covariance
+    # shows it: they narrow the estimate, but what is stated is what the points tell, and how far from them they led.
+    apart = sparse.pose.step_to(solution.pose, unit)
+    steps = sparse.covariance + np.outer(apart, apart)
     if not np.isfinite(steps).all():
         ctx.fail(
             "the pairs do not tell how well the scene is aligned",
@@ -54,9 +60,8 @@ def fitted(ctx: Context, given: Given, match: Match, options: SceneOptions) -> F
     return Fitted(solution.pose, solution.pose.covariance(steps, unit), seen)
 
 
-def _start(ctx: Context, given: Given, render: Render, match: Match, unit: float, options: SceneOptions) -> Start:
-    capture, places = given.capture, chain([given.taken], around(given.taken, unit))
-    start, pairs = found(capture, render, match, places, options.enough)
+def _enough(ctx: Context, capture: Capture, start: Start | None, pairs: int, options: SceneOptions) -> Start:
+    """The start, unless it is none."""
     if start is None:
         ctx.fail(
             "the photograph was not found in the scene: no pose agrees with the points that look the same",

@@ -59,7 +59,7 @@ class SceneBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=2, packages=("numpy",))
 def scene(
     ctx: Context[SceneBackend],
     capture: Capture,

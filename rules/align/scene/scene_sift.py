@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.matches import Matches
 from dextera_build.rule import Backend, Context
 
 from .. import matches_sift
-from ..matches import MatchesOptions
 from ..matches_sift import SiftOptions
 from .fitted import Fitted, Given
 from .fitting import fitted
@@ -25,5 +26,10 @@ BACKEND = Backend(
 
 def fit(ctx: Context, given: Given, common: SceneOptions, options: SiftOptions) -> Fitted:
     """Theta of the scene, found by pairs as backend `sift` of align.matches finds them."""
-    points = MatchesOptions(points=common.points)
-    return fitted(ctx, given, lambda one, other: matches_sift.match(ctx, one, other, points, options), common)
+    taken = matches_sift.points_of(given.capture.photograph.rgb, common.points)
+
+    def match(drawn: Image, photograph: Image) -> Matches:
+        """The photograph is the same every time."""
+        return matches_sift.paired(matches_sift.points_of(drawn, common.points), taken, options.ratio)
+
+    return fitted(ctx, given, match, common)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from dextera_build.errors import listing
+from dextera_build.geometry.sharpness import steepest
 from dextera_build.rule import Context
 
 DARK = 50.0
@@ -21,7 +22,7 @@ def doubt_pictures(ctx: Context, pictures: Mapping[str, np.ndarray]) -> None:
     dark = [name for name, pixels in pictures.items() if np.quantile(pixels, 0.98) < DARK]
     if dark:
         ctx.warn(f"{listing(dark)}: too dark to find a board in; light the scene, or expose longer")
-    lit = {name: np.maximum(sharpness(pixels), 1e-6) for name, pixels in pictures.items() if name not in dark}
+    lit = {name: np.maximum(steepest(pixels), 1e-6) for name, pixels in pictures.items() if name not in dark}
     if len(lit) < 3:
         return
     usual = np.median(list(lit.values()), axis=0)
@@ -32,20 +33,3 @@ def doubt_pictures(ctx: Context, pictures: Mapping[str, np.ndarray]) -> None:
             f"blurred, with the sharpness of the capture's median as 100 %: {listing(blurred)}; wait until the robot "
             "rests, and check the focus"
         )
-
-
-def sharpness(pixels: np.ndarray) -> np.ndarray:
-    """(4,) how steep the steepest edges of a picture (H, W, 3) uint8 are, across, down and along both diagonals.
-
-    Relative to the picture's contrast, and apart by direction, because motion blurs one direction only.
-    """
-    grey = pixels.mean(axis=2, dtype=np.float32)
-    low, high = np.quantile(grey, (0.02, 0.98))
-    steps = (
-        grey[:, 1:] - grey[:, :-1],
-        grey[1:] - grey[:-1],
-        (grey[1:, 1:] - grey[:-1, :-1]) / np.sqrt(2.0),
-        (grey[1:, :-1] - grey[:-1, 1:]) / np.sqrt(2.0),
-    )
-    steepest = np.array([np.quantile(np.abs(step), 0.998) for step in steps])
-    return np.asarray(steepest / max(high - low, 8.0))

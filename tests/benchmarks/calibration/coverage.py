@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from dextera_build.geometry import balanced_icp, boards, hand_eye, hand_eye_refine
-from dextera_build.geometry.balanced_icp import Doubts
+from dextera_build.geometry.robot_covariance import Doubts
 from tests.geometry import hand_eyes, toy_robots
 from tests.geometry.hand_eyes import Errors, error_of
 from tests.geometry.toy_robots import Faults

@@ -60,6 +60,17 @@ def test_a_scene_of_unknown_scale_is_aligned(runner: RuleRunner) -> None:
     assert runner.outcome.line.startswith("scale 2.7")
 
 
+def test_a_scene_of_one_gaussian_for_each_pixel_is_aligned_as_well(runner: RuleRunner) -> None:
+    """In a small picture many of them lie in a pixel: it has to show their mean, not the nearest."""
+    own, shot = painted.capture(painted.room(), np.eye(4)), painted.capture(painted.room(), AWAY)
+    splats: Splats = runner.run("capture.lifted", capture=own, options={"scale_factor": FACTOR})
+    found: SceneFit = runner.run("align.scene", backend="sift", options=SMALL, capture=shot, splats=splats)
+    apart, angle, scale = off(found)
+    assert apart < 5
+    assert angle < 0.2
+    assert abs(scale) < 0.005
+
+
 def test_it_does_not_matter_where_the_scene_has_its_origin(runner: RuleRunner) -> None:
     there = transforms.rigid(painted.rotation(np.array([0.3, 1.0, -2.0])), np.array([5.0, -3.0, 1.0]))
     given = scene()
