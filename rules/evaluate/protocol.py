@@ -123,30 +123,33 @@ def close(ctx: Context, record: Record) -> None:
         ctx.metric("without a trial", without, f"of {len(record.items) + without}")
     how = ", poses tracked" if record.poses == "tracked" else ""
     ctx.say(f"{rate} in the {record.bundle.kind}{how}" + (f", {without} starts left out" if without else ""))
-    told(ctx, [trial.sighting for trial in record.items if trial.sighting is not None])
+    _tell(ctx, [trial.sighting for trial in record.items if trial.sighting is not None])
     for reason, count in Counter(trial.reason for trial in record.items if not trial.success).most_common():
         ctx.log(f"{count} x {reason}")
     for reason, count in record.excluded.most_common():
         ctx.log(f"{count} x left out: {reason}")
 
 
-def told(ctx: Context, sightings: Sequence[Sighting]) -> None:
+def _tell(ctx: Context, sightings: Sequence[Sighting]) -> None:
     """Report how a tracker did over all trials; nothing without one."""
     if not sightings:
         return
     ctx.metric("found", sum(sighting.found_s is not None for sighting in sightings), f"of {len(sightings)}")
     frames = sum(sighting.frames for sighting in sightings)
     ctx.metric("frames tracked", sum(sighting.tracked for sighting in sightings) / max(frames, 1), "fraction")
-    for name, unit, factor in (("distances_m", "mm", 1000.0), ("angles_rad", "deg", DEG), ("joints_rad", "deg", DEG)):
-        errors = factor * np.array([error for sighting in sightings for error in getattr(sighting, name)])
+    for field_name, (what, unit, factor) in ERRORS.items():
+        errors = factor * np.array([error for sighting in sightings for error in getattr(sighting, field_name)])
         if len(errors):
-            ctx.metric(f"tracker, {WHAT[name]}, median", float(np.median(errors)), unit)
-            ctx.metric(f"tracker, {WHAT[name]}, 95 %", float(np.quantile(errors, 0.95)), unit)
+            ctx.metric(f"tracker, {what}, median", float(np.median(errors)), unit)
+            ctx.metric(f"tracker, {what}, 95 %", float(np.quantile(errors, 0.95)), unit)
 
 
-WHAT = {"distances_m": "position", "angles_rad": "rotation", "joints_rad": "joint"}
-"""Field of a sighting -> what it is the error of."""
-DEG = 180.0 / np.pi
+ERRORS = {
+    "distances_m": ("position", "mm", 1000.0),
+    "angles_rad": ("rotation", "deg", 180.0 / np.pi),
+    "joints_rad": ("joint", "rad or m", 1.0),
+}
+"""Field of a sighting -> what it is the error of, unit and factor of its metrics."""
 
 
 def reasons(counts: Counter[str], most: int = 3) -> dict[str, str]:
