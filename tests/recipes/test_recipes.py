@@ -20,6 +20,10 @@ INPUTS = {
     "twin/from_photo": {"photo": "reference/laptop_scene:capture"},
     "task/line": {name: f"task/close_laptop:{name}" for name in ("task", "reference", "view", "cell")},
     "task/on_laptop_scene": {"task": "task/close_laptop:task"},
+    "reference/calibrated": {
+        "robot": "robot/kuka_leap",
+        "calibration_views": "reference/laptop_scene:calibration_views",
+    },
 }
 """Recipe -> targets for inputs that are no folder."""
 
