@@ -68,9 +68,9 @@ examples: setup ## Run the commands of examples/ and of the docs pages
 package: setup ## Build wheel and sdist, install each alone and use it
 	$(BIN)/python -m pytest tests/packaging $(ARGS)
 
-bench: setup meshes ## Measure: print the tables of tests/benchmarks, and those of drawn scenes; under two hours
+bench: setup meshes ## Measure: print the tables of tests/benchmarks, and those of drawn scenes; about three hours
 	$(BIN)/python -m pytest tests/benchmarks -s $(ARGS)
-	$(BIN)/dxb build benchmark/stage_one benchmark/envelope --input meshes=$(VENV)/objects
+	$(BIN)/dxb build benchmark/stage_one benchmark/stage_two benchmark/envelope --input meshes=$(VENV)/objects
 
 bench-engine: setup $(VENV)/.peers ## Measure dxb beside other build tools; hours, less with ARGS='--sizes 100,1000'
 	@.ci/system peers
