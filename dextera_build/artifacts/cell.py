@@ -18,8 +18,8 @@ from dextera_build.geometry import transforms
 class Cell(Artifact):
     """What measures objects in a simulated world as hardware would: one RGB-D camera, and a tracker of the assets.
 
-    All of it is known to whoever runs a policy, except `eye`: only the renderer of that camera may read it. So only
-    `evaluate.*` takes a cell.
+    Operators of the cell know every field except `eye`, which only the renderer of the camera may read. Only
+    `evaluate.*` therefore takes a cell.
     """
 
     assets: dict[str, Asset]

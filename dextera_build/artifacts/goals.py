@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from dextera_build.artifacts.value import Value
-from dextera_build.geometry import quaternions
+from dextera_build.geometry import quaternions, registration
 
 Place = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -62,6 +62,10 @@ class Tolerance(Value):
     symmetry: int = 1
     """Orientations that look alike when the object turns about its own z axis; 0: all."""
 
+    def met(self, position_m: float, rotation_rad: float) -> bool:
+        """Whether a distance and a rotation from the target are small enough; False on NaN."""
+        return position_m <= self.position_m and rotation_rad <= self.rotation_rad
+
 
 class PushGoal(Value):
     """The object stands at a place on its support, pushed there."""
@@ -79,7 +83,7 @@ class PushGoal(Value):
     @property
     def turn(self) -> np.ndarray:
         """Target rotation (3, 3); that of the photograph where any turn will do."""
-        about = _yaw(self.yaw_rad or 0.0)
+        about = registration.rotation(np.array([0.0, 0.0, self.yaw_rad or 0.0]))
         return np.asarray(about @ quaternions.to_matrix(np.array(self.upright)))
 
     @property
@@ -167,8 +171,3 @@ def former(
     if primitive == "articulate":
         return ArticulateGoal(joints=joints or {}, tolerance=tolerance)
     return LiftGoal(height_m=height_m)
-
-
-def _yaw(angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -117,7 +117,7 @@ def limb_of(
         fields: `model`, `joints`, `links` and `frames` of a `RobotModel`.
         prefix: Begins the roles of its frames; empty for the only limb.
         palm: Role of the palm; empty: `palm` with the prefix, if there is one.
-        tips: Roles of the fingertips; empty: all that begin with the prefix and `tip_`.
+        tips: Roles of the fingertips; empty: every role that begins with the prefix and `tip_`.
         tool: Role of the frame that carries the hand; empty: `flange` with the prefix, if there is one.
     """
     frames: Mapping[str, str] = fields.get("frames", {})

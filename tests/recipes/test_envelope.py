@@ -21,14 +21,19 @@ FOUND, IOU = 90.0, 0.85
 """Least share of objects found [%], and least mean mask IoU, in the middle of the envelope."""
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not (MESHES / ".fetched").exists(), reason="no meshes: `make meshes`")
-def test_the_bound_holds_in_the_middle_of_the_envelope(tmp_path: Path) -> None:
-    space = Space(tmp_path)
+def write_small_library(space: Space) -> None:
+    """Recipe `small/objects`: `benchmark/objects` with `NAMES` alone."""
     recipe = yaml.safe_load((REPO / "recipes/benchmark/objects.yaml").read_text())
     entries = recipe["nodes"]["read"]["entries"]
     recipe["nodes"]["read"]["entries"] = {name: entries[name] for name in NAMES}
     space.write("recipes/small/objects.yaml", yaml.safe_dump(recipe))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (MESHES / ".fetched").exists(), reason="no meshes: `make meshes`")
+def test_the_bound_holds_in_the_middle_of_the_envelope(tmp_path: Path) -> None:
+    space = Space(tmp_path)
+    write_small_library(space)
     envelope = {
         "summary": "The middle of the envelope.",
         "extends": "benchmark/envelope",

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from tests.e2e.space import Answer, Space
-from tests.recipes.test_envelope import MESHES, NAMES, REPO
+from tests.recipes.test_envelope import MESHES, REPO, write_small_library
 
 RECIPE = yaml.safe_load((REPO / "recipes/benchmark/stage_two.yaml").read_text())
 TRUE = {"world", "aimed", "stood", "moved", "truth", "postures"}
@@ -50,10 +50,7 @@ def test_the_pictures_have_the_postures_options() -> None:
 def built(tmp_path: Path, scenes: int, *words: str) -> tuple[Answer, dict[str, list[dict[str, str]]]]:
     """Some scenes with few things, and the tables of its targets."""
     space = Space(tmp_path)
-    recipe = yaml.safe_load((REPO / "recipes/benchmark/objects.yaml").read_text())
-    entries = recipe["nodes"]["read"]["entries"]
-    recipe["nodes"]["read"]["entries"] = {name: entries[name] for name in NAMES}
-    space.write("recipes/small/objects.yaml", yaml.safe_dump(recipe))
+    write_small_library(space)
     small = {
         "summary": "Scenes with few things.",
         "extends": "benchmark/stage_two",

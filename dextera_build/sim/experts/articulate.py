@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +9,10 @@ import numpy as np
 from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.geometry import registration, transforms
 from dextera_build.sim.control.mechanism import Mechanism
-from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.motion import Leg, minimum_jerk
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.scripted import Pushing
 from dextera_build.sim.runtime.environment import Environment
 
 
@@ -36,7 +36,7 @@ class Push:
     """Durations: over, down behind, touch, push, press [s]."""
 
 
-class Articulate:
+class Articulate(Pushing):
     """Pushes a task's joint to its commanded position.
 
     Args:
@@ -46,29 +46,12 @@ class Articulate:
     """
 
     def __init__(self, environment: Environment, reach: Reach, push: Push) -> None:
+        super().__init__(environment, reach)
         task = environment.task
         assert isinstance(task.goal, ArticulateGoal)
         ((self._joint, self._goal),) = task.goal.joints.items()
-        self._object, self._rate = task.object, task.control_hz
         self._mechanism = Mechanism(environment.model, self._joint)
-        grip = next(grip for grip in reach.grips.values() if grip.against == "nothing")
-        self._fingers = reach.fingers.posture(grip.open)
-        self._pad, self._tip = reach.fingers.reach(self._fingers), grip.tip_radius_m
-        # Axes of the hand, in the palm's frame: along the fingers, out of the palm, and across.
-        along, out = np.array(grip.pointing), np.array(grip.facing)
-        self._axes = np.stack([along, out, np.cross(along, out)])
-        self._reach, self.push = reach, push
-        self._commands: Iterator[Command] = iter(())
-
-    def begin(self, state: State) -> None:
-        """Plan from `state`."""
-        legs = self.legs(state)
-        self._reach.check([*legs[:3], *legs[3:-1:8], legs[-1]], state)
-        self._commands = self._reach.commands(legs, state, self._rate)
-
-    def command(self, state: State) -> Command | None:
-        """The next step of the plan."""
-        return next(self._commands, None)
+        self.push = push
 
     def legs(self, state: State) -> list[Leg]:
         """The plan from `state`."""
@@ -80,23 +63,20 @@ class Articulate:
         def palm(position: float, gap: float, up: float = 0.0) -> np.ndarray:
             tip = transforms.apply(self._mechanism.pose(position), place - along * (gap + self._tip))
             tip[2] += up
-            return np.asarray(base @ transforms.rigid(turn, tip - turn @ self._pad))
-
-        def leg(pose: np.ndarray, seconds: float) -> Leg:
-            return Leg(pose, self._fingers, seconds, "push", self._object, True)
+            return np.asarray(base @ self._palm(turn, tip))
 
         over, down, touch, sweep, press = push.seconds
         legs = [
             Leg(palm(now, push.clear_m, push.above_m), self._fingers, over, "approach"),
             # In the object's frame: a synthesised episode approaches from the same side (Eq. 4a).
             Leg(palm(now, push.clear_m), self._fingers, down, "reach", self._object),
-            leg(palm(now, 0.0), touch),
+            self._pushes(palm(now, 0.0), touch),
         ]
         steps = max(2, round(sweep * self._rate))
         for step in range(1, steps + 1):
             part = minimum_jerk(step / steps)
-            legs.append(leg(palm(now + part * (self._goal - now), -push.press_m * part), 1 / self._rate))
-        return [*legs, leg(legs[-1].palm, press)]
+            legs.append(self._pushes(palm(now + part * (self._goal - now), -push.press_m * part), 1 / self._rate))
+        return [*legs, self._pushes(legs[-1].palm, press)]
 
     def _orientation(self, now: float) -> np.ndarray:
         """The palm's rotation in the object's root: fingers down, tilted and turned, palm towards the push."""
@@ -105,7 +85,4 @@ class Articulate:
         ahead = self._mechanism.pose(now)[:3, :3] @ along
         ahead -= up * ahead[2]
         ahead = registration.rotation(up * self.push.turn_rad) @ ahead / np.linalg.norm(ahead)
-        lean = self.push.lean_rad
-        fingers = ahead * np.sin(lean) - up * np.cos(lean)
-        out = ahead * np.cos(lean) + up * np.sin(lean)
-        return np.asarray(np.stack([fingers, out, np.cross(fingers, out)], axis=1) @ self._axes)
+        return self._turn(ahead, up, self.push.lean_rad)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from dextera_build.artifacts.goals import LiftGoal
-from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.motion import Leg
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.scripted import Scripted
 from dextera_build.sim.runtime.environment import Environment
 
 MORE_M = 0.03
@@ -42,8 +42,28 @@ class Grasp:
     seconds: tuple[float, float, float, float, float, float] = (1.3, 0.5, 0.6, 0.6, 1.2, 0.8)
     """Durations: over, down, near, close, lift, hold [s]."""
 
+    def taking(self, name: str, base: np.ndarray, up: np.ndarray) -> list[Leg]:
+        """The way to the object and into the grasp.
 
-class Lift:
+        Args:
+            name: Body of the object.
+            base: T_base_object (4, 4).
+            up: (3,) vertical in the base.
+        """
+        hold = base @ self.palm
+        over, wait = hold.copy(), hold.copy()
+        wait[:3, 3] += base[:3, :3] @ self.away
+        over[:3, 3] = wait[:3, 3] + (up * self.above_m + base[:3, :3] @ self.away * self.aside)
+        return [
+            Leg(over, self.open, self.seconds[0], "approach", arc_m=self.arc_m),
+            # In the object's frame: a synthesised episode approaches from the same side (Eq. 4a).
+            Leg(wait, self.open, self.seconds[1], "reach", name),
+            Leg(hold, self.open, self.seconds[2], "grasp", name, True),
+            Leg(hold, self.closed, self.seconds[3], "grasp", name, True),
+        ]
+
+
+class Lift(Scripted):
     """Grasps and lifts the task's object.
 
     Args:
@@ -53,39 +73,20 @@ class Lift:
     """
 
     def __init__(self, environment: Environment, reach: Reach, grasp: Grasp) -> None:
+        super().__init__(environment, reach)
         task = environment.task
         assert isinstance(task.goal, LiftGoal)
-        self._object, self._rate, self._rise = task.object, task.control_hz, task.goal.height_m
+        self._rise = task.goal.height_m
         self._up = environment.bundle.base_pose.matrix[2, :3].copy()
-        self._reach, self.grasp = reach, grasp
-        self._commands: Iterator[Command] = iter(())
-
-    def begin(self, state: State) -> None:
-        """Plan from `state`."""
-        legs = self.legs(state)
-        self._reach.check(legs, state)
-        self._commands = self._reach.commands(legs, state, self._rate)
-
-    def command(self, state: State) -> Command | None:
-        """The next step of the plan."""
-        return next(self._commands, None)
+        self.grasp = grasp
 
     def legs(self, state: State) -> list[Leg]:
         """The plan from `state`."""
         grasp, base = self.grasp, state.objects[self._object]
-        hold = base @ grasp.palm
-        wait = hold.copy()
-        wait[:3, 3] += base[:3, :3] @ grasp.away
-        over, raised = wait.copy(), hold.copy()
-        over[:3, 3] += self._up * grasp.above_m + base[:3, :3] @ grasp.away * grasp.aside
+        raised = base @ grasp.palm
         raised[:3, 3] += self._up * (self._rise + MORE_M)
-        seconds = grasp.seconds
         return [
-            Leg(over, grasp.open, seconds[0], "approach", arc_m=grasp.arc_m),
-            # In the object's frame: a synthesised episode approaches from the same side (Eq. 4a).
-            Leg(wait, grasp.open, seconds[1], "reach", self._object),
-            Leg(hold, grasp.open, seconds[2], "grasp", self._object, True),
-            Leg(hold, grasp.closed, seconds[3], "grasp", self._object, True),
-            Leg(raised, grasp.closed, seconds[4], "lift", self._object, True),
-            Leg(raised, grasp.closed, seconds[5], "lift", self._object, True),
+            *grasp.taking(self._object, base, self._up),
+            Leg(raised, grasp.closed, grasp.seconds[4], "lift", self._object, True),
+            Leg(raised, grasp.closed, grasp.seconds[5], "lift", self._object, True),
         ]

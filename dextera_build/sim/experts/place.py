@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from dextera_build.artifacts.goals import PlaceGoal
@@ -13,6 +11,7 @@ from dextera_build.sim.control.operator import Command, State
 from dextera_build.sim.experts.lift import Grasp
 from dextera_build.sim.experts.motion import Leg, sample
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.scripted import Scripted
 from dextera_build.sim.runtime.environment import Environment
 
 OVER_M = 0.08
@@ -25,7 +24,7 @@ TAKING = ("approach", "reach", "grasp", "lift")
 """Segments before the object is carried; after them it is seen how it lies in the hand."""
 
 
-class Place:
+class Place(Scripted):
     """Grasps the task's object, and sets it down at its target or in a container.
 
     Args:
@@ -35,15 +34,15 @@ class Place:
     """
 
     def __init__(self, environment: Environment, reach: Reach, grasp: Grasp) -> None:
+        super().__init__(environment, reach)
         task, bundle = environment.task, environment.bundle
         assert isinstance(task.goal, PlaceGoal)
-        self._goal, self._object, self._rate = task.goal, task.object, task.control_hz
+        self._goal = task.goal
         self._base_from_world = bundle.base_pose.inverse().matrix
         self._up = self._base_from_world[:3, 2].copy()
         self._points = bundle.objects[task.object].points.astype(np.float64)
         self._cavity = bundle.objects[task.goal.into].cavity if task.goal.into else None
-        self._reach, self.grasp = reach, grasp
-        self._commands: Iterator[Command] = iter(())
+        self.grasp = grasp
         self._start, self._carries = np.eye(4), False
 
     def begin(self, state: State) -> None:
@@ -71,16 +70,10 @@ class Place:
         """The plan from `state`, with the object in the hand as the grasp says."""
         grasp, base = self.grasp, state.objects[self._object]
         hold = base @ grasp.palm
-        wait = _shifted(hold, base[:3, :3] @ grasp.away)
-        over = _shifted(wait, self._up * grasp.above_m + base[:3, :3] @ grasp.away * grasp.aside)
         height = float((self._target(state, base)[:3, 3] - base[:3, 3]) @ self._up)
         raised = _shifted(hold, self._up * (max(0.0, height) + OVER_M))
-        near = grasp.seconds
         return [
-            Leg(over, grasp.open, near[0], "approach", arc_m=grasp.arc_m),
-            Leg(wait, grasp.open, near[1], "reach", self._object),
-            self._leg(hold, grasp.open, near[2], "grasp"),
-            self._leg(hold, grasp.closed, near[3], "grasp"),
+            *grasp.taking(self._object, base, self._up),
             self._leg(raised, grasp.closed, SECONDS[0], "lift"),
             *self._carried(state, base, raised, grasp.palm),
         ]

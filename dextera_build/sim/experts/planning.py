@@ -142,28 +142,18 @@ def _slides(environment: Environment, reach: Reach, room: Room, state: State) ->
     """Pushes of the task's object along its support, most comfortable first."""
     turns = (0.0, 0.4, -0.4, 0.8, -0.8, np.pi / 2, -np.pi / 2, np.pi)
     ways = [Stroke(lean, turn) for turn in turns for lean in (0.0, -0.4, 0.4)]
-    found = [
-        Candidate(
-            f"push, fingers leaning {np.degrees(way.lean_rad):.0f} deg, turned {np.degrees(way.turn_rad):.0f} deg",
-            f"push {np.degrees(way.turn_rad):.0f}",
-            Push(environment, reach, way),
-        )
-        for way in ways
-    ]
-    return _comfortable(found, room, state)
+    return _comfortable([_pushed(way, Push(environment, reach, way)) for way in ways], room, state)
 
 
 def _swings(environment: Environment, reach: Reach, room: Room, state: State) -> list[Candidate]:
     """Pushes of the task's joint, simplest first."""
     ways = [Swing(lean, turn) for turn in (0.0, 0.3, -0.3, 0.6, -0.6) for lean in (0.0, -0.4, 0.4)]
-    return [
-        Candidate(
-            f"push, fingers leaning {np.degrees(way.lean_rad):.0f} deg, turned {np.degrees(way.turn_rad):.0f} deg",
-            f"push {np.degrees(way.turn_rad):.0f}",
-            Articulate(environment, reach, way),
-        )
-        for way in ways
-    ]
+    return [_pushed(way, Articulate(environment, reach, way)) for way in ways]
+
+
+def _pushed(way: Stroke | Swing, operator: Planned) -> Candidate:
+    lean, turn = np.degrees(way.lean_rad), np.degrees(way.turn_rad)
+    return Candidate(f"push, fingers leaning {lean:.0f} deg, turned {turn:.0f} deg", f"push {turn:.0f}", operator)
 
 
 @dataclass(frozen=True)

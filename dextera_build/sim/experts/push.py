@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from dextera_build.artifacts.goals import PushGoal
 from dextera_build.geometry import registration, transforms
-from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.motion import Leg, minimum_jerk
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.scripted import Pushing
 from dextera_build.sim.runtime.environment import Environment
 
 SPEED_M_S = 0.12
@@ -36,7 +36,7 @@ class Stroke:
     """Durations: over, down behind, touch, rest at the target [s]."""
 
 
-class Push:
+class Push(Pushing):
     """Pushes the task's object to its target.
 
     Args:
@@ -46,31 +46,14 @@ class Push:
     """
 
     def __init__(self, environment: Environment, reach: Reach, stroke: Stroke) -> None:
+        super().__init__(environment, reach)
         task, bundle = environment.task, environment.bundle
         assert isinstance(task.goal, PushGoal)
-        self._object, self._rate = task.object, task.control_hz
         base_from_world = bundle.base_pose.inverse().matrix
         self._target = (base_from_world @ [*task.goal.place_m, 0.0, 1.0])[:3]
         self._up = base_from_world[:3, 2].copy()
         self._points = bundle.objects[task.object].points.astype(np.float64)
-        grip = next(grip for grip in reach.grips.values() if grip.against == "nothing")
-        self._fingers = reach.fingers.posture(grip.open)
-        self._pad, self._tip = reach.fingers.reach(self._fingers), grip.tip_radius_m
-        # Axes of the hand, in the palm's frame: along the fingers, out of the palm, and across.
-        along, out = np.array(grip.pointing), np.array(grip.facing)
-        self._axes = np.stack([along, out, np.cross(along, out)])
-        self._reach, self.stroke = reach, stroke
-        self._commands: Iterator[Command] = iter(())
-
-    def begin(self, state: State) -> None:
-        """Plan from `state`."""
-        legs = self.legs(state)
-        self._reach.check([*legs[:3], *legs[3:-1:8], legs[-1]], state)
-        self._commands = self._reach.commands(legs, state, self._rate)
-
-    def command(self, state: State) -> Command | None:
-        """The next step of the plan."""
-        return next(self._commands, None)
+        self.stroke = stroke
 
     def legs(self, state: State) -> list[Leg]:
         """The plan from `state`."""
@@ -87,27 +70,20 @@ class Push:
         turn = self._orientation(ahead)
 
         def palm(along: float, up: float = 0.0) -> np.ndarray:
-            tip = start + ahead * (along - self._tip) + self._up * up
-            return transforms.rigid(turn, tip - turn @ self._pad)
-
-        def leg(position: np.ndarray, seconds: float) -> Leg:
-            return Leg(position, self._fingers, seconds, "push", self._object, True)
+            return self._palm(turn, start + ahead * (along - self._tip) + self._up * up)
 
         over, down, touch, rest = stroke.seconds
         legs = [
             Leg(palm(-stroke.clear_m, stroke.above_m), self._fingers, over, "approach"),
             Leg(palm(-stroke.clear_m), self._fingers, down, "reach", self._object),
-            leg(palm(0.0), touch),
+            self._pushes(palm(0.0), touch),
         ]
         # A minimum-jerk motion is 15/8 times as fast in its middle as on average.
         steps = max(2, round(15 / 8 * far / SPEED_M_S * self._rate))
-        legs += [leg(palm(far * minimum_jerk(step / steps)), 1 / self._rate) for step in range(1, steps + 1)]
-        return [*legs, leg(legs[-1].palm, rest)]
+        legs += [self._pushes(palm(far * minimum_jerk(step / steps)), 1 / self._rate) for step in range(1, steps + 1)]
+        return [*legs, self._pushes(legs[-1].palm, rest)]
 
     def _orientation(self, ahead: np.ndarray) -> np.ndarray:
         """The palm's rotation in the base: fingers down, tilted and turned, the palm towards the push."""
         facing = registration.rotation(self._up * self.stroke.turn_rad) @ ahead
-        lean = self.stroke.lean_rad
-        fingers = facing * np.sin(lean) - self._up * np.cos(lean)
-        out = facing * np.cos(lean) + self._up * np.sin(lean)
-        return np.asarray(np.stack([fingers, out, np.cross(fingers, out)], axis=1) @ self._axes)
+        return self._turn(facing, self._up, self.stroke.lean_rad)

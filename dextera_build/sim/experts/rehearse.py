@@ -116,12 +116,11 @@ def stray(episode: Episode, task: TaskSpec, names: Sequence[str], limbs: Sequenc
         limbs: Limbs of `Episode.hand`.
     """
     touching = [segment.first for segment in episode.segments if segment.contact]
-    if not touching:
+    # The object of other goals is meant to move, and success says where to.
+    if not touching or not isinstance(task.goal, LiftGoal | ArticulateGoal):
         return 0.0
     objects = episode.objects[:, list(names).index(task.object)]
     first, last = poses.to_matrix(objects[touching[0]]), poses.to_matrix(objects[-1])
-    if not isinstance(task.goal, LiftGoal | ArticulateGoal):
-        return 0.0  # the object is meant to move, and success says where to
     if isinstance(task.goal, LiftGoal):
         # The palm is still relative to the object only at the end of the approach; undo earlier motion.
         palm = episode.hand[:, acting(episode, limbs)[0]]

@@ -42,8 +42,8 @@ class Progress:
     def reach_m(self, state: TaskState) -> float:
         """Distance of the fingertips from where they should be [m].
 
-        For a joint that of the nearest fingertip from where the joint is pushed; else the mean distance of a hand's
-        fingertips from the object, of the nearest hand or of all that the task names.
+        For a joint, the distance of the nearest fingertip from where the joint is pushed. Else the mean distance of
+        fingertips from the object: of the nearest hand, or of every hand that the task names.
         """
         environment, data = self._environment, self._environment.data
         pushed = environment.primitive.pushed(environment.judge.start, state)

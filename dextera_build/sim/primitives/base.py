@@ -31,7 +31,7 @@ class UnfitError(Exception):
     Args:
         message: What is wrong.
         hint: A correction.
-        **facts: What there is.
+        **facts: Values and alternatives that the error shows.
     """
 
     def __init__(self, message: str, hint: str | None = None, **facts: str) -> None:

@@ -14,7 +14,24 @@ RADIAN_M = 0.1
 """Distance that weighs as much as a rotation by one radian [m]."""
 
 
-class Parameters(base.Parameters):
+class Near(base.Parameters):
+    """Options that say how near a target must come."""
+
+    tolerance_m: PositiveFloat = 0.03
+    """Maximum distance from the target [m]."""
+    tolerance_deg: PositiveFloat = 15.0
+    """Maximum rotation from the target [deg]."""
+    symmetry: int = Field(1, ge=0)
+    """Orientations that look alike when the object turns about its own z axis; 0: all."""
+
+    def tolerance(self) -> Tolerance:
+        """How near it must come."""
+        return Tolerance(
+            position_m=self.tolerance_m, rotation_rad=float(np.radians(self.tolerance_deg)), symmetry=self.symmetry
+        )
+
+
+class Parameters(Near):
     """Options of a target pose in the twin's world."""
 
     to_m: tuple[float, float, float] | None = None
@@ -23,12 +40,6 @@ class Parameters(base.Parameters):
     """The same as a way from the photograph's position [m]."""
     turn_deg: tuple[float, float, float] | None = None
     """Target orientation as turns of the photograph's about x, then y, then z of the world [deg]."""
-    tolerance_m: PositiveFloat = 0.03
-    """Maximum distance from the target [m]."""
-    tolerance_deg: PositiveFloat = 15.0
-    """Maximum rotation from the target [deg]."""
-    symmetry: int = Field(1, ge=0)
-    """Orientations that look alike when the object turns about its own z axis; 0: all."""
 
     def place(self, setting: Setting) -> tuple[float, float, float] | None:
         """Target position in the world [m], or None for any."""
@@ -49,12 +60,6 @@ class Parameters(base.Parameters):
         w, x, y, z = quaternions.from_matrix(turn @ setting.objects[setting.object].pose.matrix[:3, :3]).tolist()
         return w, x, y, z
 
-    def tolerance(self) -> Tolerance:
-        """How near it must come."""
-        return Tolerance(
-            position_m=self.tolerance_m, rotation_rad=float(np.radians(self.tolerance_deg)), symmetry=self.symmetry
-        )
-
 
 def errors(goal: PoseGoal, pose: np.ndarray) -> tuple[float, float]:
     """Distance [m] and rotation [rad] of a pose (4, 4) from its target; 0 for what may be anything."""
@@ -67,14 +72,17 @@ def errors(goal: PoseGoal, pose: np.ndarray) -> tuple[float, float]:
 
 def reached(goal: PoseGoal, pose: np.ndarray) -> bool:
     """Whether a pose is within tolerance of its target; False on NaN."""
-    position, rotation = errors(goal, pose)
-    known = bool(np.isfinite(pose).all())
-    return known and position <= goal.tolerance.position_m and rotation <= goal.tolerance.rotation_rad
+    return bool(np.isfinite(pose).all()) and goal.tolerance.met(*errors(goal, pose))
+
+
+def way_m(position_m: float, rotation_rad: float) -> float:
+    """A distance and a rotation from a target as one distance [m]."""
+    return position_m + RADIAN_M * rotation_rad
 
 
 def left(goal: PoseGoal, start: np.ndarray, now: np.ndarray) -> float:
     """Distance from the target, as a fraction of that at the start, at most 2."""
-    before, after = (position + RADIAN_M * rotation for position, rotation in (errors(goal, start), errors(goal, now)))
+    before, after = way_m(*errors(goal, start)), way_m(*errors(goal, now))
     return min(2.0, after / max(before, goal.tolerance.position_m))
 
 

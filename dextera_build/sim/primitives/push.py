@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from pydantic import Field, PositiveFloat
 
-from dextera_build.artifacts.goals import PushGoal, Tolerance
+from dextera_build.artifacts.goals import PushGoal
 from dextera_build.geometry import quaternions
-from dextera_build.sim.primitives import base
+from dextera_build.sim.primitives import base, poses
 from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
 from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, near
 from dextera_build.sim.primitives.state import TaskState
@@ -18,13 +17,11 @@ LIFTED_M = 0.03
 """Rise beyond which an object was lifted, not pushed [m]."""
 STANDS_M = 0.015
 """Difference in height within which an object still stands on its support [m]."""
-RADIAN_M = 0.1
-"""Distance that weighs as much as a rotation by one radian [m]."""
 UNTOUCHED, TOUCHED = 0, 1
 """Stages: no hand has touched the object; one has."""
 
 
-class Parameters(base.Parameters):
+class Parameters(poses.Near):
     """Options of a push."""
 
     to_m: tuple[float, float] | None = None
@@ -33,12 +30,6 @@ class Parameters(base.Parameters):
     """The same as a way from the photograph's position [m]."""
     yaw_deg: float | None = None
     """Target turn about the vertical from the photograph's orientation [deg]; None: any."""
-    tolerance_m: PositiveFloat = 0.03
-    """Maximum distance from the target [m]."""
-    tolerance_deg: PositiveFloat = 15.0
-    """Maximum rotation from the target [deg]."""
-    symmetry: int = Field(1, ge=0)
-    """Orientations that look alike when the object turns about its own z axis; 0: all."""
 
     def goal(self, setting: Setting) -> PushGoal:
         """The target on the support."""
@@ -54,9 +45,7 @@ class Parameters(base.Parameters):
             place_m=(x, y),
             yaw_rad=None if self.yaw_deg is None else float(np.radians(self.yaw_deg)),
             upright=(w, i, j, k),
-            tolerance=Tolerance(
-                position_m=self.tolerance_m, rotation_rad=float(np.radians(self.tolerance_deg)), symmetry=self.symmetry
-            ),
+            tolerance=self.tolerance(),
         )
 
 
@@ -106,12 +95,10 @@ class Push(Primitive[PushGoal]):
         return not self._there(places[self.task.object])
 
     def _there(self, pose: np.ndarray) -> bool:
-        position, rotation = self._errors(pose)
-        return position <= self.goal.tolerance.position_m and rotation <= self.goal.tolerance.rotation_rad
+        return self.goal.tolerance.met(*self._errors(pose))
 
     def _left(self, pose: np.ndarray) -> float:
-        position, rotation = self._errors(pose)
-        return position + RADIAN_M * rotation
+        return poses.way_m(*self._errors(pose))
 
     def _errors(self, pose: np.ndarray) -> tuple[float, float]:
         """Distance on the support [m] and rotation [rad] from the target; NaN where the pose is."""

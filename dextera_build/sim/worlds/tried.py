@@ -34,7 +34,6 @@ class TriedWorld:
         geoms = np.append(np.asarray(self._model.geom_bodyid), -1)
         self._arm = np.isin(geoms, list(bodies.values()))
         self._hand = np.isin(geoms, [bodies[name] for name, group in robot.links.items() if group == "hand"])
-        self._moving = [number for name, number in bodies.items() if name != "base"]
         self._base = bodies["base"]
         self._alone = self._counts()[0]
 
@@ -47,12 +46,6 @@ class TriedWorld:
         seen, robot, hand = self._counts()
         hidden = 1.0 - seen / np.maximum(self._alone, 1)
         return np.where(self._alone > 0, hidden, 0.0), robot, hand
-
-    def points(self, stand: RobotStand) -> np.ndarray:
-        """Places (P, 3) of its moving links and frames in the world [m]."""
-        self._put(stand)
-        sites = [self._data.site(worlds.ROBOT + site).xpos for site in self._robot.frames.values()]
-        return np.concatenate([self._data.xpos[self._moving], np.array(sites).reshape(-1, 3)])
 
     def _put(self, stand: RobotStand) -> None:
         half = stand.yaw / 2

@@ -94,8 +94,8 @@ class SplatScene:
         def render(place: np.ndarray, k: np.ndarray, size: tuple[int, int]) -> Drawn:
             eye = Eye(k, place, size, self._near)
             sharp = self._drawn(arrays, eye, faded=False)
-            # Points are found where edges are sharp. How far they are is told by all that lies on the surface in a
-            # pixel: the nearest of several with noise would be too near.
+            # Feature points need sharp edges. Their depth is the mean over the surface in a pixel: the nearest of
+            # several noisy Gaussians would be too near.
             mean = self._drawn(arrays, eye, np.where(sharp.solid, ALIKE * sharp.depth, np.inf), faded=True)
             return Drawn(sharp.rgb, np.where((mean.depth > 0) & sharp.solid, mean.depth, sharp.depth), sharp.opacity)
 

@@ -8,7 +8,9 @@ import numpy as np
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.world import RobotStand, World
+from dextera_build.geometry import transforms
 from dextera_build.rule import Backend, Context, Options
+from dextera_build.sim.model.forward import Kinematics
 from dextera_build.sim.worlds.tried import TriedWorld
 
 BACKEND = Backend(
@@ -22,9 +24,14 @@ BACKEND = Backend(
 def points(
     ctx: Context, world: World, robot: RobotModel, stands: list[RobotStand], options: Options
 ) -> list[np.ndarray]:
-    """By forward kinematics."""
-    tried = TriedWorld(world, robot)
-    return [tried.points(stand) for stand in stands]
+    """By forward kinematics of the robot alone."""
+    kinematics, found = Kinematics(robot), []
+    parts = [*(name for name in robot.links if name != "base"), *robot.frames]
+    for stand in stands:
+        kinematics.pose(stand.joints)
+        places = np.array([kinematics.frame(part)[:3, 3] for part in parts])
+        found.append(transforms.apply(stand.pose().matrix, places))
+    return found
 
 
 def sights(
