@@ -11,8 +11,11 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Asset, Joint, Support
 from dextera_build.artifacts.scene import Background
-from dextera_build.geometry import kinematics, quaternions
+from dextera_build.geometry import kinematics, quaternions, transforms
+from dextera_build.view.figure import ABOVE_M, Fact
+from dextera_build.view.photo import Comparison
 from dextera_build.view.show import PIECE_COLOURS, add_camera, add_frame, add_piece, show
+from dextera_build.view.switches import switch
 
 SWING_RAD = 0.6
 """Initial rotation of the viewpoint from the photograph's camera, about the vertical [rad]."""
@@ -43,14 +46,19 @@ def show_scene(
     server.scene.add_grid("/grid", width=2.0, height=2.0, cell_size=0.1, section_size=0.5, position=(0.0, 0.0, -0.002))
     static = show(background, server, "/background")
     outline = show(support, server, "/support")
-    pixels = None if photo is None else photo.pixels
-    lens = add_camera(server, "/camera", camera, support.camera_pose.matrix, pixels)
+    lens = [add_camera(server, "/camera", camera, support.camera_pose.matrix)]
     pieces: list[Any] = []
     for label in sorted(assets):
         name = f"/{(addresses or {}).get(label, label)}"
         frames = _object(server, name, assets[label], pieces)
         _sliders(server, label, assets[label], frames)
-    _switches(server, {"Background": [static], "Camera": [lens], "Outline": [outline]}, pieces)
+    if photo is not None:
+        lens.append(Comparison(server, "/photograph", camera, support.camera_pose.matrix, photo.pixels).picture)
+    labels = [_label(server, f"/labels/{label}", label, asset) for label, asset in assets.items()]
+    with server.gui.add_folder("Show"):
+        for title, handles in (("Labels", labels), ("Background", [static]), ("Camera", lens), ("Outline", [outline])):
+            switch(server, title, handles, visible=True)
+        switch(server, "Collision pieces", pieces, visible=False)
     _greet(server, assets, support.camera_pose.matrix)
 
 
@@ -98,24 +106,17 @@ def _slider(server: Any, joint: Joint) -> tuple[Any, float]:
     return server.gui.add_slider(title, min=low, max=max(high, low + 0.1), step=0.1, initial_value=start), unit
 
 
-def _switches(server: Any, layers: Mapping[str, list[Any]], pieces: list[Any]) -> None:
-    """Check boxes that show and hide the parts of the scene."""
-    with server.gui.add_folder("Show"):
-        for title, handles, visible in (
-            *((title, handles, True) for title, handles in layers.items()),
-            ("Collision pieces", pieces, False),
-        ):
-            _switch(server, title, handles, visible)
-
-
-def _switch(server: Any, title: str, handles: list[Any], visible: bool) -> None:
-    box = server.gui.add_checkbox(title, initial_value=visible)
-
-    def toggle(_: object) -> None:
-        for handle in handles:
-            handle.visible = box.value
-
-    box.on_update(toggle)
+def _label(server: Any, name: str, label: str, asset: Asset) -> Any:
+    """Name, mass, material and friction above an object."""
+    links, physics = kinematics.link_poses(asset.body), asset.physics
+    corners = [transforms.apply(pose, asset.body.links[link].mesh.vertices) for link, pose in links.items()]
+    placed = transforms.apply(asset.pose.matrix, np.concatenate(corners).astype(np.float64))
+    low, high = placed.min(axis=0), placed.max(axis=0)
+    fact = Fact(
+        sum(each.mass_kg for each in physics.links.values()), material=physics.material, friction=physics.friction
+    )
+    position = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2] + ABOVE_M)
+    return server.scene.add_label(name, fact.short(label), position=position, anchor="bottom-center")
 
 
 def _greet(server: Any, assets: Mapping[str, Asset], world_from_camera: np.ndarray) -> None:
@@ -125,9 +126,6 @@ def _greet(server: Any, assets: Mapping[str, Asset], world_from_camera: np.ndarr
     c, s = np.cos(SWING_RAD), np.sin(SWING_RAD)
     arm = world_from_camera[:3, 3] - target
     start = target + np.array([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], 1.1 * arm[2]])
-
-    def greet(client: Any) -> None:
-        client.camera.position = tuple(start.tolist())
-        client.camera.look_at = tuple(target.tolist())
-
-    server.on_client_connect(greet)
+    server.initial_camera.position = tuple(start.tolist())
+    server.initial_camera.look_at = tuple(target.tolist())
+    server.initial_camera.up = (0.0, 0.0, 1.0)
