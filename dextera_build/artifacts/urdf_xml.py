@@ -21,7 +21,8 @@ def root(name: str) -> Node:
 def text(robot: Node) -> bytes:
     """The file of a root element."""
     ElementTree.indent(robot)
-    return ElementTree.tostring(robot, encoding="utf-8", xml_declaration=True) + b"\n"
+    written: bytes = ElementTree.tostring(robot, encoding="utf-8", xml_declaration=True)
+    return written + b"\n"
 
 
 def origin(node: Node, xyz: np.ndarray, rotation: np.ndarray | None = None) -> None:

@@ -121,7 +121,7 @@ class Figure:
             heights = [float((skin.vertices @ turn).max()) for skin in visible(self._model, int(body))]
             top = max([top, *(height + float(data.xpos[body, 2]) for height in heights)])
         height = top + ABOVE_M - float(data.xpos[self._model.body(root).id, 2])
-        label = self._server.scene.add_label(name, fact.short(root), anchor="bottom-center")
+        label = add_label(self._server, name, fact.short(root), (0.0, 0.0, 0.0))
         self.labels.append(label)
         return label, height
 
@@ -171,6 +171,11 @@ def textured(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray, texture: n
     return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), visual=visual, process=False)
 
 
+def add_label(server: Any, name: str, text: str, place: tuple[float, ...]) -> Any:
+    """A text above a place (3,) [m], small enough for several objects on one table."""
+    return server.scene.add_label(name, text, position=place, anchor="bottom-center", font_screen_scale=0.7)
+
+
 def mass(kilograms: float) -> str:
     """A mass as people write it."""
     return f"{kilograms:.2f} kg" if kilograms >= 1.0 else f"{1000 * kilograms:.0f} g"
@@ -194,5 +199,5 @@ def look_from(server: Any, points: np.ndarray, direction: tuple[float, float, fl
     middle, reach = (low + high) / 2, float(np.linalg.norm(high - low)) / 2 + 0.1
     away = np.array(direction) / np.linalg.norm(direction)
     server.initial_camera.look_at = tuple(middle.tolist())
-    server.initial_camera.position = tuple((middle + 1.9 * reach * away).tolist())
+    server.initial_camera.position = tuple((middle + 1.5 * reach * away).tolist())
     server.initial_camera.up = (0.0, 0.0, 1.0)

@@ -12,7 +12,7 @@ from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Asset, Joint, Support
 from dextera_build.artifacts.scene import Background
 from dextera_build.geometry import kinematics, quaternions, transforms
-from dextera_build.view.figure import ABOVE_M, Fact
+from dextera_build.view.figure import ABOVE_M, Fact, add_label
 from dextera_build.view.photo import Comparison
 from dextera_build.view.show import PIECE_COLOURS, add_camera, add_frame, add_piece, show
 from dextera_build.view.switches import switch
@@ -116,7 +116,7 @@ def _label(server: Any, name: str, label: str, asset: Asset) -> Any:
         sum(each.mass_kg for each in physics.links.values()), material=physics.material, friction=physics.friction
     )
     position = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2] + ABOVE_M)
-    return server.scene.add_label(name, fact.short(label), position=position, anchor="bottom-center")
+    return add_label(server, name, fact.short(label), position)
 
 
 def _greet(server: Any, assets: Mapping[str, Asset], world_from_camera: np.ndarray) -> None:

@@ -7,13 +7,14 @@ off a body's origin, and several in one body: the links between these have no sh
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import mujoco
 import numpy as np
 
 from dextera_build.geometry import poses, quaternions, transforms
+from dextera_build.sim.model.sizes import HINGE, SLIDE
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,15 @@ class Tree:
     shifts: dict[str, np.ndarray]
     """Body -> origin (3,) of its link in the frame of the body [m]; links that are no body have none."""
 
+    def sized(self, factor: float) -> Tree:
+        """The tree with all lengths times `factor`."""
+        if factor == 1.0:
+            return self
+        lengths = np.ones((4, 4))
+        lengths[:3, 3] = factor
+        edges = tuple(replace(edge, origin=edge.origin * lengths) for edge in self.edges)
+        return Tree(edges, {body: factor * shift for body, shift in self.shifts.items()})
+
     @property
     def moving(self) -> tuple[Edge, ...]:
         """Edges that move."""
@@ -71,7 +81,7 @@ def tree(model: Any, root: str, *, prefix: str = "") -> Tree:
     data = mujoco.MjData(model)
     # Where a joint is at 0 is not always where the model was written.
     for joint in range(model.njnt):
-        if model.jnt_type[joint] in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+        if int(model.jnt_type[joint]) in (HINGE, SLIDE):
             data.qpos[model.jnt_qposadr[joint]] = 0.0
     mujoco.mj_kinematics(model, data)
     first = int(model.body(root).id)
@@ -102,12 +112,14 @@ def _edges(
         return [fixed], here
     made = []
     for joint in range(first, first + count):
-        here = transforms.rigid(turn, data.xpos[body] + turn @ model.jnt_pos[joint])
+        here = transforms.rigid(turn, data.xanchor[joint].copy())
         title = model.joint(joint).name.removeprefix(prefix)
         child = name if joint == first + count - 1 else f"{name}_{title}"
         kind: Literal["revolute", "prismatic"] = "prismatic"
-        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_HINGE:
+        if int(model.jnt_type[joint]) == HINGE:
             kind = "revolute"
+        else:  # the anchor is where it was before the slide moved it
+            here[:3, 3] -= data.xaxis[joint] * model.qpos0[model.jnt_qposadr[joint]]
         made.append(Edge(parent, child, title, kind, transforms.invert(frame) @ here, model.jnt_axis[joint].copy()))
         parent, frame = child, here
     return made, frame

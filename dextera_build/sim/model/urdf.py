@@ -22,6 +22,8 @@ from dextera_build.sim.model import links, robot, skins, tessellate
 
 BASE = "base"
 MAIN = "robot.urdf"
+NOTHING_KG = 1e-6
+"""Mass of links between two joints of one body: simulators refuse to move what has none [kg]."""
 
 
 def write(robot_model: RobotModel, name: str = "robot", meshes: str = "meshes/") -> Folder:
@@ -42,7 +44,9 @@ def write(robot_model: RobotModel, name: str = "robot", meshes: str = "meshes/")
     shapeless = {edge.child for edge in tree.edges} - tree.shifts.keys()
     for link in [BASE, *(edge.child for edge in tree.edges)]:
         node = SubElement(root, "link", name=link)
-        if link not in shapeless:
+        if link in shapeless:
+            _mass(node, NOTHING_KG, np.full(3, NOTHING_KG * 1e-3))
+        else:
             writer.fill(node, int(model.body(link).id), tree.shifts[link])
     for edge in tree.edges:
         writer.joint(root, edge)
@@ -60,11 +64,8 @@ class _Writer:
         """Add mass and shapes of a body whose link's origin is at `shift` in its frame [m]."""
         model = self._model
         if model.body_mass[body] > 0:
-            node = SubElement(link, "inertial")
+            node = _mass(link, model.body_mass[body], model.body_inertia[body])
             urdf_xml.origin(node, model.body_ipos[body] - shift, quaternions.to_matrix(model.body_iquat[body]))
-            SubElement(node, "mass", value=urdf_xml.number(model.body_mass[body]))
-            moments = dict(zip(("ixx", "iyy", "izz"), map(urdf_xml.number, model.body_inertia[body]), strict=True))
-            SubElement(node, "inertia", moments | dict.fromkeys(("ixy", "ixz", "iyz"), "0.0"))
         first = int(model.body_geomadr[body])
         for geom in range(first, first + int(model.body_geomnum[body])):
             if model.geom_group[geom] < skins.FIRST_HIDDEN:
@@ -132,6 +133,15 @@ class _Writer:
         urdf_xml.origin(node, place, turn)
         urdf_xml.mesh(node, self._meshes + file)
         return node
+
+
+def _mass(link: Node, kilograms: float, moments: np.ndarray) -> Node:
+    """Add mass properties with principal moments (3,) [kg m^2]; their origin is left to the caller."""
+    node = SubElement(link, "inertial")
+    SubElement(node, "mass", value=urdf_xml.number(kilograms))
+    values = dict(zip(("ixx", "iyy", "izz"), map(urdf_xml.number, moments), strict=True))
+    SubElement(node, "inertia", values | dict.fromkeys(("ixy", "ixz", "iyz"), "0.0"))
+    return node
 
 
 def _shape(link: Node, use: str, place: np.ndarray, turn: np.ndarray, kind: str, values: dict[str, str]) -> Node:
