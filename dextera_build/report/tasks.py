@@ -60,19 +60,24 @@ def _card(run: Run, pictures: Pictures, films: Films | None, name: str, bundles:
 def _shown(run: Run, pictures: Pictures, films: Films | None, bundles: list[Node], rate_hz: float) -> Html | None:
     """The film of the task's episodes, else the picture of the task."""
     outputs = {node.output for node in bundles}
-    if films is not None:
-        for node in run.nodes:
-            if node.artifact == "Film" and outputs & set(node.inputs.values()):
-                index, source = films.uri(node.fields, rate_hz)
-                if source:
-                    about = f"film of episode {index} of {node.address}"
-                    attributes = {"src": source, "controls": True, "loop": True, "muted": True, "aria-label": about}
-                    caption = tag("figcaption", None, tag("b", None, node.name), f" episode {index}")
-                    return tag("figure", {"class": "shot film"}, tag("video", attributes), caption)
+    filmed = [node for node in run.nodes if node.artifact == "Film" and outputs & set(node.inputs.values())]
+    for node in filmed:
+        if (found := _film(node, films, rate_hz)) is not None:
+            return found
     for node in bundles:
         for caption, digest in node.previews[:1]:
             return tag("div", {"class": "shot"}, pictures.figure(digest, caption, note=node.name, name=node.address))
     return None
+
+
+def _film(node: Node, films: Films | None, rate_hz: float) -> Html | None:
+    index, source = ("", "") if films is None else films.uri(node.fields, rate_hz)
+    if not source:
+        return None
+    about = f"film of episode {index} of {node.address}"
+    video = tag("video", {"src": source, "controls": True, "loop": True, "muted": True, "aria-label": about})
+    words = tag("figcaption", None, tag("b", None, node.name), f" episode {index}")
+    return tag("figure", {"class": "shot film"}, video, words)
 
 
 def _rates(run: Run, bundles: list[Node]) -> Iterator[tuple[Node, str, str, Rate]]:

@@ -97,7 +97,7 @@ def test_links_are_where_mujoco_has_them(odd: RobotModel) -> None:
         base = transforms.invert(place(here, "base"))
         centre = transforms.apply(base, here.subtree_com[model.body("base").id])
         there_centre = transforms.apply(transforms.invert(place(there, "base")), there.subtree_com[1])
-        np.testing.assert_allclose(there_centre, centre, atol=1e-9)
+        np.testing.assert_allclose(there_centre, centre, atol=1e-6)  # links without shape weigh next to nothing
 
 
 def test_masses_limits_and_couplings_are_told(odd: RobotModel) -> None:
