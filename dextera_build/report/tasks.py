@@ -61,7 +61,7 @@ def _shown(run: Run, pictures: Pictures, films: Films | None, bundles: list[Node
     """The film of the task's episodes, else the picture of the task."""
     outputs = {node.output for node in bundles}
     filmed = [node for node in run.nodes if node.artifact == "Film" and outputs & set(node.inputs.values())]
-    for node in filmed:
+    for node in sorted(filmed, key=lambda node: -int(node.fields.get("width", 0))):
         if (found := _film(node, films, rate_hz)) is not None:
             return found
     for node in bundles:

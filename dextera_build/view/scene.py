@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ def show_scene(
     *,
     photo: Image | None = None,
     addresses: Mapping[str, str] | None = None,
+    bind: Callable[[str, str], str] | None = None,
 ) -> None:
     """Add a twin to a viser server.
 
@@ -41,6 +42,7 @@ def show_scene(
         camera: Intrinsics of the photograph [px].
         photo: The photograph, shown in the camera's frustum.
         addresses: Label -> node address, which then names the scene node; the label itself if left out.
+        bind: Gives the object of a label a name, and says what came of it; None: names cannot be given.
     """
     add_frame(server, "/world", np.eye(4), axes=0.1)
     server.scene.add_grid("/grid", width=2.0, height=2.0, cell_size=0.1, section_size=0.5, position=(0.0, 0.0, -0.002))
@@ -48,9 +50,10 @@ def show_scene(
     outline = show(support, server, "/support")
     lens = [add_camera(server, "/camera", camera, support.camera_pose.matrix)]
     pieces: list[Any] = []
+    choose = _chosen(server, assets, bind)
     for label in sorted(assets):
         name = f"/{(addresses or {}).get(label, label)}"
-        frames = _object(server, name, assets[label], pieces)
+        frames = _object(server, name, assets[label], pieces, lambda _, label=label: choose(label))
         _sliders(server, label, assets[label], frames)
     if photo is not None:
         lens.append(Comparison(server, "/photograph", camera, support.camera_pose.matrix, photo.pixels).picture)
@@ -62,13 +65,13 @@ def show_scene(
     _greet(server, assets, support.camera_pose.matrix)
 
 
-def _object(server: Any, name: str, asset: Asset, pieces: list[Any]) -> dict[str, Any]:
+def _object(server: Any, name: str, asset: Asset, pieces: list[Any], clicked: Callable[[Any], None]) -> dict[str, Any]:
     """Add an object as it was seen, append its hidden collision pieces to `pieces`, and return link -> frame."""
     add_frame(server, name, asset.pose.matrix, axes=0.04)
     frames = {}
     for link, pose in kinematics.link_poses(asset.body).items():
         frames[link] = add_frame(server, f"{name}/{link}", pose)
-        show(asset.body.links[link].mesh, server, f"{name}/{link}/visual")
+        show(asset.body.links[link].mesh, server, f"{name}/{link}/visual").on_click(clicked)
         for number, hull in enumerate(asset.collision.links[link].hulls):
             colour = PIECE_COLOURS[number % len(PIECE_COLOURS)]
             pieces.append(add_piece(server, f"{name}/{link}/piece_{number}", hull, colour, visible=False))
@@ -108,15 +111,38 @@ def _slider(server: Any, joint: Joint) -> tuple[Any, float]:
 
 def _label(server: Any, name: str, label: str, asset: Asset) -> Any:
     """Name, mass, material and friction above an object."""
-    links, physics = kinematics.link_poses(asset.body), asset.physics
+    links = kinematics.link_poses(asset.body)
     corners = [transforms.apply(pose, asset.body.links[link].mesh.vertices) for link, pose in links.items()]
     placed = transforms.apply(asset.pose.matrix, np.concatenate(corners).astype(np.float64))
     low, high = placed.min(axis=0), placed.max(axis=0)
-    fact = Fact(
-        sum(each.mass_kg for each in physics.links.values()), material=physics.material, friction=physics.friction
-    )
     position = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2] + ABOVE_M)
-    return add_label(server, name, fact.short(label), position)
+    return add_label(server, name, _fact(asset).short(label), position)
+
+
+def _fact(asset: Asset) -> Fact:
+    links, physics = list(asset.physics.links.values()), asset.physics
+    low, high = sum(each.mass_low_kg for each in links), sum(each.mass_high_kg for each in links)
+    return Fact(sum(each.mass_kg for each in links), (low, high), physics.material, physics.friction)
+
+
+def _chosen(server: Any, assets: Mapping[str, Asset], bind: Callable[[str, str], str] | None) -> Callable[[str], None]:
+    """The part of the panel about the object that was clicked last; its function takes the label."""
+    chosen = [""]
+    words = server.gui.add_markdown("Click an object for its mass, material and friction.")
+    name = button = None
+    if bind is not None:
+        name = server.gui.add_text("Name", "", visible=False)
+        button = server.gui.add_button("Bind", visible=False, hint="Keep this name in dxb.lock, whatever parsing says")
+
+    def choose(label: str) -> None:
+        chosen[0] = label
+        words.content = _fact(assets[label]).long(label)
+        if name is not None and button is not None:
+            name.value, name.visible, button.visible = label, True, True
+
+    if bind is not None and name is not None and button is not None:
+        button.on_click(lambda _: setattr(words, "content", bind(chosen[0], name.value)))
+    return choose
 
 
 def _greet(server: Any, assets: Mapping[str, Asset], world_from_camera: np.ndarray) -> None:

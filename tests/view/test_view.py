@@ -42,9 +42,10 @@ class Recorder:
 
         def add(name: str, *values: Any, **options: Any) -> Any:
             handle = SimpleNamespace(kind=method, values=values, **{"visible": True, **options})
-            if method in ("add_slider", "add_checkbox", "add_dropdown", "add_button"):
+            handle.on_click = lambda call: setattr(handle, "clicked", call)
+            if method in ("add_slider", "add_checkbox", "add_dropdown", "add_button", "add_text"):
                 handle.value = options.get("initial_value")
-                handle.on_update = handle.on_click = lambda call: setattr(handle, "moved", call)
+                handle.on_update = lambda call: setattr(handle, "moved", call)
                 self.controls[name] = handle
             elif method == "add_folder":
                 handle = _Folder()
@@ -125,6 +126,24 @@ def test_objects_tell_their_mass_and_material(shown: Recorder) -> None:
     physics = factories.box_asset().physics
     grams = 1000 * sum(link.mass_kg for link in physics.links.values())
     assert words == f"box · {grams:.0f} g · {physics.material} · µ {physics.friction:.2f}"
+
+
+def test_a_clicked_object_tells_its_facts_and_takes_a_name() -> None:
+    recorder, asked = Recorder(), []
+    table, lens = factories.support(), factories.camera()
+
+    def bind(label: str, name: str) -> str:
+        asked.append((label, name))
+        return "done"
+
+    scene.show_scene(recorder, {"box": factories.box_asset()}, factories.background(), table, lens, bind=bind)
+    recorder.nodes["/box/base/visual"].clicked(None)
+    words, name = recorder.nodes["Click an object for its mass, material and friction."], recorder.controls["Name"]
+    assert words.content.startswith("**box**\n\n* mass: ")
+    assert (name.value, name.visible) == ("box", True)
+    name.value = "tin"
+    recorder.controls["Bind"].clicked(None)
+    assert (asked, words.content) == ([("box", "tin")], "done")
 
 
 def test_the_photograph_lies_on_its_own_pixels_however_much_is_shown(shown: Recorder) -> None:

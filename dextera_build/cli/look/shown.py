@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from dextera_build.artifacts.camera import Photograph
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.identity import parse
 from dextera_build.artifacts.object import Asset
@@ -166,10 +167,37 @@ def _scene(session: Session, nodes: dict[str, list[str]]) -> Fill:
             photograph.camera,
             photo=photograph.rgb,
             addresses=addresses,
+            bind=_binder(session, nodes, photograph),
         )
         return iter(())
 
     return fill
+
+
+def _binder(session: Session, nodes: dict[str, list[str]], photograph: Photograph) -> Callable[[str, str], str] | None:
+    """What binds a name to an object by its innermost pixel, as `dxb bind` does; None without segmented objects."""
+    if "Segmentation" not in nodes:
+        return None
+    objects: Any = session.artifact(nodes["Segmentation"][-1])
+
+    def bind(label: str, name: str) -> str:
+        from dextera_build.build.bind import Naming
+        from dextera_build.geometry import pictures
+        from dextera_build.recipe.bindings import Binding
+
+        if label not in objects.names:
+            return f"`{label}` is no object of the photograph"
+        at = pictures.innermost(objects.map.labels == objects.names.index(label) + 1)
+        try:
+            naming = Naming(session.project, session.recipe)
+            if not naming.prepare(lambda _: None).ok:
+                return f"the objects cannot be built; see `dxb build {session.recipe}`"
+            naming.bind(name, Binding((int(at[0]), int(at[1]))), on=pictures.digest_of(photograph.rgb.pixels))
+        except DxbError as error:
+            return error.message
+        return f"`{name}` is bound in dxb.lock; `dxb build {session.recipe}` renames it"
+
+    return bind
 
 
 def _by_type(session: Session) -> dict[str, list[str]]:
