@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ def show_scene(
     choose = _chosen(server, assets, bind)
     for label in sorted(assets):
         name = f"/{(addresses or {}).get(label, label)}"
-        frames = _object(server, name, assets[label], pieces, lambda _, label=label: choose(label))
+        frames = _object(server, name, assets[label], pieces, partial(_tell, choose, label))
         _sliders(server, label, assets[label], frames)
     if photo is not None:
         lens.append(Comparison(server, "/photograph", camera, support.camera_pose.matrix, photo.pixels).picture)
@@ -107,6 +108,10 @@ def _slider(server: Any, joint: Joint) -> tuple[Any, float]:
     title = f"{joint.name} [{'deg' if turns else 'mm'}]"
     start = round(float(np.clip(joint.position * unit, low, high)), 1)
     return server.gui.add_slider(title, min=low, max=max(high, low + 0.1), step=0.1, initial_value=start), unit
+
+
+def _tell(choose: Callable[[str], None], label: str, _: object) -> None:
+    choose(label)
 
 
 def _label(server: Any, name: str, label: str, asset: Asset) -> Any:
