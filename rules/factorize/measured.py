@@ -148,7 +148,7 @@ def robot_pixels(ctx: Context, photograph: Photograph, robot: LabelImage | None)
     """
     if robot is None:
         return None
-    size, machine = photograph.rgb.pixels.shape[:2], robot.labels != 0
+    size, machine = photograph.rgb.pixels.shape[:2], np.asarray(robot.labels != 0)
     if machine.shape != size:
         ctx.fail(
             "the robot's pixels are of another picture",
