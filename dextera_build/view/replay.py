@@ -113,7 +113,7 @@ class ReplayView:
             chosen = gui.add_dropdown("Episode", tuple(self.episodes) or ("none",))
             self._status = gui.add_markdown("")
             self._slider = gui.add_slider("Time [s]", min=0.0, max=1.0, step=1.0 / self.rate_hz, initial_value=0.0)
-            play = gui.add_button_group("Replay", ("Play", "Pause", "Step"))
+            play = gui.add_button_group("Motion", ("Play", "Pause", "Step"))
             speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
             self._loop = gui.add_checkbox("Loop", initial_value=False)
         chosen.on_update(lambda _: self.choose(chosen.value))

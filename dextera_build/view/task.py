@@ -96,7 +96,7 @@ class TaskView:
         gui = self._server.gui
         with gui.add_folder("Physics"):
             self._status = gui.add_markdown("t = 0.00 s")
-            play = gui.add_button_group("Physics", ("Play", "Pause", "Step"))
+            play = gui.add_button_group("Motion", ("Play", "Pause", "Step"))
             speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
             again = gui.add_button("Reset to the photograph")
             seed = gui.add_number("Seed", 1, min=0, step=1)
