@@ -112,7 +112,7 @@ def _world(session: Session, node: str, artifact: Episodes | Trials) -> TaskBund
     if not bundles:
         raise RuleError(
             f"the task that the episodes of `{node}` were made in is not in the store",
-            code="DXB-B402",
+            code="DXB-B404",
             hint=f"`dxb build '{session.recipe}:{node}'`",
         )
     return bundles[0]
