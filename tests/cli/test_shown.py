@@ -63,3 +63,16 @@ def test_a_task_without_a_robot_says_so(session: Any) -> None:
     bundle: TaskBundle = episodes.bundle().model_copy(update={"model": empty})
     with pytest.raises(RuleError, match="cannot run"):
         TaskView(None, "/task", bundle, {})
+
+
+def test_a_task_recipe_shows_its_task_and_not_the_scene_that_it_reads(
+    session: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nodes = {kind: [f"twin/desk:{kind.lower()}"] for kind in (*shown.PARTS, "Asset")}
+    monkeypatch.setattr(shown, "_by_type", lambda _: {**nodes, "TaskBundle": ["task/other:task", "task"]})
+    session.artifacts["task"] = episodes.bundle()
+    assert shown.of(session, "").__qualname__.startswith("_task.")
+    monkeypatch.setattr(shown, "_by_type", lambda _: {"Capture": ["twin/desk:capture"]})
+    with pytest.raises(UsageError, match="no scene to show yet") as caught:
+        shown.of(session, "")
+    assert caught.value.facts == {"missing": "Background, Support"}
