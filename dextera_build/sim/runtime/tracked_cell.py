@@ -26,10 +26,11 @@ from dextera_build.geometry.tracking.thing import Tracked
 from dextera_build.geometry.tracking.tracker import Tracker
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.render.rendering import Eye
+from dextera_build.sim.render.robot_pixels import RobotPixels
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
-from dextera_build.sim.runtime.mirror import Mirror
+from dextera_build.sim.runtime.mirror import Hold, Mirror
 
 NOT_FOUND = "the tracker did not find the object"
 PHOTOGRAPHED = 5
@@ -53,7 +54,8 @@ class TrackedCell:
         environment: The true world.
         cell: Its camera and tracker.
         names: Objects to track; the poses of others stay those of the photograph.
-        twin: The task in the twin, to judge trials by what is measured; None: they are not judged so.
+        twin: The task in the twin: it shows which pixels are the robot's and what a hand carries, and judges trials by
+            what is measured; None: nothing is known of the robot in the picture, and trials are not judged so.
 
     Raises:
         RuleError: The cell has no asset of an object.
@@ -75,7 +77,7 @@ class TrackedCell:
         self._photographed = {name: base @ cell.assets[name].pose.matrix for name in bundle.objects}
         self._row = {name: number for number, name in enumerate(bundle.objects)}
         self._columns = _columns({name: len(thing.joints) for name, thing in bundle.objects.items()})
-        self._mirror = None if twin is None else Mirror(twin)
+        self._twin, self._mirror = twin, None if twin is None else Mirror(twin)
         self._held = ExitStack()
         self._reset(0)
 
@@ -84,6 +86,8 @@ class TrackedCell:
         environment, cell = self.environment, self.cell
         pose = environment.bundle.base_pose.matrix @ cell.eye.matrix
         self._eye = self._held.enter_context(Eye(environment.model, cell.camera, pose, samples=1))
+        if self._twin is not None:
+            self._robot = self._held.enter_context(RobotPixels(self._twin, cell.camera, cell.mount.matrix))
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -137,8 +141,7 @@ class TrackedCell:
             self.measure()
 
     def _known(self, rgb: np.ndarray | None = None) -> Measurement:
-        joints = self.environment.measure().joints
-        return Measurement(joints, self._poses.copy(), self._displacement.copy(), rgb)
+        return Measurement(self._encoders(), self._poses.copy(), self._displacement.copy(), rgb)
 
     @property
     def sighting(self) -> Sighting:
@@ -153,6 +156,10 @@ class TrackedCell:
             success=self._done,
         )
 
+    def _encoders(self) -> np.ndarray:
+        """Positions (A,) of the robot's joints [rad]."""
+        return self.environment.measure().joints
+
     def _reset(self, seed: int) -> None:
         self._random = np.random.default_rng([seed, self.cell.seed, 3])
         self._tracker = Tracker(self._models, self.cell.camera.matrix())
@@ -165,6 +172,7 @@ class TrackedCell:
         self._begun = 0.0  # when the trial began [s]
         self._found_s: float | None = None
         self._done = None
+        self._hold: Hold | None = None
         self._frames, self._errors = 0, list[tuple[float, float, float]]()
 
     def _picture(self) -> tuple[np.ndarray, np.ndarray]:
@@ -194,9 +202,29 @@ class TrackedCell:
             return None
         depth = measure_depth(scene[1], scene[0], cell.camera.matrix(), cell.depth_noise, self._random)
         rgb = measure_colour(scene[0], cell.colour_noise, self._random)
-        found = self._tracker.step(rgb, depth, stamp, moved=np.eye(4))
+        robot = None if self._twin is None else self._robot.mask(self._encoders(), depth)
+        found = self._tracker.step(rgb, depth, stamp, moved=np.eye(4), robot=robot, carried=self._carried())
+        self._grip(found)
         self._waiting.append((stamp + cell.delay_s, found))
         return found
+
+    def _carried(self) -> dict[str, np.ndarray] | None:
+        """How objects moved since the last frame if they went with the hand that is around them, in the camera."""
+        if self._mirror is None or self._hold is None:
+            return None
+        mount = self.cell.mount.matrix
+        moved = self._hold.carried(self._mirror.hold(self._known()))
+        return {name: mount @ motion @ transforms.invert(mount) for name, motion in moved.items()}
+
+    def _grip(self, found: Found) -> None:
+        """Note what the hands have between their fingers in the frame that was just tracked."""
+        if self._mirror is None:
+            return
+        seen = self._known()
+        for name, tracked in found.items():
+            if tracked.pose is not None:
+                seen.objects[self._row[name]] = poses.from_matrix(self.cell.placed(tracked.pose))
+        self._hold = self._mirror.hold(seen)
 
     def _arrive(self, now: float) -> None:
         """Take over what the tracker has sent by now; while it has no pose, the last one holds."""
