@@ -65,7 +65,10 @@ def film(
     ctx.check(packed.keys() == chosen.items.keys(), "an episode has no frames")
     megabytes = sum(path.stat().st_size for path in packed.values()) / 1e6
     ctx.metric("size", megabytes, "MB")
-    ctx.say(f"{len(packed)} episodes, {count:,} frames of {camera.width} x {camera.height} px, {megabytes:.1f} MB")
+    plural = "" if len(packed) == 1 else "s"
+    ctx.say(
+        f"{len(packed)} episode{plural}, {count:,} frames of {camera.width} x {camera.height} px, {megabytes:.1f} MB"
+    )
     return Film.of(packed, camera.width, camera.height)
 
 
