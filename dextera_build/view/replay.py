@@ -99,11 +99,11 @@ class ReplayView:
         parts.append("success" if episode.success else f"failed: {episode.reason}")
         return " · ".join(parts)
 
-    def _seek(self, seconds: float) -> None:
-        at = round(seconds * self.rate_hz)
-        # The slider also says what is played.
-        if at != self.at:
-            with self.transport.lock:
+    def _seek(self) -> None:
+        # While it plays, the slider tells the time and calls back, too: under the lock both are of one step.
+        with self.transport.lock:
+            at = round(self._slider.value * self.rate_hz)
+            if at != self.at:
                 self.at = min(max(at, 0), len(self.positions) - 1)
                 self.show()
 
@@ -117,7 +117,7 @@ class ReplayView:
             speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1")
             self._loop = gui.add_checkbox("Loop", initial_value=False)
         chosen.on_update(lambda _: self.choose(chosen.value))
-        self._slider.on_update(lambda _: self._seek(self._slider.value))
+        self._slider.on_update(lambda _: self._seek())
         moves = {"Play": self._play, "Pause": self.transport.pause, "Step": self.transport.step}
         play.on_click(lambda _: moves[play.value]())
         speed.on_update(lambda _: setattr(self.transport, "speed", float(speed.value)))
