@@ -14,13 +14,15 @@ from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.geometry import poses
 from dextera_build.rule import Backend, Context, Options
 
+from .mcap_scene import Drawn
+
 if TYPE_CHECKING:
     from .mcap import McapOptions
 
 BACKEND = Backend(
     summary="ROS 2 messages in CDR, schemas as ros2msg",
     profiles=("cpu",),
-    packages=("mcap", "zstandard"),
+    packages=("mcap", "mujoco", "zstandard"),
     extra="learn",
 )
 BASE = "base"
@@ -44,12 +46,15 @@ def write(
     options: Options,
 ) -> None:
     """Write each recording below `out`."""
+    drawn = Drawn(bundle)
+    if drawn.clashes:
+        ctx.fail("an object has the name of a link of the robot", names=", ".join(sorted(drawn.clashes)))
     for number, (label, episode) in enumerate(episodes.in_order()):
         pictures = film.each(label) if film is not None else None
         with (out / f"episode-{number:06d}.mcap").open("wb") as file:
-            recording = EpisodeRecording(file, episodes, common)
+            recording = EpisodeRecording(file, episodes, common, drawn)
             recording.describe(bundle, label, episode)
-            recording.once(bundle, view)
+            recording.once(bundle, view, episode)
             for step in range(len(episode.joints)):
                 recording.step(episode, step)
                 if pictures is not None:
@@ -65,10 +70,11 @@ class EpisodeRecording:
         file: Where to write.
         episodes: Names and rate of the recorded channels.
         options: Name of the camera, image encoding, compression.
+        drawn: Links and shapes of the task.
     """
 
-    def __init__(self, file: BinaryIO, episodes: Episodes, options: McapOptions) -> None:
-        self._episodes, self._options = episodes, options
+    def __init__(self, file: BinaryIO, episodes: Episodes, options: McapOptions, drawn: Drawn) -> None:
+        self._episodes, self._options, self._drawn = episodes, options, drawn
         self._out = Recording(file, options.compression)
         self._optical = f"{options.camera}_color_optical_frame"
 
@@ -92,12 +98,15 @@ class EpisodeRecording:
         self._out.attach("task.json", bundle.task.model_dump(mode="json"))
         self._out.attach("segments.json", [segment.model_dump() for segment in episode.segments])
 
-    def once(self, bundle: TaskBundle, view: View | None) -> None:
-        """Write static frames."""
+    def once(self, bundle: TaskBundle, view: View | None, episode: Episode) -> None:
+        """Write static frames, the robot's description and shapes."""
         edges = [("world", BASE, poses.from_matrix(bundle.base_pose.matrix))]
         if view is not None:
             camera = bundle.base_pose.inverse() @ view.camera_pose
             edges.append((BASE, self._optical, poses.from_matrix(camera.matrix)))
+        edges += self._drawn.fixed(episode)
+        self._moving = self._drawn.moving(self._episodes, episode)
+        self._drawn.send(self._out, episode, LATCHED)
         # In one message: late subscribers get only the last one.
         self._out.send("/tf_static", "tf2_msgs/TFMessage", 0, messages.transforms(0, edges), LATCHED)
 
@@ -116,6 +125,7 @@ class EpisodeRecording:
             self._out.send(topic, "geometry_msgs/PoseStamped", t, messages.pose(t, BASE, pose))
         objects = zip(self._episodes.object_names, episode.objects[step], strict=True)
         edges = [(BASE, name, pose) for name, pose in objects]
+        edges += [(parent, child, rows[step]) for parent, child, rows in self._moving]
         self._out.send("/tf", "tf2_msgs/TFMessage", t, messages.transforms(t, edges))
         if self._episodes.displacement_names:
             inner = messages.joint_state(t, self._episodes.displacement_names, episode.displacement[step])
