@@ -23,7 +23,7 @@ from dextera_build.geometry import poses, transforms
 from dextera_build.geometry.tracking.model import Model
 from dextera_build.geometry.tracking.thing import Tracked
 from dextera_build.geometry.tracking.tracker import Tracker
-from dextera_build.policy.observation import Measurement
+from dextera_build.policy.observation import Frames, Measurement
 from dextera_build.sim.render.rendering import Eye
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.sim.runtime import starts
@@ -102,14 +102,14 @@ class TrackedCell:
         self._begun = self._clock
         return ""
 
-    def measure(self, rgb: np.ndarray | None = None) -> Measurement:
-        """Readings of the encoders, the last poses that arrived from the tracker, and the given picture."""
+    def measure(self, frames: Frames | None = None) -> Measurement:
+        """Readings of the encoders, the last poses that arrived from the tracker, and the given frames."""
         now = self._begun + self.environment.steps * self.environment.period_s
         if now >= self._clock - 1e-9:
             self._compare(self._step(self._picture(), now))
         self._arrive(now)
         joints = self.environment.measure().joints
-        return Measurement(joints, self._poses.copy(), self._displacement.copy(), rgb)
+        return Measurement(joints, self._poses.copy(), self._displacement.copy(), frames or {})
 
     @property
     def sighting(self) -> Sighting:
