@@ -74,7 +74,8 @@ class _Delayed:
     def reset(self, seed: int) -> None:
         self._random = np.random.default_rng([seed, int(digest.of_value(["sensor", self._term.key])[:15], 16)])
         self._waiting: deque[tuple[float, np.ndarray]] = deque()
-        self._due, self._last = 0.0, None
+        self._due = 0.0
+        self._last: np.ndarray | None = None
 
     def take(self, truth: np.ndarray, now: float, **picture: np.ndarray) -> np.ndarray:
         """The last sample that arrived by `now`; the first one arrives at once, because a robot waits for it."""

@@ -46,15 +46,16 @@ class Environment:
 
     Args:
         bundle: The task.
+        model: Its compiled model, which this environment takes over and modifies; None: compiled here.
 
     Raises:
         RuleError: MuJoCo cannot load the model.
     """
 
-    def __init__(self, bundle: TaskBundle) -> None:
+    def __init__(self, bundle: TaskBundle, model: mujoco.MjModel | None = None) -> None:
         self.bundle = bundle
         self.task = bundle.task
-        self.model = compile_folder(bundle.model)
+        self.model = compile_folder(bundle.model) if model is None else model
         self.data = mujoco.MjData(self.model)
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         # Sleeping bodies cost nothing, and most objects sleep nearly all the time.

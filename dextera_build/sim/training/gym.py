@@ -1,8 +1,6 @@
 """Task bundles as Gymnasium environments.
 
-    gymnasium.make("dxb/CloseLaptop-KL-v0", bundle=bundle)
-
-after `register("dxb/CloseLaptop-KL-v0")`, or `TaskEnv(bundle)` directly. Observations are a flat `Dict` whose keys
+`dextera_build.envs` gives them names for `gymnasium.make`. Observations are a flat `Dict` whose keys
 start with who may see them: `deployable/joints` also exists on a robot; `privileged/contact` exists only in a simulator
 and is included on request. They are the terms of `dextera_build.policy.declared`.
 """
@@ -14,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
+import mujoco
 import numpy as np
 from gymnasium import spaces
 
@@ -50,6 +49,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         sensors: Name of a term, or `name/camera`, -> its rate, delay and noise; left out: exact measurements.
         render_mode: `rgb_array` or None.
         size: (width, height) of rendered pictures [px].
+        model: The compiled model of the task, which this environment takes over; None: compiled here.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012  as declared by Gymnasium
@@ -64,11 +64,12 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         sensors: Mapping[str, Sensor] | None = None,
         render_mode: str | None = None,
         size: tuple[int, int] = (480, 360),
+        model: mujoco.MjModel | None = None,
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"`render_mode` is `rgb_array` or None, not `{render_mode}`")
-        opened = bundle if isinstance(bundle, TaskBundle) else unpack(TaskBundle, Path(bundle).read_bytes())
-        self.environment = Environment(opened)
+        task = opened(bundle)
+        self.environment = Environment(task, model)
         self.render_mode = render_mode
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / self.environment.period_s)}
         self._size = size
@@ -78,7 +79,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._eyes = Eyes(self.environment.model, views, pictures) if views else None
         self._portrait: rendering.Eye | None = None
         lenses = {name: view.camera for name, view in views.items()}
-        self.terms = _chosen(of_bundle(opened).terms(lenses, sensors), pictures, privileged)
+        self.terms = _chosen(of_bundle(task).terms(lenses, sensors), pictures, privileged)
         """What is observed, in the order of the observation."""
         self._sensors = Sensors(self.terms, {name: camera.matrix() for name, camera in lenses.items()})
         self._value = self._progress.value(False, self.environment.now)
@@ -163,16 +164,13 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         return {"is_success": success, "success": success, "reason": reason, "executed": np.array(executed)}
 
 
-def register(name: str, bundle: TaskBundle | str | Path | None = None) -> None:
-    """Register `name` for `gymnasium.make` to build a `TaskEnv`.
+def opened(bundle: TaskBundle | str | Path) -> TaskBundle:
+    """A task, read from its file if it is one.
 
-    Args:
-        name: `dxb/<task>-<embodiment>-v0`, in Gymnasium's format.
-        bundle: The task; None: pass `bundle=...` to `make`.
+    Raises:
+        ArtifactError: The file is damaged, or holds something else.
     """
-    known = {} if bundle is None else {"bundle": bundle}
-    # The task has its own time limit, so Gymnasium adds none.
-    gymnasium.register(id=name, entry_point="dextera_build.sim.training.gym:TaskEnv", kwargs=known)
+    return bundle if isinstance(bundle, TaskBundle) else unpack(TaskBundle, Path(bundle).read_bytes())
 
 
 def _chosen(terms: tuple[Term, ...], pictures: tuple[Picture, ...], privileged: bool) -> tuple[Term, ...]:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import dataclasses
 import warnings
 
-import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
-from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.task import Reset
 from dextera_build.geometry import transforms
 from dextera_build.policy.observation import PrivilegedObservation
@@ -54,18 +52,6 @@ def test_privileged_keys_are_there_only_when_asked_for():
             "points",
         )
     }
-
-
-def test_an_environment_is_made_by_name_from_a_file(tmp_path):
-    file = tmp_path / "task.dxb"
-    file.write_bytes(pack(task_bundles.lift()))
-    gym.register("dxb/LiftBox-TEST-v0")
-    environment = gymnasium.make("dxb/LiftBox-TEST-v0", bundle=str(file))
-    seen, _ = environment.reset(seed=3)
-    assert environment.observation_space.contains(seen)
-    assert environment.unwrapped.environment.task.name == "LiftBox"
-    gym.register("dxb/LiftBox-TEST-v1", task_bundles.lift())
-    assert gymnasium.make("dxb/LiftBox-TEST-v1").action_space.shape == (5,)
 
 
 def test_a_seed_begins_the_episode_that_it_begins_everywhere():
