@@ -49,6 +49,10 @@ class Hands:
 
         self._inside: dict[int, np.ndarray] = {}
 
+    def of(self, limb: int) -> slice:
+        """Numbers of the fingers of a limb, its palm last."""
+        return slice(self._first[limb], self._first[limb + 1])
+
     @property
     def count(self) -> int:
         """Number of fingers and palms."""
@@ -69,8 +73,8 @@ class Hands:
         supported |= not data.tree_awake[model.body_treeid[body]]
         found, motion = {}, _motion(model, data, body)
         for number, name in enumerate(self.names):
-            own = forces[self._first[number] : self._first[number + 1]]
-            found[name] = _state(own, supported, _slip(model, data, body, motion, self.palms[number]))
+            slip = _slip(model, data, body, motion, self.palms[number])
+            found[name] = _state(forces[self.of(number)], supported, slip)
         return found
 
     def tip_forces(self, model: Any, data: Any) -> np.ndarray:

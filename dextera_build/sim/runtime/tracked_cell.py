@@ -17,6 +17,7 @@ import numpy as np
 
 from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.episode import Start
+from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.trials import Sighting
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import poses, transforms
@@ -28,12 +29,15 @@ from dextera_build.sim.render.rendering import Eye
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.mirror import Mirror
 
 NOT_FOUND = "the tracker did not find the object"
 PHOTOGRAPHED = 5
 """Frames of the scene as photographed, from which the tracker learns how its objects look."""
 AWAY_S = 10.0
 """Time in which somebody moves the objects, unseen [s]."""
+WAIT_S = 1.0
+"""Time after a trial in which what the tracker still sends may show that the task is done [s]."""
 CONFIRMED = 5
 """Frames in a row in which an object must be tracked before a trial begins."""
 
@@ -49,12 +53,18 @@ class TrackedCell:
         environment: The true world.
         cell: Its camera and tracker.
         names: Objects to track; the poses of others stay those of the photograph.
+        twin: The task in the twin, to judge trials by what is measured; None: they are not judged so.
 
     Raises:
         RuleError: The cell has no asset of an object.
     """
 
-    def __init__(self, environment: Environment, cell: Cell, names: Collection[str]) -> None:
+    _done: bool | None
+    """Whether what was measured shows that the task is done; None before it is asked."""
+
+    def __init__(
+        self, environment: Environment, cell: Cell, names: Collection[str], twin: TaskBundle | None = None
+    ) -> None:
         self.environment, self.cell = environment, cell
         bundle = environment.bundle
         check(cell, bundle.objects)
@@ -65,6 +75,7 @@ class TrackedCell:
         self._photographed = {name: base @ cell.assets[name].pose.matrix for name in bundle.objects}
         self._row = {name: number for number, name in enumerate(bundle.objects)}
         self._columns = _columns({name: len(thing.joints) for name, thing in bundle.objects.items()})
+        self._mirror = None if twin is None else Mirror(twin)
         self._held = ExitStack()
         self._reset(0)
 
@@ -100,6 +111,9 @@ class TrackedCell:
         # The robot waits at rest, so that all of this has arrived.
         self._arrive(np.inf)
         self._begun = self._clock
+        if self._mirror is not None:
+            self._mirror.begin(self._known())
+            self._done = False
         return ""
 
     def measure(self, frames: Frames | None = None) -> Measurement:
@@ -108,6 +122,21 @@ class TrackedCell:
         if now >= self._clock - 1e-9:
             self._compare(self._step(self._picture(), now))
         self._arrive(now)
+        known = self._known(rgb)
+        if self._mirror is not None and not self._done:
+            self._done = self._mirror.judge(known, now - self._begun)
+        return known
+
+    def settle(self) -> None:
+        """After a trial, hold the last targets until what is measured shows that the task is done, or `WAIT_S`."""
+        environment = self.environment
+        for _ in range(round(WAIT_S / environment.period_s)):
+            if self._done is not False:
+                return
+            environment.step(environment.previous_action)
+            self.measure()
+
+    def _known(self, rgb: np.ndarray | None = None) -> Measurement:
         joints = self.environment.measure().joints
         return Measurement(joints, self._poses.copy(), self._displacement.copy(), frames or {})
 
@@ -121,6 +150,7 @@ class TrackedCell:
             distances_m=tuple(error[0] for error in self._errors),
             angles_rad=tuple(error[1] for error in self._errors),
             joints_rad=tuple(error[2] for error in self._errors if np.isfinite(error[2])),
+            success=self._done,
         )
 
     def _reset(self, seed: int) -> None:
@@ -134,6 +164,7 @@ class TrackedCell:
         self._clock = 0.0  # when the next frame is due [s]
         self._begun = 0.0  # when the trial began [s]
         self._found_s: float | None = None
+        self._done = None
         self._frames, self._errors = 0, list[tuple[float, float, float]]()
 
     def _picture(self) -> tuple[np.ndarray, np.ndarray]:
