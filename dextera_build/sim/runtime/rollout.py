@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Start
-from dextera_build.policy.observation import DeployableObservation, Measurement, deployable
+from dextera_build.policy.observation import PICTURE, DeployableObservation, Frame, Frames, Measurement, deployable
 from dextera_build.policy.running import PolicyFault
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.recorder import Recorder
@@ -37,8 +37,8 @@ class Sensing(Protocol):
     def begin(self, start: Start) -> str:
         """Begin an episode of the environment that is measured; why that is not possible, or empty."""
 
-    def measure(self, rgb: np.ndarray | None = None) -> Measurement:
-        """What is known at this control period, with the given picture."""
+    def measure(self, frames: Frames | None = None) -> Measurement:
+        """What is known at this control period, with the given frames of other cameras."""
 
 
 def closed_loop(
@@ -61,7 +61,7 @@ def closed_loop(
     measure = environment.measure if cell is None else cell.measure
     while True:
         try:
-            seen = measure(look() if look else None)
+            seen = measure({PICTURE: Frame(rgb=look())} if look else None)
             action = policy.act(deployable(seen, environment.previous_action, environment.goal))
         except PolicyFault as fault:
             return recorder.episode("policy", success=False, reason=fault.message)

@@ -24,7 +24,7 @@ from dextera_build.geometry import poses, transforms
 from dextera_build.geometry.tracking.model import Model
 from dextera_build.geometry.tracking.thing import Tracked
 from dextera_build.geometry.tracking.tracker import Tracker
-from dextera_build.policy.observation import Measurement
+from dextera_build.policy.observation import Frames, Measurement
 from dextera_build.sim.render.rendering import Eye
 from dextera_build.sim.render.robot_pixels import RobotPixels
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
@@ -120,13 +120,13 @@ class TrackedCell:
             self._done = False
         return ""
 
-    def measure(self, rgb: np.ndarray | None = None) -> Measurement:
-        """Readings of the encoders, the last poses that arrived from the tracker, and the given picture."""
+    def measure(self, frames: Frames | None = None) -> Measurement:
+        """Readings of the encoders, the last poses that arrived from the tracker, and the given frames."""
         now = self._begun + self.environment.steps * self.environment.period_s
         if now >= self._clock - 1e-9:
             self._compare(self._step(self._picture(), now))
         self._arrive(now)
-        known = self._known(rgb)
+        known = self._known(frames)
         if self._mirror is not None and not self._done:
             self._done = self._mirror.judge(known, now - self._begun)
         return known
@@ -140,8 +140,8 @@ class TrackedCell:
             environment.step(environment.previous_action)
             self.measure()
 
-    def _known(self, rgb: np.ndarray | None = None) -> Measurement:
-        return Measurement(self._encoders(), self._poses.copy(), self._displacement.copy(), rgb)
+    def _known(self, frames: Frames | None = None) -> Measurement:
+        return Measurement(self._encoders(), self._poses.copy(), self._displacement.copy(), frames or {})
 
     @property
     def sighting(self) -> Sighting:
