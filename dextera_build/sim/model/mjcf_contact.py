@@ -67,6 +67,10 @@ def bounce(damping_ratio: float) -> float:
     return math.exp(-z / root * math.log((z + root) / (z - root)))
 
 
+LEAST_BOUNCE = bounce(MOST_DAMPED)
+"""Coefficient of restitution of the most damped contact."""
+
+
 def friction(sliding: float) -> tuple[float, float, float]:
     """Sliding (no unit), torsional [m] and rolling [m] friction of a MuJoCo geom."""
     return sliding, TORSION_M, ROLLING_M
