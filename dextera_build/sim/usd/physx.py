@@ -29,10 +29,17 @@ def float_in_place(prim: Any) -> None:
     _set(prim, "PhysxRigidBodyAPI", "physxRigidBody:disableGravity", True)
 
 
-def set_material(prim: Any) -> None:
-    """Let the larger of two frictions and restitutions count, as MuJoCo does."""
+def set_material(prim: Any, spring: tuple[float, float] | None = None) -> None:
+    """Let the larger of two frictions and restitutions count, as MuJoCo does.
+
+    Args:
+        prim: The material.
+        spring: Stiffness [N/m] and damping [N s/m] of a soft surface; None: rigid.
+    """
     for each in ("friction", "restitution"):
         _set(prim, "PhysxMaterialAPI", f"physxMaterial:{each}CombineMode", "max")
+    for name, value in zip(("Stiffness", "Damping"), spring or (), strict=False):
+        _set(prim, "PhysxMaterialAPI", f"physxMaterial:compliantContact{name}", value)
 
 
 def set_joint(prim: Any, turns: bool, friction: float, armature: float, fastest: float | None = None) -> None:

@@ -89,8 +89,18 @@ def add_label(prim: Any, label: str) -> None:
     UsdSemantics.LabelsAPI.Apply(prim, "class").CreateLabelsAttr([label])
 
 
-def add_contact(stage: Any, path: str, friction: float, restitution: float) -> Any:
-    """Write a physics material at `path`; of two that touch, the larger numbers count."""
+def add_contact(
+    stage: Any, path: str, friction: float, restitution: float, spring: tuple[float, float] | None = None
+) -> Any:
+    """Write a physics material at `path`; of two that touch, the larger numbers count.
+
+    Args:
+        stage: The stage.
+        path: Of the material.
+        friction: Static and dynamic friction.
+        restitution: Coefficient of restitution.
+        spring: Stiffness [N/m] and damping [N s/m] of a soft surface; None: rigid.
+    """
     from pxr import UsdPhysics, UsdShade
 
     material = UsdShade.Material.Define(stage, path)
@@ -98,7 +108,7 @@ def add_contact(stage: Any, path: str, friction: float, restitution: float) -> A
     api.CreateStaticFrictionAttr(friction)
     api.CreateDynamicFrictionAttr(friction)
     api.CreateRestitutionAttr(restitution)
-    physx.set_material(material.GetPrim())
+    physx.set_material(material.GetPrim(), spring)
     return material
 
 

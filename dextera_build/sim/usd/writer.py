@@ -142,7 +142,8 @@ def _object(stage: Any, path: str, thing: ObjectNode, files: dict[str, bytes], h
     Usd.ModelAPI(top).SetKind(Kind.Tokens.component)
     add_label(top.GetPrim(), thing.label)
     UsdGeom.Scope.Define(stage, f"{path}/Looks")
-    contacts = _contacts(stage, path, [geom for part in sorted(thing.links) for geom in thing.links[part].geoms])
+    geoms = [geom for part in sorted(thing.links) for geom in thing.links[part].geoms]
+    contacts = _contacts(stage, path, geoms, thing.mass_kg)
     poses = thing.world_poses()
     for part in sorted(thing.links):
         _link(stage, path, part, thing.links[part], poses[part], files, contacts, bool(thing.joints) or not held)
@@ -198,7 +199,7 @@ def _piece(stage: Any, path: str, geom: Geom, contacts: dict[Contact | None, Any
     bind_contact(piece, contacts[geom.contact])
 
 
-def _contacts(stage: Any, path: str, geoms: Sequence[Geom]) -> dict[Contact | None, Any]:
+def _contacts(stage: Any, path: str, geoms: Sequence[Geom], mass: float = 0.0) -> dict[Contact | None, Any]:
     """Physics materials `contact`, `contact_2`, ...; without a contact of its own, a surface leaves it to the other."""
     different = dict.fromkeys(geom.contact for geom in geoms if geom.role == "collision")
     return {
@@ -207,6 +208,7 @@ def _contacts(stage: Any, path: str, geoms: Sequence[Geom]) -> dict[Contact | No
             f"{path}/Looks/contact{f'_{number}' if number > 1 else ''}",
             0.0 if contact is None else contact.friction,
             0.0 if contact is None else contact.restitution,
+            None if contact is None else mjcf_contact.spring(contact.restitution, contact.stiffness_n_m, mass),
         )
         for number, contact in enumerate(different, start=1)
     }

@@ -12,11 +12,12 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.scene_description import Attachment, SceneDescription
+from dextera_build.artifacts.scene_description import Attachment, Contact, SceneDescription
 from dextera_build.errors import RuleError
-from dextera_build.sim.model import attached, inventory
+from dextera_build.sim.model import attached, inventory, mjcf_contact
 from dextera_build.sim.model.description import describe
-from dextera_build.sim.model.model import compile_folder
+from dextera_build.sim.model.forward import Kinematics
+from dextera_build.sim.model.model import at_home, compile_folder
 from dextera_build.sim.usd import check, reader, writer
 from tests import factories, task_bundles
 from tests.robots.robot_recipes import built
@@ -178,6 +179,46 @@ def test_a_robot_is_one_articulation_as_isaac_lab_looks_for_it(stage: Any) -> No
     assert stage.GetPrimAtPath("/World/laptop").GetAttribute("semantics:labels:class").Get() == ["laptop"]
     tip = UsdGeom.Xformable(stage.GetPrimAtPath("/World/kuka_leap/if_ds/Frames/tip_index"))
     assert isinstance(tip.ComputeLocalToWorldTransform(0).ExtractTranslation(), Gf.Vec3d)
+
+
+def test_a_fingertip_grips_better_than_the_table(small: SceneDescription, robots: dict[str, RobotModel]) -> None:
+    """MuJoCo's own contacts: the larger friction at a skin, the object's own on the table and on any other link."""
+    tip = Kinematics(robots["kuka_leap"])
+    tip.pose({})
+    base = np.eye(4)
+    base[:3, 3] = factories.pose(-0.25, 0.1)[:3, 3] + [0, 0, 0.02] - tip.frame("tip_index")[:3, 3]
+    here = Attachment(prefix="robot/", robot=robots["kuka_leap"], pose=Pose(parent="world", child="base", matrix=base))
+    model = compile_folder(attached.write(small.model_copy(update={"attachments": (here,)})))
+    data = at_home(model)
+    pairs: dict[str, set[float]] = {"table": set(), "skin": set(), "link": set()}
+    for contact in data.contact:
+        bodies = [model.body(model.geom_bodyid[geom]).name for geom in contact.geom]
+        if "box" in bodies:
+            other = int(contact.geom[1 - bodies.index("box")])
+            skin = "skin" if model.geom_friction[other, 0] == 0.8 else "link"
+            pairs["table" if "world" in bodies else skin].add(round(float(contact.friction[0]), 6))
+    assert pairs == {"table": {0.5}, "skin": {0.8}, "link": {0.5}}
+    stage = Usd.Stage.CreateInMemory()
+    stage.GetRootLayer().ImportFromString(writer.write(small).files["scene.usda"].decode())
+    box = reader.inventory(stage).bodies["box"].colliders[0]
+    assert box.friction == pytest.approx(0.5)
+
+
+def test_a_soft_thing_has_a_spring(small: SceneDescription) -> None:
+    contact = Contact(friction=0.5, restitution=0.3, stiffness_n_m=2000.0)
+    soft = small.objects[0]
+    body = soft.links[soft.root]
+    geoms = tuple(geom if geom.contact is None else geom.model_copy(update={"contact": contact}) for geom in body.geoms)
+    links = {soft.root: body.model_copy(update={"geoms": geoms})}
+    made = small.model_copy(update={"objects": (soft.model_copy(update={"links": links}),), "touch": (), "exclude": ()})
+    stage = Usd.Stage.CreateInMemory()
+    stage.GetRootLayer().ImportFromString(writer.write(made).files["scene.usda"].decode())
+    material = stage.GetPrimAtPath("/World/box/Looks/contact")
+    assert material.GetAttribute("physxMaterial:compliantContactStiffness").Get() == pytest.approx(2000.0)
+    damping = material.GetAttribute("physxMaterial:compliantContactDamping").Get()
+    ratio = damping / 2 / np.sqrt(2000.0 * soft.mass_kg)
+    assert mjcf_contact.bounce(ratio) == pytest.approx(0.3, abs=1e-3)
+    assert material.GetAttribute("physxMaterial:frictionCombineMode").Get() == "max"
 
 
 def test_a_robot_and_an_object_of_one_name_are_refused(described: SceneDescription) -> None:
