@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
@@ -190,6 +191,8 @@ def test_a_fingertip_grips_better_than_the_table(small: SceneDescription, robots
     here = Attachment(prefix="robot/", robot=robots["kuka_leap"], pose=Pose(parent="world", child="base", matrix=base))
     model = compile_folder(attached.write(small.model_copy(update={"attachments": (here,)})))
     data = at_home(model)
+    data.joint("box").qpos[2] -= 0.001
+    mujoco.mj_forward(model, data)
     pairs: dict[str, set[float]] = {"table": set(), "skin": set(), "link": set()}
     for contact in data.contact:
         bodies = [model.body(model.geom_bodyid[geom]).name for geom in contact.geom]
