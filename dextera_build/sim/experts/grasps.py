@@ -25,8 +25,8 @@ ROOM_M = 0.045
 """Gap between two walls in which fingers have room [m]."""
 WALL_STRIP_M = 0.018
 """Half width of the strip across a vessel in which its walls are sought [m]."""
-THIN_M = 0.04
-"""Height of objects that are grasped at their middle whatever they are [m]."""
+LOW_M = 0.012
+"""Smallest height of fingertips at a wall [m]."""
 RETREAT_M = 0.08
 """Distance from the grasp at which a hand waits for a top grasp [m]; for a side grasp it is shorter."""
 AROUND = 12
@@ -53,11 +53,13 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
     opened, closed = hand.posture(grip.open), hand.posture({**grip.open, **grip.closed})
     travel = [_gap(hand, opened + part * (closed - opened)) for part in np.linspace(0.0, 1.0, 21)]
     top, facing = float(points[:, 2].max()), np.array(grip.facing)
-    heights = sorted({top / 2, *(max(top - deep, top / 2) for deep in (0.03, 0.045))})
+    middles = {top / 2, *(max(top - deep, top / 2) for deep in (0.03, 0.045))}
+    rims = {max(top - deep, LOW_M) for deep in (0.018, 0.028)}
+    heights = sorted(middles | rims)
     for height, turn in itertools.product(heights, np.arange(2 * AROUND) * np.pi / AROUND):
         across = np.array([np.cos(turn), np.sin(turn), 0.0])
-        whole = _held(points, height, across)
-        walls = _walls(points, height, across) if height > top / 2 or top < THIN_M else []
+        whole = _held(points, height, across) if height in middles else None
+        walls = _walls(points, height, across) if height in rims else []
         for kind, held in [("", whole), *((" wall", wall) for wall in walls)]:
             touch = None if held is None else _part(travel, held[1] + 2 * grip.tip_radius_m)
             if held is None or touch is None:

@@ -211,12 +211,14 @@ def _handovers(environment: Environment, reach: Reach, room: Room, state: State)
     name = environment.task.object
     giver, receiver = (reach.one(limb) for limb in reach.limbs)
     own = Room(environment, giver)
-    gives = [each for each in _mixed(_grips(environment, giver)) if _given(own, giver, each, name, state) is not None]
+    grips = _mixed(_grips(environment, giver))
+    free = (each for each in grips if _given(own, giver, each, name, state) is not None)
+    gives = list(itertools.islice(free, SOME))
     takes = _mixed(_grips(environment, receiver))
     palms = [palm for palm, _ in reach.hands(state).values()]
     up = environment.bundle.base_pose.inverse().matrix[:3, 2]
     found: list[tuple[float, Candidate]] = []
-    tried = _mixed(list(itertools.product(gives[:SOME], list(meetings(state.objects[name], palms, up)))))
+    tried = _mixed(list(itertools.product(gives, list(meetings(state.objects[name], palms, up)))))
     for given, meeting in tried:
         solved = giver.arm.solve(meeting @ given.palm, giver.joints(state), posture=giver.arm.home)
         if not solved.reached():
