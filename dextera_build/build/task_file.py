@@ -53,7 +53,9 @@ def proposals(assets: Mapping[str, Asset]) -> list[Proposal]:
     rooms = {label: room for label, asset in assets.items() if (room := _room(asset)) is not None}
     for label, asset in sorted(assets.items()):
         if asset.body.joints:
-            found += [_moved(label, joint.name, joint.position, joint.lower, joint.upper) for joint in asset.body.joints]
+            found += [
+                _moved(label, joint.name, joint.position, joint.lower, joint.upper) for joint in asset.body.joints
+            ]
             continue
         found.append(Proposal(f"Lift{_camel(label)}", label, "lift", {"height_m": "0.10"}))
         wide, high = float(np.min(boxes[label][:2])), float(boxes[label][2])

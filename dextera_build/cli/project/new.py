@@ -72,9 +72,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="twin/my_scene, factorize.my_rule, or factorize.my_rule=my_backend; of a scene or a mask, the recipe of "
         "its photograph; of tasks, the recipe of their twin; of a capture, its folder; of a robot, its URDF or MJCF; of a board, its pattern (charuco)",
     )
-    parser.add_argument("object", nargs="?", help="of a mask, the object: blue_mug; of tasks, the robot: robot/kuka_leap")
     parser.add_argument(
-        "-o", "--out", metavar="FILE", help="of a scene (scene.yaml), a mask (masks/OBJECT.png), a board, a robot or tasks"
+        "object", nargs="?", help="of a mask, the object: blue_mug; of tasks, the robot: robot/kuka_leap"
+    )
+    parser.add_argument(
+        "-o",
+        "--out",
+        metavar="FILE",
+        help="of a scene (scene.yaml), a mask (masks/OBJECT.png), a board, a robot or tasks",
     )
     new_board.arguments(parser)
     options.project_arguments(parser)

@@ -19,7 +19,9 @@ _ASSET = re.compile(r"body\[(.+)\]\.asset")
 def run(args: argparse.Namespace) -> int:
     """Build what is stale of the twin, write the recipe, and print its path."""
     if not args.name:
-        raise UsageError("a task takes the recipe of its twin", code="DXB-U217", hint="`dxb new task twin/laptop_scene`")
+        raise UsageError(
+            "a task takes the recipe of its twin", code="DXB-U217", hint="`dxb new task twin/laptop_scene`"
+        )
     from dextera_build.build import task_file, values
     from dextera_build.cli.consoles import console
 

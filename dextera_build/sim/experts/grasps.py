@@ -67,7 +67,7 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
             wide = _part(travel, held[1] + 2 * grip.tip_radius_m + SPARE_M) or 0.0
             thumb, fingers = _tips(hand, opened + touch * (closed - opened))
             # Thumb and fingers press along a horizontal line: a tilted line uses up friction.
-            for tilt in (0.0, 0.35, -0.35, 0.7, -0.7):
+            for tilt in (0.0, 0.35, -0.35, 0.7, -0.7, 1.05, -1.05):
                 down = np.cross(UP, across) * np.sin(tilt) - UP * np.cos(tilt)
                 turned = _align(fingers - thumb, facing, across, down)
                 palm = transforms.rigid(turned, held[0] - turned @ (thumb + fingers) / 2)

@@ -31,8 +31,10 @@ from dextera_build.sim.runtime.environment import Environment
 
 Progress = Callable[[int, int, str], None]
 T = TypeVar("T")
-ENOUGH = 40
+ENOUGH = 24
 """Free paths among which the most comfortable are sought."""
+LOOKED, FEW = 300, 6
+"""Candidates after which this many free paths are enough, too."""
 SOME = 12
 """Grasps of the giver that are combined with those of the receiver."""
 PAIRS = 20
@@ -180,8 +182,12 @@ def _mixed(items: list[T]) -> list[T]:
 
 def _comfortable(found: Iterable[Candidate], room: Room, state: State) -> list[Candidate]:
     """The first candidates with a free path, most comfortable first, the kinds taking turns."""
-    rated = ((room.comfort(each.operator.phases(state), state), each) for each in found)
-    free = list(itertools.islice(((comfort, each) for comfort, each in rated if comfort is not None), ENOUGH))
+    free: list[tuple[float, Candidate]] = []
+    for number, each in enumerate(found):
+        comfort = room.comfort(each.operator.phases(state), state)
+        free += [(comfort, each)] if comfort is not None else []
+        if len(free) >= (ENOUGH if number < LOOKED else FEW):
+            break
     comfortable = [each for _, each in sorted(free, key=lambda one: -one[0])]
     return taking_turns(comfortable, [each.way for each in comfortable])
 

@@ -26,6 +26,8 @@ from dextera_build.sim.runtime.seeds import seed_of
 
 TRIED = 24
 """Candidates tried once as photographed and once under hard conditions."""
+GOOD = 8
+"""Candidates that succeeded in both after which no more are tried."""
 FINAL = 5
 """Number of the steadiest candidates rehearsed from drawn starts."""
 STARTS = 6
@@ -91,6 +93,8 @@ def rehearse(
         found = _rehearsed(driver, candidate, [first, _hard(bundle, first)], patient=False)
         if found.passed:
             tried.append(found)
+        if sum(one.passed == one.of for one in tried) >= GOOD:
+            break
     tried.sort(key=lambda one: (-one.passed, one.stray))
     drawn = [start for number in range(STARTS) if (start := _drawn(driver, number)) is not None]
     final: list[Rehearsed] = []

@@ -125,7 +125,7 @@ def squeezes(points: np.ndarray, reach: Reach, places: Mapping[str, np.ndarray])
             one, other = reach.limbs
             if (places[one] - places[other]) @ across < 0:
                 one, other = other, one
-            for pitch in (0.0, 0.5, -0.5, 1.0, -1.0):
+            for pitch in (0.0, 0.5, -0.5, 0.8, -0.8, 1.1, -1.1, 1.4, -1.4):
                 sides = {
                     one: _side(hands[one], ends[1], -across, pitch),
                     other: _side(hands[other], ends[0], across, -pitch),
