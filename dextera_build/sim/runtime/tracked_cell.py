@@ -143,7 +143,7 @@ class TrackedCell:
     @property
     def _now(self) -> float:
         """Time of the cell's clock [s]."""
-        return self._begun + self.environment.steps * self.environment.period_s
+        return float(self._begun + self.environment.steps * self.environment.period_s)
 
     def _palms(self, joints: np.ndarray) -> np.ndarray:
         """Positions (L, 3) of the palms in the base at joint positions (A,) [m]."""
