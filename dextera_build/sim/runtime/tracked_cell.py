@@ -122,7 +122,7 @@ class TrackedCell:
         if now >= self._clock - 1e-9:
             self._compare(self._step(self._picture(), now))
         self._arrive(now)
-        known = self._known(rgb)
+        known = self._known(frames)
         if self._mirror is not None and not self._done:
             self._done = self._mirror.judge(known, now - self._begun)
         return known
@@ -136,7 +136,7 @@ class TrackedCell:
             environment.step(environment.previous_action)
             self.measure()
 
-    def _known(self, rgb: np.ndarray | None = None) -> Measurement:
+    def _known(self, frames: Frames | None = None) -> Measurement:
         joints = self.environment.measure().joints
         return Measurement(joints, self._poses.copy(), self._displacement.copy(), frames or {})
 
