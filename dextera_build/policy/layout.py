@@ -75,7 +75,9 @@ class Layout:
         return tuple(found)
 
     def _rows(self, declared: Declared) -> tuple[str, ...]:
-        known = {name: getattr(self, name) for name in ("joints", "objects", "displacement", "goal", "tips", "limbs")}
+        known: dict[str, tuple[str, ...]] = {
+            name: getattr(self, name) for name in ("joints", "objects", "displacement", "goal", "tips", "limbs")
+        }
         return known.get(declared.rows, ())
 
     def _term(

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from dextera_build import digest
+from dextera_build.artifacts.noise import ColourNoise, DepthNoise
 from dextera_build.geometry import cameras, quaternions, registration
 from dextera_build.policy.observation import Frame, Measurement
 from dextera_build.policy.terms import Sensor, Term
@@ -32,10 +33,10 @@ class Sensors:
         self._pictures = {(term.declared.name, term.camera): _Delayed(term) for term in measured if term.camera}
         self._intrinsics = intrinsics
 
-    def reset(self, seed: int) -> None:
-        """Forget what was measured; draw errors anew from `seed`."""
+    def reset(self, seed: int, noise: float = 1.0) -> None:
+        """Forget what was measured; draw errors anew from `seed`, those of cameras times `noise`."""
         for delayed in (*self._numbers.values(), *self._pictures.values()):
-            delayed.reset(seed)
+            delayed.reset(seed, noise)
 
     def measure(self, truth: Measurement, now: float) -> Measurement:
         """What has arrived at `now` [s] after the episode's start, with `truth` just then. Time must not run back."""
@@ -69,9 +70,10 @@ class _Delayed:
     def __init__(self, term: Term) -> None:
         self._term, self._sensor = term, term.sensor
         self._step = 0.0 if term.sensor.rate_hz is None else 1.0 / term.sensor.rate_hz
-        self.reset(0)
+        self.reset(0, 1.0)
 
-    def reset(self, seed: int) -> None:
+    def reset(self, seed: int, noise: float) -> None:
+        self._colour, self._depth = _scaled(self._term.sensor, noise)
         self._random = np.random.default_rng([seed, int(digest.of_value(["sensor", self._term.key])[:15], 16)])
         self._waiting: deque[tuple[float, np.ndarray]] = deque()
         self._due = 0.0
@@ -93,12 +95,12 @@ class _Delayed:
     def _noisy(self, truth: np.ndarray, light: np.ndarray | None = None, k: np.ndarray | None = None) -> np.ndarray:
         sensor, name = self._sensor, self._term.declared.name
         if name == "rgb":
-            colour = sensor.colour
+            colour = self._colour
             return truth if colour is None else camera_sensor.measure_colour(truth / 255.0, colour, self._random)
         if name == "depth":
-            if sensor.depth is None or light is None or k is None:
+            if self._depth is None or light is None or k is None:
                 return truth
-            return camera_sensor.measure_depth(truth.astype(np.float64), light, k, sensor.depth, self._random)
+            return camera_sensor.measure_depth(truth.astype(np.float64), light, k, self._depth, self._random)
         if name == "objects":
             return self._disturbed(truth)
         return np.asarray(truth + sensor.sigma * self._random.standard_normal(truth.shape))
@@ -114,3 +116,14 @@ class _Delayed:
             if row[3] < 0:
                 row[3:] *= -1
         return found
+
+
+def _scaled(sensor: Sensor, noise: float) -> tuple[ColourNoise | None, DepthNoise | None]:
+    """The noise of a camera times a factor: deviations, and the fractions of depth that are lost."""
+    colour, depth = sensor.colour, sensor.depth
+    if colour is not None:
+        colour = colour.model_copy(update={"sigma": colour.sigma * noise})
+    if depth is not None:
+        lost = {name: min(1.0, getattr(depth, name) * noise) for name in ("dropout", "patches")}
+        depth = depth.model_copy(update={"subpixel_px": depth.subpixel_px * noise, **lost})
+    return colour, depth

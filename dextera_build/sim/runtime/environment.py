@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.goals import Goal
+from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.policy.observation import DeployableObservation, Frames, Measurement, deployable
 from dextera_build.sim.model.compose import ROBOT
@@ -19,6 +21,7 @@ from dextera_build.sim.primitives.state import TaskState
 from dextera_build.sim.primitives.success import Judge
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.dynamics import Dynamics
+from dextera_build.sim.runtime.strata import Stratum
 
 RAMP = 5
 """Interpolation steps to a new joint target within one control period, as in robot controllers."""
@@ -54,7 +57,7 @@ class Environment:
 
     def __init__(self, bundle: TaskBundle, model: mujoco.MjModel | None = None) -> None:
         self.bundle = bundle
-        self.task = bundle.task
+        self._set_goal(bundle.task.goal)
         self.model = compile_folder(bundle.model) if model is None else model
         self.data = mujoco.MjData(self.model)
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -62,8 +65,6 @@ class Environment:
         self.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
         self.substeps = max(1, round(1.0 / (self.task.control_hz * self.model.opt.timestep)))
         self.period_s = self.substeps * self.model.opt.timestep
-        self.goal = np.array(bundle.goal_numbers, np.float32)
-        self.primitive = catalogue.of(bundle.task, bundle.objects)
         self._dynamics = Dynamics(bundle, self.model)
         self._index()
         self._base_from_world = transforms.invert(bundle.base_pose.matrix)
@@ -74,14 +75,21 @@ class Environment:
         """Begin an episode at a start drawn with `seed`."""
         return self.begin(self.draw(seed))
 
-    def draw(self, seed: int) -> Start:
+    def draw(self, seed: int, stratum: Stratum | None = None, views: Mapping[str, View] | None = None) -> Start:
         """Draw a start without beginning it; sizes of the running episode stay as they are.
+
+        Args:
+            seed: Any integer from 0 to 2^63.
+            stratum: The episode of a series whose ranges are to be filled evenly.
+            views: Cameras whose poses are drawn, by name.
 
         Raises:
             RuleError: No start without collisions was found.
         """
         try:
-            return starts.draw(self.bundle, self.model, self._dynamics.sizes, seed, self.primitive.fair)
+            return starts.draw(
+                self.bundle, self.model, self._dynamics.sizes, seed, self.primitive.fair, stratum=stratum, views=views
+            )
         finally:
             self._dynamics.sizes.put(self.start.size_scale)
 
@@ -93,6 +101,8 @@ class Environment:
         self.data.ctrl[self._actuators] = start.ctrl[self._actuators]
         self._forward()
         self.start = start
+        if self.task.goal != (start.variation.goal or self.bundle.task.goal):
+            self._set_goal(start.variation.goal or self.bundle.task.goal)
         self.steps = 0
         self.previous_action = self.data.ctrl[self._actuators].copy()
         self._earlier = self.previous_action
@@ -179,6 +189,12 @@ class Environment:
             speeds={name: float(self._qvel[speed]) for name, _, _, speed in self._inner},
             grasps=self.hands.grasps(self.model, self.data, self._target) if self.primitive.feels else {},
         )
+
+    def _set_goal(self, goal: Goal) -> None:
+        """Make this the objective."""
+        self.task = self.bundle.task.model_copy(update={"goal": goal})
+        self.goal = np.array(goal.numbers(self.bundle.base_pose.inverse().matrix), np.float32)
+        self.primitive = catalogue.of(self.task, self.bundle.objects)
 
     def _pose_of(self, body: int) -> np.ndarray:
         """T_world_body (4, 4)."""

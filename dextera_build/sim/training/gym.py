@@ -75,7 +75,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._size = size
         self._insight = Insight(self.environment) if privileged else None
         self._progress = Progress(self.environment)
-        views = views or {}
+        self._views = views = views or {}
         self._eyes = Eyes(self.environment.model, views, pictures) if views else None
         self._portrait: rendering.Eye | None = None
         lenses = {name: view.camera for name, view in views.items()}
@@ -96,15 +96,18 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
         Args:
             seed: Seed of the start, as in `Environment.reset(seed)`; None: the next of a random sequence.
-            options: `{"start": Start}` begins at that start instead.
+            options: `{"start": Start}` begins at that start instead; `{"stratum": Stratum}` draws one that fills the
+                ranges of a series evenly.
         """
         super().reset(seed=seed)
-        start = (options or {}).get("start")
-        if isinstance(start, Start):
-            self.environment.begin(start)
-        else:
-            self.environment.reset(int(self.np_random.integers(2**62)) if seed is None else seed)
-        self._sensors.reset(self.environment.start.seed)
+        start, stratum = ((options or {}).get(name) for name in ("start", "stratum"))
+        if not isinstance(start, Start):
+            drawn = int(self.np_random.integers(2**62)) if seed is None else seed
+            start = self.environment.draw(drawn, stratum, self._views)
+        self.environment.begin(start)
+        self._sensors.reset(start.seed, start.variation.noise)
+        if self._eyes is not None:
+            self._eyes.vary(start.variation)
         self._value = self._progress.value(False, self.environment.now)
         self._last = self._observe()
         return self._last, self._info(False, "", self.environment.previous_action)
