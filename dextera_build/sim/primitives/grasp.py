@@ -47,6 +47,10 @@ class Hands:
             own = finger_map(model, np.array([site(role) for role in limb.tips], int), self.palms[number])
             self.fingers[own != SUPPORT] = own[own != SUPPORT] + self._first[number]
 
+    def of(self, limb: int) -> slice:
+        """Numbers of the fingers of a limb, its palm last."""
+        return slice(self._first[limb], self._first[limb + 1])
+
     @property
     def count(self) -> int:
         """Number of fingers and palms."""
@@ -65,8 +69,7 @@ class Hands:
         supported |= not data.tree_awake[model.body_treeid[body]]
         found = {}
         for number, name in enumerate(self.names):
-            own = forces[self._first[number] : self._first[number + 1]]
-            found[name] = _state(own, supported, _slip(model, data, body, self.palms[number]))
+            found[name] = _state(forces[self.of(number)], supported, _slip(model, data, body, self.palms[number]))
         return found
 
     def tip_forces(self, model: Any, data: Any) -> np.ndarray:

@@ -38,6 +38,13 @@ class Pushing:
         return np.array([gate.target(gate.PUSHES)])
 
 
+class Idle(Pushing):
+    """Stays where it is."""
+
+    def act(self, observation):
+        return observation.previous_action
+
+
 def pushed(environment: Environment, cell: Cell, seed: int = 0):
     """What a policy was told of the flap, what was true, and the tracker's record."""
     policy = Pushing()
@@ -133,3 +140,14 @@ def test_a_cell_that_does_not_know_an_object_is_refused(environment):
     with pytest.raises(RuleError, match="does not know `case`") as caught:
         TrackedCell(environment, cells.cell(assets={"cup": cells.asset()}), ())
     assert caught.value.facts["known"] == "cup"
+
+
+def test_a_trial_is_judged_by_what_was_measured_too(environment):
+    policy = Pushing()
+    with TrackedCell(environment, cells.cell(), (), gate.bundle("twin")) as watching:
+        episode = closed_loop(environment, policy, environment.draw(0), cell=watching)
+        watching.settle()
+        assert (episode.success, watching.sighting.success) == (True, True)
+        idle = closed_loop(environment, Idle(), environment.draw(0), cell=watching)
+        watching.settle()
+        assert (idle.success, watching.sighting.success) == (False, False)
