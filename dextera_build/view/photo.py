@@ -30,6 +30,8 @@ class Comparison:
     def __init__(
         self, server: Any, name: str, camera: Camera, world_from_camera: np.ndarray, pixels: np.ndarray
     ) -> None:
+        self.aside: list[Any] = []
+        """Scene nodes that are hidden once somebody looks from the camera: its frustum."""
         self._server, self._camera, self._pose, self._pixels = server, camera, world_from_camera, pixels
         # An image of viser has x right, y down, and is seen from both sides.
         self.picture = server.scene.add_image(
@@ -63,6 +65,8 @@ class Comparison:
 
     def look(self, client: Any) -> None:
         """Move a client's camera to the photograph's, with a field of view that holds all of it."""
+        for handle in self.aside:
+            handle.visible = False
         camera = self._camera
         upright = 2 * np.arctan2(camera.height / 2, camera.fy)
         across = 2 * np.arctan(camera.width / 2 / camera.fx / max(client.camera.aspect, 0.1))

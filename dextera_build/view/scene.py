@@ -57,7 +57,9 @@ def show_scene(
         frames = _object(server, name, assets[label], pieces, partial(_tell, choose, label))
         _sliders(server, label, assets[label], frames)
     if photo is not None:
-        lens.append(Comparison(server, "/photograph", camera, support.camera_pose.matrix, photo.pixels).picture)
+        comparison = Comparison(server, "/photograph", camera, support.camera_pose.matrix, photo.pixels)
+        comparison.aside += [*lens, outline]
+        lens.append(comparison.picture)
     labels = [_label(server, f"/labels/{label}", label, asset) for label, asset in assets.items()]
     with server.gui.add_folder("Show"):
         for title, handles in (("Labels", labels), ("Background", [static]), ("Camera", lens), ("Outline", [outline])):

@@ -44,11 +44,14 @@ class TaskView:
         name: Scene node of the whole.
         bundle: The task.
         materials: Root body -> row of the material table, where known.
+
+    Raises:
+        RuleError: MuJoCo cannot load the model, or it lacks the robot.
     """
 
     def __init__(self, server: Any, name: str, bundle: TaskBundle, materials: Mapping[str, str]) -> None:
         self._server, self._bundle = server, bundle
-        self.environment = Environment(bundle)
+        self.environment = _running(bundle)
         world = self.environment
         self._photographed = world.start
         facts = facts_of_task(bundle, world.model, materials)
@@ -135,6 +138,18 @@ class TaskView:
 
                 slider.on_update(aim)
                 self._joints.append(slider)
+
+
+def _running(bundle: TaskBundle) -> Environment:
+    try:
+        return Environment(bundle)
+    except KeyError as error:
+        raise RuleError(
+            "the task's model lacks what its robot and objects name, and cannot run",
+            code="DXB-B232",
+            facts={"MuJoCo": str(error.args[0]).partition(" Valid")[0]},
+            hint="stub backends write no robot into it: build with `--profile cpu`",
+        ) from None
 
 
 def joint_turns(model: Any, name: str) -> bool:

@@ -20,6 +20,10 @@ Edge = tuple[str, str, np.ndarray]
 """Parent, child, and the child's pose in it: (7,), or (T, 7) of all steps."""
 PACKAGE = "package://robot/"
 """Begins paths of meshes in `/robot_description`; the files are attachments of the recording."""
+PATCH_M, MOST_FACES = 0.02, 8000
+"""Triangles have one colour each: edges of those with a texture are no longer than this, up to so many [m]."""
+HIGH_M = 1.0
+"""Boxes that reach higher are walls, which would hide the scene [m]."""
 BOX = 6
 """`mjtGeom.mjGEOM_BOX`."""
 
@@ -93,7 +97,7 @@ class Drawn:
         ]
 
     def _static(self) -> list[Marker]:
-        """Boxes that objects and robot can touch, half transparent."""
+        """Boxes that objects and robot can touch, half transparent, without walls."""
         model: Any = self._model
         return [
             Marker(
@@ -105,19 +109,41 @@ class Drawn:
                 2 * model.geom_size[geom],
             )
             for geom in range(int(model.body_geomnum[0]))
-            if model.geom_type[geom] == BOX and (model.geom_contype[geom] or model.geom_conaffinity[geom])
+            if model.geom_type[geom] == BOX
+            and (model.geom_contype[geom] or model.geom_conaffinity[geom])
+            and model.geom_pos[geom, 2] + model.geom_size[geom, 2] < HIGH_M
         ]
 
 
 def triangles(frame: str, name: str, skin: skins.Skin, shift: np.ndarray, scale: float) -> Marker:
     """A surface in a link whose origin is at `shift` (3,) [m] in the frame of the surface."""
-    points = scale * (skin.vertices.astype(np.float64) - shift)[skin.faces].reshape(-1, 3)
+    corners = scale * (skin.vertices.astype(np.float64) - shift)[skin.faces]
     colours = np.zeros((0, 4), np.float32)
     if skin.texture is not None and skin.uv is not None:
+        corners, uv = _fine(corners, skin.uv.reshape(-1, 3, 2))
         height, width = skin.texture.shape[:2]
-        u, v = skin.uv.reshape(-1, 3, 2).mean(axis=1).T
+        u, v = uv.mean(axis=1).T
         rows, columns = ((1 - v) % 1.0 * height).astype(int), (u % 1.0 * width).astype(int)
         faces = np.ones((len(u), 4), np.float32)
         faces[:, :3] = skin.texture[rows.clip(0, height - 1), columns.clip(0, width - 1)] / np.float32(255)
         colours = faces.repeat(3, axis=0)
-    return Marker(frame, name, markers.TRIANGLES, skin.colour, points=points, colours=colours)
+    return Marker(frame, name, markers.TRIANGLES, skin.colour, points=corners.reshape(-1, 3), colours=colours)
+
+
+def _fine(corners: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (F, 3, 3) [m] and texture coordinates (F, 3, 2) of faces, large ones halved again and again."""
+    while len(corners) < MOST_FACES:
+        lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        large = lengths.max(axis=1) > PATCH_M
+        if not large.any():
+            break
+        # The longest edge comes first.
+        order = (lengths[large].argmax(axis=1)[:, None] + np.arange(3)) % 3
+        corners, uv = (np.concatenate([each[~large], _halves(each[large], order)]) for each in (corners, uv))
+    return corners, uv
+
+
+def _halves(corners: np.ndarray, order: np.ndarray) -> np.ndarray:
+    a, b, c = np.moveaxis(np.take_along_axis(corners, order[:, :, None], axis=1), 1, 0)
+    middle = (a + b) / 2
+    return np.concatenate([np.stack(part, axis=1) for part in ((a, middle, c), (middle, b, c))])

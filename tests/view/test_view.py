@@ -160,6 +160,11 @@ def test_the_photograph_lies_on_its_own_pixels_however_much_is_shown(shown: Reco
             seen = lens.matrix() @ pose[:3, :3].T @ (corner - pose[:3, 3])
             np.testing.assert_allclose(seen[:2] / seen[2], pixel, atol=1e-6)
         assert picture.image.shape == (lens.height, columns, 3)
+    client = SimpleNamespace(camera=SimpleNamespace(aspect=1.0), atomic=shown.atomic)
+    shown.controls["Look from the camera"].clicked(SimpleNamespace(client=client))
+    np.testing.assert_allclose(client.camera.position, pose[:3, 3])
+    assert client.camera.fov == pytest.approx(2.1 * np.arctan(lens.width / 2 / lens.fx))  # as wide as the window
+    assert not shown.nodes["/camera"].visible
     shown.controls["By"].value = "Blend"
     slider.moved(None)
     assert picture.image.shape == (lens.height, lens.width, 4)

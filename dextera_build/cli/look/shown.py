@@ -112,7 +112,7 @@ def _world(session: Session, node: str, artifact: Episodes | Trials) -> TaskBund
     if not bundles:
         raise RuleError(
             f"the task that the episodes of `{node}` were made in is not in the store",
-            code="DXB-B402",
+            code="DXB-B404",
             hint=f"`dxb build '{session.recipe}:{node}'`",
         )
     return bundles[0]
@@ -132,22 +132,20 @@ def _materials(session: Session, node: str) -> dict[str, str]:
 
 
 def _recipe(session: Session) -> Fill:
-    """The twin's scene from the parts that the last build made, or else the recipe's task in the twin."""
+    """The recipe's task, or else the twin's scene from the parts that the last build made."""
     nodes = _by_type(session)
-    missing = [kind for kind in PARTS if kind not in nodes]
-    if not missing:
-        return _scene(session, nodes)
-    if "TaskBundle" in nodes:
-        node = nodes["TaskBundle"][0]
-        bundle = session.artifact(node)
-        if isinstance(bundle, TaskBundle):
+    for node in nodes.get("TaskBundle", []):
+        # Nodes of other recipes bear their names; what a recipe makes itself is what it is about.
+        if ":" not in node and isinstance(bundle := session.artifact(node), TaskBundle):
             return _task(session, node, bundle)
-    raise UsageError(
-        f"`{session.recipe}` has no scene to show yet",
-        code="DXB-U113",
-        facts={"missing": ", ".join(missing)},
-        hint=f"`dxb build {session.recipe}`, or name a node: `dxb view {session.recipe}:NODE`",
-    )
+    if missing := [kind for kind in PARTS if kind not in nodes]:
+        raise UsageError(
+            f"`{session.recipe}` has no scene to show yet",
+            code="DXB-U113",
+            facts={"missing": ", ".join(missing)},
+            hint=f"`dxb build {session.recipe}`, or name a node: `dxb view {session.recipe}:NODE`",
+        )
+    return _scene(session, nodes)
 
 
 def _scene(session: Session, nodes: dict[str, list[str]]) -> Fill:
