@@ -36,7 +36,7 @@ def licences(files: Folder, parts: Iterable[PartOptions]) -> dict[str, bytes]:
     """`licences/<part>_<name>` -> text of the licence files that lie beside a part's file or above it."""
     from dextera_build.sim.model.published import stated
 
-    found = {}
+    found: dict[str, bytes] = {}
     for number, each in enumerate(parts):
         folder = posixpath.dirname(posixpath.normpath(each.file))
         while True:

@@ -195,7 +195,7 @@ def _close(ours: np.ndarray, theirs: np.ndarray, size: float) -> bool:
 
 def _apart(ours: np.ndarray, theirs: np.ndarray) -> float:
     """Largest distance from a point of one set to the other set [m]."""
-    return float(max(cKDTree(theirs).query(ours)[0].max(), cKDTree(ours).query(theirs)[0].max()))
+    return float(max(np.max(cKDTree(theirs).query(ours)[0]), np.max(cKDTree(ours).query(theirs)[0])))
 
 
 def _owner(model: Any, body: int) -> str:

@@ -83,7 +83,7 @@ class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):
         for each in self.copies:
             each.close()
 
-    def render(self) -> tuple[np.ndarray | None, ...]:
+    def render(self) -> tuple[Any, ...]:
         """The picture of every copy, see `TaskEnv.render`."""
         return tuple(each.render() for each in self.copies)
 
@@ -97,9 +97,9 @@ class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):
         return list((self._pool.map if self._pool else map)(work, range(self.num_envs)))
 
     def _gathered(self, seen: list[Observations]) -> Observations:
-        out = create_empty_array(self.single_observation_space, self.num_envs)
-        found: Observations = concatenate(self.single_observation_space, seen, out)
-        return found
+        out: Any = create_empty_array(self.single_observation_space, self.num_envs)
+        found: Any = concatenate(self.single_observation_space, seen, out)
+        return dict(found)
 
     def _infos(self, infos: list[dict[str, Any]]) -> dict[str, Any]:
         gathered: dict[str, Any] = {}

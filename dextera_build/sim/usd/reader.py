@@ -57,7 +57,7 @@ class _Reader:
         """The rigid body at or above a path."""
         while not path.isEmpty and path not in self.names:
             path = path.GetParentPath()
-        return self.names.get(path, WORLD)
+        return str(self.names.get(path, WORLD))
 
     def _body(self, prim: Any, name: str) -> Body:
         from pxr import UsdPhysics
