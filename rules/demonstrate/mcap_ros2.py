@@ -118,11 +118,10 @@ class EpisodeRecording:
     def step(self, episode: Episode, step: int) -> None:
         """Write the measurements and the command of a step."""
         t, reach = self._time(step), self._time(1)
-        for term in self._terms:
-            for topic, message in _messages(term, getattr(episode, term.declared.name)[step], t, reach):
-                self._out.send(topic, term.declared.message, t, message)
         edges = [(parent, child, rows[step]) for parent, child, rows in self._moving]
-        self._out.send("/tf", "tf2_msgs/TFMessage", t, messages.transforms(t, edges))
+        for term in self._terms:
+            for topic, message in _messages(term, getattr(episode, term.declared.name)[step], t, reach, edges):
+                self._out.send(topic, term.declared.message, t, message)
 
     def picture(self, step: int, pixels: np.ndarray, view: View | None) -> None:
         """Write a frame (H, W, 3) uint8 sRGB, and the camera's intrinsics if known."""
@@ -144,7 +143,9 @@ class EpisodeRecording:
         return round(step * messages.SECOND / self._episodes.rate_hz)
 
 
-def _messages(term: Term, values: np.ndarray, t: int, reach: int) -> list[tuple[str, bytes]]:
+def _messages(
+    term: Term, values: np.ndarray, t: int, reach: int, edges: list[tuple[str, str, np.ndarray]]
+) -> list[tuple[str, bytes]]:
     """Topics and messages of one step of a term.
 
     Args:
@@ -152,6 +153,7 @@ def _messages(term: Term, values: np.ndarray, t: int, reach: int) -> list[tuple[
         values: Its numbers.
         t: Time of the step [ns].
         reach: Time until a target should be reached [ns].
+        edges: Parent, child and pose of frames that go beside those of objects.
     """
     rows = list(zip(term.names, values, strict=True))
     match term.declared.message:
@@ -160,7 +162,7 @@ def _messages(term: Term, values: np.ndarray, t: int, reach: int) -> list[tuple[
         case "trajectory_msgs/JointTrajectory":
             return [(term.topic(), messages.joint_trajectory(t, term.names, values, reach))]
         case "tf2_msgs/TFMessage":
-            return [(term.topic(), messages.transforms(t, [(BASE, name, row) for name, row in rows]))]
+            return [(term.topic(), messages.transforms(t, [*((BASE, name, row) for name, row in rows), *edges]))]
         case "geometry_msgs/PoseStamped":
             return [(term.topic(name), messages.pose(t, BASE, row)) for name, row in rows]
         case "geometry_msgs/WrenchStamped":
