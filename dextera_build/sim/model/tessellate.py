@@ -16,18 +16,18 @@ RINGS = 12
 def surfaces(model: Any, data: Any) -> list[Surface]:
     """One surface per geom, in geom order, after `mj_forward`; planes and height fields give empty surfaces."""
     made = []
-    for number in range(model.ngeom):
-        vertices, faces = geom(model, number)
-        rotation = data.geom_xmat[number].reshape(3, 3)
-        made.append(Surface(vertices @ rotation.T + data.geom_xpos[number], faces))
+    for geom in range(model.ngeom):
+        vertices, faces = surface(model, geom)
+        rotation = data.geom_xmat[geom].reshape(3, 3)
+        made.append(Surface(vertices @ rotation.T + data.geom_xpos[geom], faces))
     return made
 
 
-def geom(model: Any, number: int) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) float64 and faces (F, 3) of a geom in its own frame [m]; both empty for planes and fields."""
-    kind, size = int(model.geom_type[number]), model.geom_size[number]
+def surface(model: Any, geom: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) and triangles (F, 3) of one geom in its own frame [m]; of planes and height fields none."""
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
-        mesh = model.geom_dataid[number]
+        mesh = model.geom_dataid[geom]
         first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
         face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
         return model.mesh_vert[first : first + count].astype(np.float64), model.mesh_face[face : face + faces]

@@ -128,7 +128,7 @@ class _Writer:
         mesh = int(self._model.geom_dataid[geom])
         name = self._model.mesh(mesh).name if mesh >= 0 else f"geom_{geom}"
         file = f"{name.replace('/', '_')}.stl"
-        self.files.setdefault(f"meshes/{file}", stl(*tessellate.geom(self._model, geom)))
+        self.files.setdefault(f"meshes/{file}", stl(*tessellate.surface(self._model, geom)))
         node = SubElement(link, use)
         urdf_xml.origin(node, place, turn)
         urdf_xml.mesh(node, self._meshes + file)

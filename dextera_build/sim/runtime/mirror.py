@@ -118,6 +118,16 @@ class Mirror:
                 objects[thing] = holding[0]
         return Hold(palms, objects)
 
+    def palms(self, joints: np.ndarray) -> np.ndarray:
+        """Positions (L, 3) of the palms in the base at joint positions (A,) [m]; the base for one without a palm."""
+        pose_robot(self._twin.robot, self._data, joints)
+        mujoco.mj_kinematics(self._model, self._data)
+        found = np.zeros((len(self._hands.palms), 3))
+        for row, palm in zip(found, self._hands.palms, strict=True):
+            if palm >= 0:
+                row[:] = transforms.apply(self._base_from_world, self._data.site_xpos[[palm]])[0]
+        return found
+
     def _site(self, number: int) -> np.ndarray:
         data = self._data
         return transforms.rigid(data.site_xmat[number].reshape(3, 3).copy(), data.site_xpos[number].copy())

@@ -24,7 +24,8 @@ from dextera_build.geometry import poses, transforms
 from dextera_build.geometry.tracking.model import Model
 from dextera_build.geometry.tracking.thing import Tracked
 from dextera_build.geometry.tracking.tracker import Tracker
-from dextera_build.policy.observation import Measurement
+from dextera_build.policy.cell import Guard
+from dextera_build.policy.observation import Frames, Measurement
 from dextera_build.sim.render.rendering import Eye
 from dextera_build.sim.render.robot_pixels import RobotPixels
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
@@ -69,7 +70,7 @@ class TrackedCell:
     ) -> None:
         self.environment, self.cell = environment, cell
         bundle = environment.bundle
-        check(cell, bundle.objects)
+        check(cell, bundle.objects, twin)
         self._names = tuple(name for name in bundle.objects if name in {*names, bundle.task.object})
         bodies = {name: cell.assets[name].body for name in self._names}
         self._models = {name: Model.of(body, body.residual_m) for name, body in bodies.items()}
@@ -78,6 +79,7 @@ class TrackedCell:
         self._row = {name: number for number, name in enumerate(bundle.objects)}
         self._columns = _columns({name: len(thing.joints) for name, thing in bundle.objects.items()})
         self._twin, self._mirror = twin, None if twin is None else Mirror(twin)
+        self._guard = Guard(cell.limits, bundle.robot, environment.task.control_hz, self._palms)
         self._held = ExitStack()
         self._reset(0)
 
@@ -114,22 +116,39 @@ class TrackedCell:
             return NOT_FOUND
         # The robot waits at rest, so that all of this has arrived.
         self._arrive(np.inf)
-        self._begun = self._clock
+        self._begun = self._heard = self._clock
+        self._guard.begin(self.environment.previous_action)
         if self._mirror is not None:
             self._mirror.begin(self._known())
             self._done = False
         return ""
 
-    def measure(self, rgb: np.ndarray | None = None) -> Measurement:
-        """Readings of the encoders, the last poses that arrived from the tracker, and the given picture."""
-        now = self._begun + self.environment.steps * self.environment.period_s
+    def measure(self, frames: Frames | None = None) -> Measurement:
+        """Readings of the encoders, the last poses that arrived from the tracker, and the given frames."""
+        now = self._now
         if now >= self._clock - 1e-9:
             self._compare(self._step(self._picture(), now))
         self._arrive(now)
-        known = self._known(rgb)
+        known = self._known(frames)
         if self._mirror is not None and not self._done:
             self._done = self._mirror.judge(known, now - self._begun)
         return known
+
+    def send(self, targets: np.ndarray) -> np.ndarray:
+        """Send joint targets (A,) [rad] that keep to the limits of the cell; see `RobotCell`."""
+        environment, now = self.environment, self._now
+        forces = environment.contact_forces() if self.cell.limits.force_n is not None else np.zeros((0, 3))
+        return environment.send(self._guard.passed(targets, forces, now - self._heard))
+
+    @property
+    def _now(self) -> float:
+        """Time of the cell's clock [s]."""
+        return float(self._begun + self.environment.steps * self.environment.period_s)
+
+    def _palms(self, joints: np.ndarray) -> np.ndarray:
+        """Positions (L, 3) of the palms in the base at joint positions (A,) [m]."""
+        assert self._mirror is not None
+        return self._mirror.palms(joints)
 
     def settle(self) -> None:
         """After a trial, hold the last targets until what is measured shows that the task is done, or `WAIT_S`."""
@@ -140,8 +159,8 @@ class TrackedCell:
             environment.step(environment.previous_action)
             self.measure()
 
-    def _known(self, rgb: np.ndarray | None = None) -> Measurement:
-        return Measurement(self._encoders(), self._poses.copy(), self._displacement.copy(), rgb)
+    def _known(self, frames: Frames | None = None) -> Measurement:
+        return Measurement(self._encoders(), self._poses.copy(), self._displacement.copy(), frames or {})
 
     @property
     def sighting(self) -> Sighting:
@@ -170,6 +189,7 @@ class TrackedCell:
         self._waiting: deque[tuple[float, Found]] = deque()
         self._clock = 0.0  # when the next frame is due [s]
         self._begun = 0.0  # when the trial began [s]
+        self._heard = 0.0  # when the last frame arrived [s]
         self._found_s: float | None = None
         self._done = None
         self._hold: Hold | None = None
@@ -229,7 +249,8 @@ class TrackedCell:
     def _arrive(self, now: float) -> None:
         """Take over what the tracker has sent by now; while it has no pose, the last one holds."""
         while self._waiting and self._waiting[0][0] <= now + 1e-9:
-            for name, tracked in self._waiting.popleft()[1].items():
+            self._heard, found = self._waiting.popleft()
+            for name, tracked in found.items():
                 if tracked.pose is not None:
                     self._poses[self._row[name]] = poses.from_matrix(self.cell.placed(tracked.pose))
                     self._displacement[self._columns[name]] = tracked.joints
@@ -255,12 +276,18 @@ class TrackedCell:
         )
 
 
-def check(cell: Cell, names: Collection[str]) -> None:
-    """Refuse a cell whose tracker does not know all objects.
+def check(cell: Cell, names: Collection[str], twin: TaskBundle | None) -> None:
+    """Refuse a cell whose tracker does not know all objects, or that cannot keep to its limits.
 
     Raises:
-        RuleError: An asset is missing.
+        RuleError: An asset is missing, or the twin that a workspace needs.
     """
+    if twin is None and cell.limits.workspace_m is not None:
+        raise RuleError(
+            "a cell that limits the workspace must know its robot",
+            code="DXB-B247",
+            hint="give the task in the twin too: `twin: $task`",
+        )
     missing = sorted(set(names) - set(cell.assets))
     if missing:
         raise RuleError(
