@@ -265,6 +265,26 @@ def test_physics_is_played_and_an_episode_is_recorded(started: tuple[Any, str], 
     assert len(times) > 6  # the box rises in the second half
 
 
+def test_the_time_slider_moves_the_bodies_to_what_was_recorded() -> None:
+    recorder, made = Recorder(), episodes.small(2, 12)
+    view = ReplayView(recorder, "/replay", episodes.bundle(), made, {})
+    slider, box = recorder.controls["Time [s]"], recorder.nodes["/replay/box"]
+    slider.value = 8 / made.rate_hz
+    slider.moved(None)
+    turn, place = episodes.WORLD_FROM_BASE[:3, :3], episodes.WORLD_FROM_BASE[:3, 3]
+    np.testing.assert_allclose(box.position, turn @ made.items["0"].objects[8, 0, :3] + place, atol=1e-6)
+    assert (view.at, slider.max) == (8, 11 / made.rate_hz)
+    view.transport.play()
+    deadline = time.monotonic() + 10.0
+    while view.transport.playing and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert (view.at, slider.value) == (11, 11 / made.rate_hz)
+    recorder.controls["Episode"].value = "1 · success"
+    recorder.controls["Episode"].moved(None)
+    np.testing.assert_allclose(box.position, turn @ made.items["1"].objects[0, 0, :3] + place, atol=1e-6)
+    view.transport.end()
+
+
 def recording(page: str) -> dict[str, Any]:
     """What the page of a recording holds."""
     import msgspec
