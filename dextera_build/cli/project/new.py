@@ -70,7 +70,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "name",
         nargs="?",
         help="twin/my_scene, factorize.my_rule, or factorize.my_rule=my_backend; of a scene or a mask, the recipe of "
-        "its photograph; of tasks, the recipe of their twin; of a capture, its folder; of a robot, its URDF or MJCF; of a board, its pattern (charuco)",
+        "its photograph; of tasks, the recipe of their twin; of a capture, its folder; of a robot, its URDF or MJCF; "
+        "of a board, its pattern (charuco)",
     )
     parser.add_argument(
         "object", nargs="?", help="of a mask, the object: blue_mug; of tasks, the robot: robot/kuka_leap"
