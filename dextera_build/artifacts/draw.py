@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import Literal, TypeAlias
 
+import numpy as np
+
 from dextera_build.artifacts.base import Artifact
 
 Contact: TypeAlias = Literal["apart", "touching", "piled"]
@@ -37,6 +39,11 @@ class Viewpoint(Artifact):
     """Rotation about the line of sight [deg]; 0 is upright, 90 a camera turned clockwise."""
     width_px: int
     """Width of the picture [px]; its height is three quarters of it."""
+
+    @property
+    def unit(self) -> float:
+        """Lengths per metre of a scene generated from its picture; drawn with `seed`, 0.2 to 5, uniform in log."""
+        return float(np.exp(np.random.default_rng((self.seed, 5)).uniform(-1, 1) * np.log(5.0)))
 
 
 class Sensor(Artifact):

@@ -17,6 +17,7 @@ from dextera_build.artifacts.content import Content, Get, OnDisk, Stored
 from dextera_build.artifacts.identity import check
 from dextera_build.artifacts.lazy import contents
 from dextera_build.artifacts.limb import ONLY
+from dextera_build.artifacts.variation import Variation
 from dextera_build.errors import ArtifactError
 
 _MOST = 1 << 30
@@ -31,8 +32,8 @@ Origin = Literal["operator", "synthesis", "policy", "replay"]
 class Start(Artifact):
     """The complete state that an episode begins in, with the dynamics that were drawn for it."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.unchanged}
+    type_version: ClassVar[int] = 3
+    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged}
 
     seed: int
     """Seed of the draw."""
@@ -48,6 +49,8 @@ class Start(Artifact):
     """Root body -> sliding friction coefficient."""
     gain_scale: float
     """Factor on stiffness and damping of the robot's position controllers."""
+    variation: Variation = Variation()
+    """What else was drawn."""
 
 
 class Segment(Value):

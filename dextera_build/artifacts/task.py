@@ -39,6 +39,16 @@ class Reset(Value):
     dynamics: float = 1.0
     """Masses, sizes, friction and gains are drawn within this many of the twin's own intervals, and errors of the
     objects' poses have this many of their standard deviations; 0 keeps the estimates."""
+    joints: float = 0.0
+    """Damping and friction of joints, the robot's and the objects', are drawn within this many of their ranges, see
+    `dextera_build.sim.runtime.variations`."""
+    goal_m: float = 0.0
+    """The target moves within this square half width on the support, and a height to lift within it [m]."""
+    goal_rad: float = 0.0
+    """A target orientation turns about the vertical within this angle, commands of joints change within it [rad]."""
+    visual: float = 0.0
+    """Errors of cameras have this many of the standard deviations of their calibration; exposure, light and noise are
+    drawn within this many of their ranges."""
 
 
 class TaskSpec(Value):
@@ -140,10 +150,11 @@ class TaskBundle(Artifact):
     assets were tracked there: states, actions and success have the same meaning.
     """
 
-    type_version: ClassVar[int] = 3
+    type_version: ClassVar[int] = 4
     readers: ClassVar[former.Readers] = {
         1: former.pose("world_from_base", "base_pose", "world", "base"),
         2: former.unchanged,
+        3: former.unchanged,
     }
 
     model: Folder

@@ -36,6 +36,8 @@ class Sighting(Value):
     """Angle to its true orientation, per such frame [rad]."""
     joints_rad: tuple[float, ...]
     """Largest error of its joints, per such frame [rad or m]; empty without joints."""
+    success: bool | None = None
+    """Verdict on what was measured, by the same predicate; None: that was not asked."""
 
 
 class Trial(Value):
@@ -58,6 +60,9 @@ class Trial(Value):
 class Attempt(Artifact):
     """What came of one seed, complete: a trial, or why there was none."""
 
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.unchanged}
+
     seed: int
     """Seed of the start."""
     episode: Episode | None = None
@@ -75,8 +80,8 @@ class Attempt(Artifact):
 class Trials(Artifact):
     """Trials of one actor in one task of one world. Equal seeds give equal starts."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.unchanged}
+    type_version: ClassVar[int] = 3
+    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged}
 
     actor: Actor
     """Source of the actions."""

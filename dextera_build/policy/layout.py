@@ -6,9 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from dextera_build import digest
+from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.episode import Episode, Episodes, Film
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.policy.declared import BY_NAME, DECLARED
+from dextera_build.policy.terms import EXACT, Declared, Sensor, Term
 
 
 @dataclass(frozen=True)
@@ -31,17 +34,62 @@ class Layout:
     """Components of `goal`."""
     picture: tuple[int, int] | None = None
     """(height, width) of `rgb` [px], or None without a camera."""
+    tips: tuple[str, ...] = ()
+    """Fingertips of all limbs."""
+    limbs: tuple[str, ...] = ()
+    """Limbs of the robot."""
+    points: int = 0
+    """Number of points on the surface of the task's object."""
 
     def names(self, channel: str) -> tuple[str, ...] | None:
-        """Names of the components along the first axis of a vector channel, or None for an unknown channel."""
-        known = {
-            "joints": self.joints,
-            "previous_action": self.joints,
-            "objects": self.objects,
-            "displacement": self.displacement,
-            "goal": self.goal,
+        """Names of the rows of a channel of numbers that policies may see, or None for another channel."""
+        declared = BY_NAME.get(channel)
+        if declared is None or declared.seen_by != "policies" or declared.rows == "cameras":
+            return None
+        return self._rows(declared)
+
+    def terms(
+        self, cameras: Mapping[str, Camera] | None = None, sensors: Mapping[str, Sensor] | None = None
+    ) -> tuple[Term, ...]:
+        """What can be observed or recorded here, without terms that have no component.
+
+        Args:
+            cameras: Name -> intrinsics; each has a picture, depth and a cloud.
+            sensors: Name of a term, or `name/camera` -> how it is measured; exactly for those that are left out.
+        """
+        given = sensors or {}
+        found = []
+        for declared in DECLARED:
+            if declared.rows == "cameras":
+                for name, camera in (cameras or {}).items():
+                    # Points have the errors of the depth that they are made of.
+                    source = "depth" if declared.name == "cloud" else declared.name
+                    sensor = given.get(f"{source}/{name}", given.get(source, EXACT))
+                    found.append(self._term(declared, (), _pixels(declared, camera), sensor, name))
+                continue
+            rows = self._rows(declared)
+            count = self.points if declared.rows == "points" else len(rows)
+            if count:
+                shape = (count, len(declared.parts)) if declared.parts else (count,)
+                found.append(self._term(declared, rows, shape, given.get(declared.name, EXACT)))
+        return tuple(found)
+
+    def _rows(self, declared: Declared) -> tuple[str, ...]:
+        known: dict[str, tuple[str, ...]] = {
+            name: getattr(self, name) for name in ("joints", "objects", "displacement", "goal", "tips", "limbs")
         }
-        return known.get(channel)
+        return known.get(declared.rows, ())
+
+    def _term(
+        self, declared: Declared, names: tuple[str, ...], shape: tuple[int, ...], sensor: Sensor, camera: str = ""
+    ) -> Term:
+        rate = self.rate_hz if sensor.rate_hz is None else min(sensor.rate_hz, self.rate_hz)
+        return Term(declared, names, shape, rate, sensor, camera)
+
+
+def _pixels(declared: Declared, camera: Camera) -> tuple[int, ...]:
+    size = (camera.height, camera.width)
+    return size if declared.name == "depth" else (*size, 3)
 
 
 def embodiment(robot: RobotModel) -> str:
@@ -52,6 +100,7 @@ def embodiment(robot: RobotModel) -> str:
 def of_bundle(bundle: TaskBundle, view: View | None = None, rate_hz: float | None = None) -> Layout:
     """The layout of a task bundle, seen through `view`, at its own rate or at `rate_hz`."""
     task = bundle.task
+    points = {name: len(thing.points) for name, thing in bundle.objects.items()}
     return Layout(
         task=task.name,
         embodiment=embodiment(bundle.robot),
@@ -61,6 +110,9 @@ def of_bundle(bundle: TaskBundle, view: View | None = None, rate_hz: float | Non
         displacement=bundle.displacement_names,
         goal=task.goal.names,
         picture=(view.camera.height, view.camera.width) if view else None,
+        tips=bundle.robot.tips,
+        limbs=bundle.robot.limb_names,
+        points=points.get(task.object, 0),
     )
 
 
@@ -75,6 +127,8 @@ def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | None = N
         displacement=episodes.displacement_names,
         goal=goal,
         picture=(film.height, film.width) if film else None,
+        tips=episodes.tip_names,
+        limbs=episodes.limb_names,
     )
 
 

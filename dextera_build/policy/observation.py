@@ -1,15 +1,34 @@
 """Deployable and privileged observations: two types, so one cannot be mistaken for the other.
 
-Table I of the paper. `Deployable` holds values that sensors and an object tracker also provide on hardware;
-`Privileged` is read from the simulator's state, for teachers and critics only. Poses and forces are
-expressed in the robot's base frame, which hardware knows without a world.
+Table I of the paper; `declared` says what every field is. `Deployable` holds values that sensors and an object tracker
+also provide on hardware; `Privileged` is read from the simulator's state, for teachers and critics only. Poses and
+forces are expressed in the robot's base frame, which hardware knows without a world.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What one camera shows at one moment."""
+
+    rgb: np.ndarray | None = None
+    """Picture (H, W, 3) uint8 sRGB, or None."""
+    depth: np.ndarray | None = None
+    """Image-plane distance (H, W) float32 [m], 0 where nothing was measured, or None."""
+    cloud: np.ndarray | None = None
+    """Points (H, W, 3) float32 [m] in the camera's frame, back-projected from `depth`, or None."""
+
+
+Frames = Mapping[str, Frame]
+"""Camera -> its frame."""
+PICTURE = "workspace"
+"""Name of a camera that has no other."""
 
 
 @dataclass(frozen=True)
@@ -22,8 +41,8 @@ class Measurement:
     """Tracked poses of the objects (O, 7): position [m], unit quaternion w x y z with w >= 0, in the base frame."""
     displacement: np.ndarray
     """Positions of the objects' joints (K,) [rad or m]."""
-    rgb: np.ndarray | None = None
-    """Picture (H, W, 3) uint8 sRGB, or None if the task has no view."""
+    frames: Frames = field(default_factory=dict)
+    """Frames of all cameras."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +59,13 @@ class DeployableObservation:
     """Positions of the objects' joints (K,) float32 [rad or m]."""
     goal: np.ndarray
     """Goal (G,) float32 in the base frame, see `dextera_build.artifacts.goals`."""
-    rgb: np.ndarray | None = None
-    """Picture (H, W, 3) uint8 sRGB, or None."""
+    frames: Frames = field(default_factory=dict)
+    """Frames of all cameras; `Frame` has the terms `rgb`, `depth` and `cloud`."""
+
+    @property
+    def rgb(self) -> np.ndarray | None:
+        """Picture (H, W, 3) uint8 sRGB of the first camera, or None."""
+        return next((frame.rgb for frame in self.frames.values()), None)
 
 
 @dataclass(frozen=True)
@@ -54,8 +78,12 @@ class PrivilegedObservation:
     """Speeds of the robot's joints (A,) float32 [rad/s]."""
     object_velocities: np.ndarray
     """Velocities of the objects' origins (O, 6) float32: linear [m/s], angular [rad/s], in the base frame."""
+    displacement_velocities: np.ndarray
+    """Speeds of the objects' joints (K,) float32 [rad/s or m/s]."""
     hand_poses: np.ndarray
     """Pose of every limb's palm (L, 7) float32 in the base frame."""
+    hand_velocities: np.ndarray
+    """Velocities of the palms (L, 6) float32: linear [m/s], angular [rad/s], in the base frame."""
     tip_poses: np.ndarray
     """Poses of the fingertips of all limbs (F, 7) float32 in the base frame."""
     tip_velocities: np.ndarray
@@ -71,6 +99,6 @@ def deployable(measured: Measurement, previous_action: np.ndarray, goal: np.ndar
         joints=np.asarray(measured.joints, np.float32),
         objects=np.asarray(measured.objects, np.float32),
         displacement=np.asarray(measured.displacement, np.float32),
-        goal=np.asarray(goal, np.float32),
-        rgb=measured.rgb,
+        goal=np.array(goal, np.float32),
+        frames=measured.frames,
     )

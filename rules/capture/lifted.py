@@ -6,6 +6,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 
 from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.draw import Viewpoint
 from dextera_build.artifacts.splats import Splats
 from dextera_build.geometry import cameras
 from dextera_build.geometry.gaussians import Gaussians
@@ -24,20 +25,30 @@ class LiftedOptions(Options):
     """Pixels are left out where depths of neighbours differ by more than this part."""
 
 
-@rule(version=1, packages=("numpy", "scipy"))
-def lifted(ctx: Context, capture: Capture, *, options: LiftedOptions | None = None) -> Splats:
-    """Return a Gaussian for each measured pixel, in frame `scene`: the camera's axes, lengths of unknown size."""
+@rule(version=2, packages=("numpy", "scipy"))
+def lifted(
+    ctx: Context, capture: Capture, viewpoint: Viewpoint | None = None, *, options: LiftedOptions | None = None
+) -> Splats:
+    """Return a Gaussian for each measured pixel, in frame `scene`: the camera's axes, lengths of unknown size.
+
+    Args:
+        ctx: Context.
+        capture: Colours and depth.
+        viewpoint: Draws the unit of lengths (`Viewpoint.unit`), on top of `scale_factor`.
+        options: Options.
+    """
     from scipy.ndimage import maximum_filter, minimum_filter
 
     options = options or LiftedOptions()
     if capture.measured is None:
         ctx.fail("the capture has no depth", hint="align.scene takes scenes from elsewhere, too")
+    factor = options.scale_factor * (viewpoint.unit if viewpoint else 1.0)
     depth, k = capture.measured.depth.depth.astype(np.float64), capture.photograph.camera.matrix()
     apart = maximum_filter(depth, 3) - minimum_filter(np.where(depth > 0, depth, np.inf), 3)
     kept = (depth > 0) & (apart < options.edge_fraction * depth)
     ctx.check(bool(kept.any()), "no pixel has depth beside pixels of the same surface")
-    across = options.spread * options.scale_factor * depth[kept] / k[0, 0]
-    means = options.scale_factor * cameras.backproject(depth, k)[kept]
+    across = options.spread * factor * depth[kept] / k[0, 0]
+    means = factor * cameras.backproject(depth, k)[kept]
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(means), 1))
     colours = flat(capture.photograph.rgb.pixels[kept] / 255.0)
     made = Gaussians(means, turns, np.repeat(across[:, None], 3, axis=1), np.full(len(means), 0.97), colours)

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Episodes
-
-POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
-"""Components of a pose in the robot's base frame: metres, unit quaternion."""
-FORCE = ("fx", "fy", "fz")
+from dextera_build.policy.layout import of_episodes
+from dextera_build.policy.terms import Term
 
 
 @dataclass(frozen=True)
@@ -32,7 +30,7 @@ class Feature:
 
 
 def features(episodes: Episodes, goal: tuple[str, ...]) -> dict[str, Feature]:
-    """Features by name, without empty ones.
+    """Features by name, without empty ones; those of observations are the terms that `declared` gives a feature.
 
     LeRobot's policies use features whose names start with `observation` or `action`, so other features are named
     differently: `executed_action` is `action` with noise as sent, `target.hand` the palm pose for `action`, of several
@@ -42,30 +40,20 @@ def features(episodes: Episodes, goal: tuple[str, ...]) -> dict[str, Feature]:
         episodes: Names and shapes of the channels.
         goal: Names of the goal's components.
     """
-    objects = tuple(f"{name}.{part}" for name in episodes.object_names for part in POSE)
-    forces = tuple(f"{name}.{part}" for name in episodes.tip_names for part in FORCE)
-    limbs = episodes.limb_names
-    hands = POSE if len(limbs) == 1 else tuple(f"{name}.{part}" for name in limbs for part in POSE)
     vectors = {
-        "observation.state": episodes.joint_names,
-        "observation.environment_state": (*objects, *episodes.displacement_names),
-        "observation.goal": goal,
-        "action": episodes.joint_names,
-        "executed_action": episodes.joint_names,
-        "target.hand": hands,
-        "privileged.contact": forces,
+        name: tuple(part for term in terms for part in term.components) for name, terms in _by_feature(episodes, goal)
     }
-    found = {name: Feature("float32", parts) for name, parts in vectors.items() if parts}
+    found = {name: Feature("float32", parts) for name, parts in vectors.items()}
     found |= {"next.done": Feature("bool", None), "next.success": Feature("bool", None)}
     found["timestamp"] = Feature("float32", None)
     return found | {name: Feature("int64", None) for name in ("frame_index", "episode_index", "index", "task_index")}
 
 
-def columns(rate_hz: float, episode: Episode, number: int, first: int) -> dict[str, np.ndarray]:
-    """Arrays (T, N) by feature; including features without components.
+def columns(episodes: Episodes, episode: Episode, number: int, first: int) -> dict[str, np.ndarray]:
+    """Arrays (T, N) by feature.
 
     Args:
-        rate_hz: Steps per second.
+        episodes: Names and rate of the channels.
         episode: The episode.
         number: Its index among the kept episodes.
         first: Number of steps in the episodes before it.
@@ -73,22 +61,34 @@ def columns(rate_hz: float, episode: Episode, number: int, first: int) -> dict[s
     steps = len(episode.joints)
     frame = np.arange(steps)
     last = frame == steps - 1
+    goal = tuple(str(part) for part in range(len(episode.goal)))  # the names do not matter here
     values: dict[str, np.ndarray] = {
-        "observation.state": episode.joints,
-        "observation.environment_state": np.concatenate(
-            [episode.objects.reshape(steps, -1), episode.displacement], axis=1
-        ),
-        "observation.goal": np.tile(episode.goal, (steps, 1)),
-        "action": episode.action,
-        "executed_action": episode.executed,
-        "target.hand": episode.hand.reshape(steps, -1),
-        "privileged.contact": episode.contact.reshape(steps, -1),
+        name: np.concatenate([_recorded(episode, term) for term in terms], axis=1)
+        for name, terms in _by_feature(episodes, goal)
+    }
+    values |= {
         "next.done": last,
         "next.success": last & episode.success,
-        "timestamp": (frame / rate_hz).astype(np.float32),
+        "timestamp": (frame / episodes.rate_hz).astype(np.float32),
         "frame_index": frame,
         "episode_index": np.full(steps, number),
         "index": first + frame,
         "task_index": np.zeros(steps, np.int64),
     }
     return {name: value.reshape(steps, -1) for name, value in values.items()}
+
+
+def _by_feature(episodes: Episodes, goal: tuple[str, ...]) -> list[tuple[str, list[Term]]]:
+    """Features of numbers with their terms, in the order of the terms."""
+    found: dict[str, list[Term]] = {}
+    for term in of_episodes(episodes, goal).terms():
+        if term.feature:
+            found.setdefault(term.feature, []).append(term)
+    return list(found.items())
+
+
+def _recorded(episode: Episode, term: Term) -> np.ndarray:
+    """Values of a term at every step (T, N)."""
+    values: np.ndarray = getattr(episode, term.declared.name)
+    steps = len(episode.joints)
+    return np.tile(values, (steps, 1)) if term.declared.name == "goal" else values.reshape(steps, -1)

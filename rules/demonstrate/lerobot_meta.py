@@ -12,6 +12,7 @@ import numpy as np
 from dextera_build import digest
 from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.policy.declared import BY_NAME
 
 from .lerobot_features import Feature
 
@@ -31,7 +32,7 @@ def instruction(bundle: TaskBundle, options: LerobotOptions) -> str:
 
 def picture_key(options: LerobotOptions) -> str:
     """Name of the camera's feature."""
-    return f"observation.images.{options.camera}"
+    return BY_NAME["rgb"].feature.format(options.camera)
 
 
 def info(

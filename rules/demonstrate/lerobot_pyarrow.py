@@ -67,7 +67,7 @@ def data(
     """Write the data files; return the rows of `meta/episodes` and statistics of the whole set."""
     tables, rows, first = [], [], 0
     for number, (label, episode) in enumerate(episodes.in_order()):
-        found = lerobot_features.columns(episodes.rate_hz, episode, number, first)
+        found = lerobot_features.columns(episodes, episode, number, first)
         columns = {name: found[name] for name in features}
         tables.append(columns)
         steps = len(episode.joints)

@@ -34,7 +34,7 @@ def write(
     """Write `meta/info.json`, `meta/stats.json` and `meta/dextera.json`."""
     features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal)
     parts = [
-        lerobot_features.columns(episodes.rate_hz, episode, number, 0)
+        lerobot_features.columns(episodes, episode, number, 0)
         for number, (_, episode) in enumerate(episodes.in_order())
     ]
     whole = {name: np.concatenate([columns[name] for columns in parts]) for name in features}

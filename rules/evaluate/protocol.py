@@ -123,20 +123,25 @@ def close(ctx: Context, record: Record) -> None:
         ctx.metric("without a trial", without, f"of {len(record.items) + without}")
     how = ", poses tracked" if record.poses == "tracked" else ""
     ctx.say(f"{rate} in the {record.bundle.kind}{how}" + (f", {without} starts left out" if without else ""))
-    _tell(ctx, [trial.sighting for trial in record.items if trial.sighting is not None])
+    _tell(ctx, [(trial.success, trial.sighting) for trial in record.items if trial.sighting is not None])
     for reason, count in Counter(trial.reason for trial in record.items if not trial.success).most_common():
         ctx.log(f"{count} x {reason}")
     for reason, count in record.excluded.most_common():
         ctx.log(f"{count} x left out: {reason}")
 
 
-def _tell(ctx: Context, sightings: Sequence[Sighting]) -> None:
-    """Report how a tracker did over all trials; nothing without one."""
-    if not sightings:
+def _tell(ctx: Context, trials: Sequence[tuple[bool, Sighting]]) -> None:
+    """Report how a tracker did over all trials, given with their true verdicts; nothing without one."""
+    if not trials:
         return
+    sightings = [sighting for _, sighting in trials]
     ctx.metric("found", sum(sighting.found_s is not None for sighting in sightings), f"of {len(sightings)}")
     frames = sum(sighting.frames for sighting in sightings)
     ctx.metric("frames tracked", sum(sighting.tracked for sighting in sightings) / max(frames, 1), "fraction")
+    judged = [(true, sighting.success) for true, sighting in trials if sighting.success is not None]
+    if judged:
+        ctx.metric("judged alike by what was measured", sum(true == seen for true, seen in judged), f"of {len(judged)}")
+        ctx.metric("taken for done, but not done", sum(seen and not true for true, seen in judged), f"of {len(judged)}")
     for field_name, (what, unit, factor) in ERRORS.items():
         errors = factor * np.array([error for sighting in sightings for error in getattr(sighting, field_name)])
         if len(errors):

@@ -13,6 +13,7 @@ from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.artifacts.trials import Attempt, Trials
+from dextera_build.errors import listing
 from dextera_build.policy import contract as contracts
 from dextera_build.rule import Context, Options, rule
 
@@ -44,6 +45,7 @@ class RolloutsBackend(Protocol):
         checkpoint: Checkpoint,
         view: View | None,
         cell: Cell | None,
+        twin: TaskBundle | None,
         seeds: list[int],
         options: Any,
     ) -> Iterator[Attempt]:
@@ -57,13 +59,14 @@ class RolloutsBackend(Protocol):
         ...
 
 
-@rule(version=2, packages=("numpy",), memory_gb=2.0)
+@rule(version=3, packages=("numpy",), memory_gb=2.0)
 def rollouts(
     ctx: Context[RolloutsBackend],
     bundle: TaskBundle,
     checkpoint: Checkpoint,
     view: View | None = None,
     cell: Cell | None = None,
+    twin: TaskBundle | None = None,
     *,
     options: RolloutsOptions,
 ) -> Trials:
@@ -72,13 +75,22 @@ def rollouts(
     The loop is closed: at every control period the policy gets a deployable observation and returns joint targets.
     A policy that returns no usable action fails that trial only. A state policy ignores `view`; film strips
     use it. With a `cell`, poses and joints of objects come from its tracker instead of the simulator, and a trial whose
-    object is not found beforehand fails; the verdict is always on the truth. Trials of an interrupted build are kept.
+    object is not found beforehand fails; the verdict is always on the truth. With `twin`, the task in the twin, a trial
+    with a cell is also judged by what was measured. Trials of an interrupted build are kept.
     """
+    if twin is not None and (twin.task != bundle.task or list(twin.objects) != list(bundle.objects)):
+        ctx.fail(
+            f"`twin` is another task than `{bundle.task.name}` of the world",
+            twin=f"{twin.task.name} with {listing(twin.objects)}",
+            hint="give the task that the world was made for",
+        )
     contracts.check(checkpoint.contract, bundle, view=view)
     record = Record(bundle, "exact" if cell is None else "tracked")
 
     def make(left: list[int]) -> Iterator[Attempt]:
-        made: Iterator[Attempt] = ctx.backend.rollouts(ctx, bundle, checkpoint, view, cell, left, ctx.backend_options)
+        made: Iterator[Attempt] = ctx.backend.rollouts(
+            ctx, bundle, checkpoint, view, cell, twin, left, ctx.backend_options
+        )
         return made
 
     for done, attempt in enumerate(resumed(ctx, seeds(options.seed, options.trials), make), 1):

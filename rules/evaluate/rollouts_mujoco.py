@@ -35,6 +35,7 @@ def rollouts(
     checkpoint: Checkpoint,
     view: View | None,
     cell: Cell | None,
+    twin: TaskBundle | None,
     seeds: list[int],
     options: Options,
 ) -> Iterator[Attempt]:
@@ -43,7 +44,8 @@ def rollouts(
     environment = Environment(bundle)
     sees = view is not None and any(channel.name == "rgb" for channel in checkpoint.contract.inputs)
     opened = through(environment.model, view) if view and sees else nullcontext()
-    tracked = nullcontext() if cell is None else TrackedCell(environment, cell, objects_of(checkpoint.contract, bundle))
+    names = objects_of(checkpoint.contract, bundle)
+    tracked = nullcontext() if cell is None else TrackedCell(environment, cell, names, twin)
     with opened as eye, tracked as watching:
         look = (lambda: np.asarray(eye.rgb(environment.data))) if eye is not None else None
         for seed in seeds:
@@ -55,6 +57,8 @@ def rollouts(
             environment.begin(start)
             placed = environment.object_poses().astype(np.float32)
             episode = closed_loop(environment, policy, start, look, watching)
+            if watching is not None:
+                watching.settle()
             yield Attempt(seed=seed, episode=episode, placed=placed, sighting=watching and watching.sighting)
 
 

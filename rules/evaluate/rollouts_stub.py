@@ -23,6 +23,7 @@ def rollouts(
     checkpoint: Checkpoint,
     view: View | None,
     cell: Cell | None,
+    twin: TaskBundle | None,
     seeds: list[int],
     options: Options,
 ) -> Iterator[Attempt]:

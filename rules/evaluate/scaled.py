@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import PositiveFloat
 
+from dextera_build.artifacts.draw import Viewpoint
 from dextera_build.artifacts.scene_fit import SceneFit
 from dextera_build.artifacts.table import Table
 from dextera_build.artifacts.world import World
 from dextera_build.geometry import transforms
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, rule
 
 from . import errors
 
 
-class ScaledOptions(Options):
-    """Options of evaluate.scaled."""
-
-    scale_factor: PositiveFloat = 1.0
-    """Lengths of the scene per metre, which the fit did not know; as in `capture.lifted`."""
-
-
-@rule(version=1, packages=("numpy", "scipy"))
-def scaled(ctx: Context, world: World, moved: World, fit: SceneFit, *, options: ScaledOptions | None = None) -> Table:
+@rule(version=2, packages=("numpy", "scipy"))
+def scaled(ctx: Context, world: World, moved: World, fit: SceneFit, viewpoint: Viewpoint) -> Table:
     """Return the errors of scale [%], of the second camera's place [mm] and of its rotation [deg].
 
     Args:
@@ -30,11 +23,10 @@ def scaled(ctx: Context, world: World, moved: World, fit: SceneFit, *, options: 
         world: The world of the picture that the scene was lifted from.
         moved: The same world with the camera of the picture that was aligned.
         fit: T_camera_scene of that picture.
-        options: Options.
+        viewpoint: Its `unit` is the one that the scene was lifted in.
     """
-    options = options or ScaledOptions()
     true = transforms.invert(moved.camera_pose.matrix) @ world.camera_pose.matrix
-    motion, ratio = fit.motion, fit.motion.scale * options.scale_factor
+    motion, ratio = fit.motion, fit.motion.scale * viewpoint.unit
     spread = None if motion.covariance is None else motion.covariance[6:, 6:]
     scale = float(np.log(ratio))
     # The camera in the scene at its true size: the scale's error does not hide in the distance.
@@ -53,7 +45,7 @@ def scaled(ctx: Context, world: World, moved: World, fit: SceneFit, *, options: 
         "An aligned scene against the truth",
         rows + believed,
         (
-            f"scene: {options.scale_factor:g} lengths per metre, which align.scene does not know; scale: logarithm of "
-            "found over true; camera: of the second picture in the scene at its true size; believed: without doubts",
+            "scene: its lengths are of a unit that align.scene does not know; scale: logarithm of found over true; "
+            "camera: of the second picture in the scene at its true size; believed: without doubts",
         ),
     )

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera, Measured, Photograph
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.image import Image, LabelImage
 from dextera_build.artifacts.object import AssetSource, Element, Support
 from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
 from dextera_build.geometry import upright
@@ -26,6 +26,8 @@ class Workspace:
     depth: np.ndarray
     """(H, W) float32 image-plane z [m]; 0 where nothing was measured."""
     support: Support
+    robot: np.ndarray | None = None
+    """(H, W) bool, pixels of the robot, which is never an object; None: no robot is known."""
 
     @property
     def pixels(self) -> np.ndarray:
@@ -58,6 +60,7 @@ class Workspace:
             Photograph(rgb=Image(pixels=upright.turned(self.pixels, self.turns)), camera=camera),
             upright.turned(self.depth, self.turns),
             self.support.model_copy(update={"camera_pose": pose.model_copy(update={"matrix": matrix})}),
+            None if self.robot is None else upright.turned(self.robot, self.turns),
         )
 
 
@@ -111,9 +114,13 @@ class Measurements(Generic[T]):
 
 
 def of_workspace(
-    ctx: Context, photograph: Photograph, measured: Measured | None, support: Support | None
+    ctx: Context,
+    photograph: Photograph,
+    measured: Measured | None,
+    support: Support | None,
+    machine: np.ndarray | None = None,
 ) -> Measurements[Workspace]:
-    """The measurements of a whole photograph.
+    """The measurements of a whole photograph, with the robot's pixels, `machine` (H, W) bool.
 
     Raises:
         RuleError: Photograph and depth differ in size.
@@ -130,7 +137,26 @@ def of_workspace(
             depth=f"{depth.shape[1]} x {depth.shape[0]} px",
             hint="take both from one capture",
         )
-    return Measurements(ctx, Workspace(photograph, without_dropout(depth), support), "")
+    return Measurements(ctx, Workspace(photograph, without_dropout(depth), support, machine), "")
+
+
+def robot_pixels(ctx: Context, photograph: Photograph, robot: LabelImage | None) -> np.ndarray | None:
+    """Pixels (H, W) bool of the robot; None if no robot is known.
+
+    Raises:
+        RuleError: They are of a picture of another size.
+    """
+    if robot is None:
+        return None
+    size, machine = photograph.rgb.pixels.shape[:2], np.asarray(robot.labels != 0)
+    if machine.shape != size:
+        ctx.fail(
+            "the robot's pixels are of another picture",
+            photograph=f"{size[1]} x {size[0]} px",
+            robot=f"{machine.shape[1]} x {machine.shape[0]} px",
+            hint="make them with `background.robot` and the camera of this photograph",
+        )
+    return machine
 
 
 SCATTERED = 0.1

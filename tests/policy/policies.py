@@ -8,7 +8,7 @@ from dextera_build.artifacts.policy import Channel, Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import layout
-from dextera_build.policy.observation import DeployableObservation, Measurement, deployable
+from dextera_build.policy.observation import PICTURE, DeployableObservation, Frame, Measurement, deployable
 from tests import episodes
 
 INPUTS = ("joints", "objects", "displacement", "goal")
@@ -46,8 +46,9 @@ def checkpoint(made: PolicyContract, seed: int = 0) -> Checkpoint:
     )
 
 
-def observation(step: int = 0, **fields: np.ndarray) -> DeployableObservation:
-    """What the policy would see at one step of a hand-made episode."""
+def observation(step: int = 0, rgb: np.ndarray | None = None, **fields: np.ndarray) -> DeployableObservation:
+    """What the policy would see at one step of a hand-made episode, with a picture or without."""
     one = episodes.episode()
+    frames = {} if rgb is None else {PICTURE: Frame(rgb=rgb)}
     seen = {"joints": one.joints[step], "objects": one.objects[step], "displacement": one.displacement[step]}
-    return deployable(Measurement(**(seen | fields)), one.start.ctrl, one.goal)
+    return deployable(Measurement(**(seen | fields), frames=frames), one.start.ctrl, one.goal)

@@ -127,7 +127,7 @@ def teams(environment: Environment) -> list[tuple[tuple[str, ...], Expert]]:
             hint="demonstrate the task by other means",
         )
     nearest = _limbs(environment)
-    found = []
+    found: list[tuple[tuple[str, ...], Expert]] = []
     for expert in experts:
         if expert.hands == 1 and len(task.limbs) < 2:
             found += [((limb,), expert) for limb in nearest]

@@ -29,7 +29,9 @@ class Insight:
         self._rotation = bundle.base_pose.matrix[:3, :3].T
         self._origin = bundle.base_pose.matrix[:3, 3]
         self._dofs = np.array([model.joint(ROBOT + joint.name).dofadr[0] for joint in bundle.robot.joints])
+        self._inner = np.array([model.joint(name).dofadr[0] for name in bundle.displacement_names], int)
         self._bodies = [int(model.body(name).id) for name in bundle.objects]
+        self._palms = environment.hands.palms
         self._tips = environment.hands.tips
         self._points = bundle.objects[environment.task.object].points.astype(np.float64)
 
@@ -39,11 +41,14 @@ class Insight:
         data = environment.data
         sites = [self._velocity(mujoco.mjtObj.mjOBJ_SITE, site) for site in self._tips]
         bodies = [self._velocity(mujoco.mjtObj.mjOBJ_XBODY, body) for body in self._bodies]
+        palms = [self._velocity(mujoco.mjtObj.mjOBJ_SITE, site) if site >= 0 else np.zeros(6) for site in self._palms]
         return PrivilegedObservation(
             contact=environment.contact_forces().astype(np.float32),
             joint_velocities=data.qvel[self._dofs].astype(np.float32),
             object_velocities=np.array(bodies, np.float32).reshape(-1, 6),
+            displacement_velocities=data.qvel[self._inner].astype(np.float32),
             hand_poses=environment.palm_poses().astype(np.float32),
+            hand_velocities=np.array(palms, np.float32).reshape(-1, 6),
             tip_poses=self._tip_poses(data).astype(np.float32),
             tip_velocities=np.array(sites, np.float32).reshape(-1, 6),
             points=self._surface(data).astype(np.float32),

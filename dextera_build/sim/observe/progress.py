@@ -31,12 +31,12 @@ class Progress:
         self._model = environment.model
         self._hands = _sites(environment)
         self._points = environment.bundle.objects[environment.task.object].points.astype(np.float64)
-        self._links: dict[str, _Link] = {}
+        self._links: dict[tuple[str, float], _Link] = {}
 
-    def value(self, success: bool) -> float:
-        """Value of the current state; see `dextera_build.sim.primitives`."""
+    def value(self, success: bool, now: TaskState | None = None) -> float:
+        """Value of the current state, which is `now` where the caller has it; see `dextera_build.sim.primitives`."""
         environment = self._environment
-        state, start = environment.state(), environment.judge.start
+        state, start = now or environment.state(), environment.judge.start
         return environment.primitive.value(self.reach_m(state), start, state, success=success)
 
     def reach_m(self, state: TaskState) -> float:
@@ -49,10 +49,18 @@ class Progress:
         pushed = environment.primitive.pushed(environment.judge.start, state)
         if pushed is not None:
             name, way = pushed
-            link = self._links.setdefault(name, _Link(self._model, name))
+            link = self._link(name)
             return float(link.distances(data, way, self._reached(np.concatenate(self._hands))).min())
         means = [float(self._distances(state, tips).mean()) for tips in self._hands]
         return float(np.mean(means)) if environment.task.limbs else min(means)
+
+    def _link(self, name: str) -> _Link:
+        """The link of a joint, at the size that the object has in this episode."""
+        environment = self._environment
+        key = name, environment.start.size_scale.get(environment.task.object, 1.0)
+        if key not in self._links:
+            self._links = {key: _Link(self._model, name)} | {k: v for k, v in self._links.items() if k[1] == key[1]}
+        return self._links[key]
 
     def _distances(self, state: TaskState, tips: np.ndarray) -> np.ndarray:
         local = (self._reached(tips) - state.world_from_object[:3, 3]) @ state.world_from_object[:3, :3]
@@ -79,21 +87,25 @@ class _Link:
     def __init__(self, model: mujoco.MjModel, joint: str) -> None:
         self._mechanism = Mechanism(model, joint)
         self._body = int(model.jnt_bodyid[model.joint(joint).id])
+        self._pushed = {way: self._push(way) for way in (-1.0, 0.0, 1.0)}
+
+    def _push(self, way: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Contact point, direction of the push and direction away from the axis, (3,) in the link's frame [m]."""
+        place, along = self._mechanism.pushed_at(way, SHARE)
+        outwards = np.cross(along, self._mechanism.axis) * way
+        return place, along, outwards * np.sign(outwards @ (place - self._mechanism.pivot))
 
     def distances(self, data: mujoco.MjData, way: float, points: np.ndarray) -> np.ndarray:
         """Path lengths (N,) [m] from points (N, 3) to the place where the joint is pushed by `way`, all in the world.
 
         From the side that the link moves towards, the path leads around its free edge, because the link is in between.
         """
-        place, along = self._mechanism.pushed_at(way, SHARE)
+        place, along, outwards = self._pushed[float(np.sign(way))]
         pose = transforms.rigid(data.xmat[self._body].reshape(3, 3), data.xpos[self._body])
         surface, target = transforms.apply(pose, np.stack([place, place - BEHIND_M * along]))
         straight = np.linalg.norm(points - target, axis=1)
         if not self._mechanism.turns:
             return np.asarray(straight)
-        arm = place - self._mechanism.pivot
-        outwards = np.cross(along, self._mechanism.axis) * np.sign(way)
-        outwards *= np.sign(outwards @ arm)
         edge = target + pose[:3, :3] @ outwards * CLEAR_M
         around = np.linalg.norm(points - edge, axis=1) + np.linalg.norm(edge - target)
         before = (points - surface) @ (pose[:3, :3] @ along) > 0

@@ -47,6 +47,12 @@ class Hands:
             own = finger_map(model, np.array([site(role) for role in limb.tips], int), self.palms[number])
             self.fingers[own != SUPPORT] = own[own != SUPPORT] + self._first[number]
 
+        self._inside: dict[int, np.ndarray] = {}
+
+    def of(self, limb: int) -> slice:
+        """Numbers of the fingers of a limb, its palm last."""
+        return slice(self._first[limb], self._first[limb + 1])
+
     @property
     def count(self) -> int:
         """Number of fingers and palms."""
@@ -60,13 +66,15 @@ class Hands:
             data: `mujoco.MjData` with contacts and forces of the current state.
             body: Root body of the object.
         """
-        forces, supported = _forces(model, data, body, self.fingers, self.count)
+        if body not in self._inside:
+            self._inside[body] = _inside(model, body)
+        forces, supported = _forces(model, data, self._inside[body], self.fingers, self.count)
         # Bodies that sleep have no contacts; only what rests on something falls asleep.
         supported |= not data.tree_awake[model.body_treeid[body]]
-        found = {}
+        found, motion = {}, _motion(model, data, body)
         for number, name in enumerate(self.names):
-            own = forces[self._first[number] : self._first[number + 1]]
-            found[name] = _state(own, supported, _slip(model, data, body, self.palms[number]))
+            slip = _slip(model, data, body, motion, self.palms[number])
+            found[name] = _state(forces[self.of(number)], supported, slip)
         return found
 
     def tip_forces(self, model: Any, data: Any) -> np.ndarray:
@@ -114,29 +122,37 @@ def estimate(model: Any, data: Any, body: int, fingers: np.ndarray, palm: int) -
         fingers: `finger_map`.
         palm: Site of the palm, the reference for slip, or -1.
     """
-    forces, supported = _forces(model, data, body, fingers, int(fingers.max(initial=0)) + 1)
-    return _state(forces, supported, _slip(model, data, body, palm))
+    forces, supported = _forces(model, data, _inside(model, body), fingers, int(fingers.max(initial=0)) + 1)
+    return _state(forces, supported, _slip(model, data, body, _motion(model, data, body), palm))
 
 
 def _state(forces: np.ndarray, supported: bool, slip: float) -> GraspState:
+    if not forces.any():
+        return GraspState(supported=supported, slip_m_s=slip)
     pressing = forces[np.linalg.norm(forces, axis=1) > PRESS_N]
     unit = pressing / np.maximum(np.linalg.norm(pressing, axis=1, keepdims=True), 1e-12)
     pushes: Sequence[Any] = [tuple(row) for row in unit.tolist()]
     return GraspState(len(pressing), opposed(unit), supported, slip, tuple(pushes))
 
 
-def _forces(model: Any, data: Any, body: int, fingers: np.ndarray, count: int) -> tuple[np.ndarray, bool]:
+def _inside(model: Any, body: int) -> np.ndarray:
+    """Which geoms belong to the object with root `body`, (ngeom,) bool."""
+    return np.asarray(model.body_rootid[model.geom_bodyid] == body)
+
+
+def _forces(model: Any, data: Any, inside: np.ndarray, fingers: np.ndarray, count: int) -> tuple[np.ndarray, bool]:
     """Forces on the object by finger (`count`, 3) [N], and whether anything but a hand touches it."""
     forces = np.zeros((count, 3))
     supported = False
-    roots = model.body_rootid[model.geom_bodyid]
-    for number in range(data.ncon):
-        one, other = data.contact.geom[number]
-        inside = roots[one] == body, roots[other] == body
-        if inside[0] == inside[1] or data.contact.efc_address[number] < 0:
-            continue
-        finger = int(fingers[other if inside[0] else one])
-        force = _on_second(model, data, number) * (-1.0 if inside[0] else 1.0)
+    if data.ncon == 0:
+        return forces, supported
+    contact = data.contact
+    pairs = contact.geom
+    ours = inside[pairs]
+    for number in np.flatnonzero((ours[:, 0] != ours[:, 1]) & (contact.efc_address >= 0)).tolist():
+        first = bool(ours[number, 0])
+        finger = int(fingers[pairs[number, int(first)]])
+        force = _on_second(model, data, number) * (-1.0 if first else 1.0)
         if finger == SUPPORT:
             supported |= bool(np.linalg.norm(force) > PRESS_N)
         else:
@@ -152,12 +168,21 @@ def _on_second(model: Any, data: Any, number: int) -> np.ndarray:
     return np.asarray(data.contact.frame[number].reshape(3, 3).T @ local[:3])
 
 
-def _slip(model: Any, data: Any, body: int, palm: int) -> float:
-    """Speed of the object's centre of mass relative to a rigid attachment to the palm [m/s]."""
+def _motion(model: Any, data: Any, body: int) -> np.ndarray:
+    """Velocity of a body's centre of mass (6,): angular [rad/s], linear [m/s], along the world's axes."""
+    found = np.zeros(6)
+    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, found, 0)
+    return found
+
+
+def _slip(model: Any, data: Any, body: int, motion: np.ndarray, palm: int) -> float:
+    """Speed of the object's centre of mass, which has `motion`, relative to a rigid attachment to the palm [m/s]."""
     if palm < 0:
         return 0.0
-    ours, hand = np.zeros(6), np.zeros(6)
-    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, ours, 0)
+    hand = np.zeros(6)
     mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_SITE, palm, hand, 0)
-    arm = data.xipos[body] - data.site_xpos[palm]
-    return float(np.linalg.norm(ours[3:] - hand[3:] - np.cross(hand[:3], arm)))
+    x, y, z = (data.xipos[body] - data.site_xpos[palm]).tolist()
+    wx, wy, wz = hand[:3].tolist()
+    # By hand: `np.cross` takes longer than all the rest.
+    carried = np.array([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x])
+    return float(np.linalg.norm(motion[3:] - hand[3:] - carried))

@@ -1,4 +1,4 @@
-"""Apply sampled dynamics to a compiled model: sizes, masses, friction, gains."""
+"""Apply sampled dynamics to a compiled model: sizes, masses, friction, gains, damping and friction of joints."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.sizes import Sizes
+from dextera_build.sim.runtime import variations
 
 
 class Dynamics:
@@ -27,9 +28,13 @@ class Dynamics:
         self._mass, self._inertia = model.body_mass.copy(), model.body_inertia.copy()
         self._friction = model.geom_friction.copy()
         self._gain, self._bias = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
+        self._damping, self._stick = model.dof_damping.copy(), model.dof_frictionloss.copy()
         self._actuators = [model.actuator(ROBOT + joint.name).id for joint in bundle.robot.joints]
         roots = model.body_rootid
         self._bodies = {name: np.flatnonzero(roots == model.body(name).id) for name in bundle.objects}
+        owners = model.body_rootid[model.dof_bodyid]
+        self._dofs = {name: owners == model.body(name).id for name in bundle.objects}
+        self._dofs[variations.ROBOT] = owners == model.body(ROBOT + "base").id
         self._geoms = {name: np.isin(model.geom_bodyid, bodies) for name, bodies in self._bodies.items()}
 
     def apply(self, start: Start, data: Any) -> None:
@@ -46,6 +51,11 @@ class Dynamics:
         model.actuator_gainprm[:], model.actuator_biasprm[:] = self._gain, self._bias
         model.actuator_gainprm[self._actuators, 0] *= start.gain_scale
         model.actuator_biasprm[self._actuators, 1:3] *= start.gain_scale
+        model.dof_damping[:], model.dof_frictionloss[:] = self._damping, self._stick
+        for name, factor in start.variation.damping.items():
+            model.dof_damping[self._dofs[name]] *= factor
+        for name, factor in start.variation.joint_friction.items():
+            model.dof_frictionloss[self._dofs[name]] *= factor
         # Constants derived from masses; MuJoCo needs a scratch `MjData`, which it leaves at `qpos0`.
         mujoco.mj_setConst(model, data)
         mujoco.mj_resetData(model, data)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.goals import Goal
+from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.geometry import quaternions, transforms
-from dextera_build.policy.observation import DeployableObservation, Measurement, deployable
+from dextera_build.policy.observation import DeployableObservation, Frames, Measurement, deployable
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.model import compile_folder
 from dextera_build.sim.primitives import catalogue
@@ -19,6 +21,7 @@ from dextera_build.sim.primitives.state import TaskState
 from dextera_build.sim.primitives.success import Judge
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.dynamics import Dynamics
+from dextera_build.sim.runtime.strata import Stratum
 
 RAMP = 5
 """Interpolation steps to a new joint target within one control period, as in robot controllers."""
@@ -46,23 +49,22 @@ class Environment:
 
     Args:
         bundle: The task.
+        model: Its compiled model, which this environment takes over and modifies; None: compiled here.
 
     Raises:
         RuleError: MuJoCo cannot load the model.
     """
 
-    def __init__(self, bundle: TaskBundle) -> None:
+    def __init__(self, bundle: TaskBundle, model: mujoco.MjModel | None = None) -> None:
         self.bundle = bundle
-        self.task = bundle.task
-        self.model = compile_folder(bundle.model)
+        self._set_goal(bundle.task.goal)
+        self.model = compile_folder(bundle.model) if model is None else model
         self.data = mujoco.MjData(self.model)
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         # Sleeping bodies cost nothing, and most objects sleep nearly all the time.
         self.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
         self.substeps = max(1, round(1.0 / (self.task.control_hz * self.model.opt.timestep)))
         self.period_s = self.substeps * self.model.opt.timestep
-        self.goal = np.array(bundle.goal_numbers, np.float32)
-        self.primitive = catalogue.of(bundle.task, bundle.objects)
         self._dynamics = Dynamics(bundle, self.model)
         self._index()
         self._base_from_world = transforms.invert(bundle.base_pose.matrix)
@@ -73,14 +75,21 @@ class Environment:
         """Begin an episode at a start drawn with `seed`."""
         return self.begin(self.draw(seed))
 
-    def draw(self, seed: int) -> Start:
+    def draw(self, seed: int, stratum: Stratum | None = None, views: Mapping[str, View] | None = None) -> Start:
         """Draw a start without beginning it; sizes of the running episode stay as they are.
+
+        Args:
+            seed: Any integer from 0 to 2^63.
+            stratum: The episode of a series whose ranges are to be filled evenly.
+            views: Cameras whose poses are drawn, by name.
 
         Raises:
             RuleError: No start without collisions was found.
         """
         try:
-            return starts.draw(self.bundle, self.model, self._dynamics.sizes, seed, self.primitive.fair)
+            return starts.draw(
+                self.bundle, self.model, self._dynamics.sizes, seed, self.primitive.fair, stratum=stratum, views=views
+            )
         finally:
             self._dynamics.sizes.put(self.start.size_scale)
 
@@ -90,13 +99,18 @@ class Environment:
         self._dynamics.apply(start, self.data)
         self.data.qpos[:] = start.qpos
         self.data.ctrl[self._actuators] = start.ctrl[self._actuators]
-        mujoco.mj_forward(self.model, self.data)
+        self._forward()
         self.start = start
+        if self.task.goal != (start.variation.goal or self.bundle.task.goal):
+            self._set_goal(start.variation.goal or self.bundle.task.goal)
         self.steps = 0
         self.previous_action = self.data.ctrl[self._actuators].copy()
         self._earlier = self.previous_action
         shapes = {name: each.sized(start.size_scale.get(name, 1.0)) for name, each in self.bundle.objects.items()}
-        self.judge = Judge(self.task, self.state(), shapes)
+        self._ranges = {name: tuple(self.model.jnt_range[joint]) for name, joint, _, _ in self._inner}
+        self.now = self.state()
+        """The quantities that determine success, at the end of the last control period."""
+        self.judge = Judge(self.task, self.now, shapes)
         return self.observe()
 
     def step(self, action: np.ndarray) -> Outcome:
@@ -107,41 +121,46 @@ class Environment:
         action = np.asarray(action, np.float64)
         if action.shape != self.lower.shape or not np.isfinite(action).all():
             return self._broken(action)
-        reach = self._speed * self.period_s
-        target = np.clip(action, self.previous_action - reach, self.previous_action + reach).clip(
-            self.lower, self.upper
-        )
+        before = self.previous_action
+        near = np.minimum(np.maximum(action, before - self._reach), before + self._reach)
+        target = np.minimum(np.maximum(near, self.lower), self.upper)
         self._advance(target)
         self._earlier, self.previous_action = self.previous_action, target
         self.steps += 1
-        if not np.isfinite(self.data.qvel).all() or np.abs(self.data.qvel).max() > 1e4:
+        # Written to be true on NaN.
+        if not np.abs(self._qvel).max() <= 1e4:
             return Outcome(False, True, "the simulation diverged", target)
-        success = self.judge.update(self.state())
+        self.now = self.state()
+        success = self.judge.update(self.now)
         late = self.steps * self.period_s >= self.task.timeout_s - 1e-9
         reason = "" if success or not late else self._why()
         return Outcome(success, success or late, reason, target)
 
-    def observe(self, rgb: np.ndarray | None = None) -> DeployableObservation:
-        """The current observation of a policy."""
-        return deployable(self.measure(rgb), self.previous_action, self.goal)
+    def send(self, targets: np.ndarray) -> np.ndarray:
+        """What a `RobotCell` does: `step`, whose result is in `outcome`."""
+        self.outcome = self.step(targets)
+        return self.outcome.executed
 
-    def measure(self, rgb: np.ndarray | None = None) -> Measurement:
-        """The current readings of joint encoders, a tracker and a camera."""
-        qpos = self.data.qpos
-        return Measurement(qpos[self._joints].copy(), self.object_poses(), qpos[self._displacements].copy(), rgb)
+    def observe(self, frames: Frames | None = None) -> DeployableObservation:
+        """The current observation of a policy."""
+        return deployable(self.measure(frames), self.previous_action, self.goal)
+
+    def measure(self, frames: Frames | None = None) -> Measurement:
+        """The current readings of joint encoders and a tracker, with the given frames of cameras."""
+        qpos = self._qpos
+        return Measurement(qpos[self._joints], self.object_poses(), qpos[self._displacements], frames or {})
 
     def object_poses(self) -> np.ndarray:
         """Poses of all objects in the base frame, (O, 7): position [m], quaternion w x y z with w >= 0."""
-        return self.poses(self.data.xpos[self._objects], self.data.xquat[self._objects])
+        return self.poses(self._xpos[self._objects], self._xquat[self._objects])
 
     def poses(self, positions: np.ndarray, turns: np.ndarray) -> np.ndarray:
         """World positions (N, 3) [m] and quaternions (N, 4) as poses (N, 7) in the base frame."""
         found = np.empty((len(positions), 7))
         found[:, :3] = positions @ self._base_from_world[:3, :3].T + self._base_from_world[:3, 3]
-        for row, quaternion in zip(found, turns, strict=True):
-            mujoco.mju_mulQuat(row[3:], self._base_turn, quaternion)
-            if row[3] < 0:
-                row[3:] *= -1
+        for row, quaternion in zip(found[:, 3:], turns, strict=True):
+            mujoco.mju_mulQuat(row, self._base_turn, quaternion)
+        found[found[:, 3] < 0, 3:] *= -1
         return found
 
     def palm_poses(self) -> np.ndarray:
@@ -161,35 +180,46 @@ class Environment:
 
     def state(self) -> TaskState:
         """The quantities that determine success."""
-        names = self.bundle.objects[self.task.object].joints
         return TaskState(
             time_s=self.steps * self.period_s,
             world_from_object=self._pose_of(self._target),
-            others={name: self._pose_of(self.model.body(name).id) for name in self.primitive.others()},
-            joints={name: float(self.data.joint(name).qpos[0]) for name in names},
-            ranges={name: tuple(self.model.joint(name).range) for name in names},
-            speeds={name: float(self.data.joint(name).qvel[0]) for name in names},
+            others={name: self._pose_of(body) for name, body in self._others.items()},
+            joints={name: float(self._qpos[place]) for name, _, place, _ in self._inner},
+            ranges=self._ranges,
+            speeds={name: float(self._qvel[speed]) for name, _, _, speed in self._inner},
             grasps=self.hands.grasps(self.model, self.data, self._target) if self.primitive.feels else {},
         )
 
+    def _set_goal(self, goal: Goal) -> None:
+        """Make this the objective."""
+        self.task = self.bundle.task.model_copy(update={"goal": goal})
+        self.goal = np.array(goal.numbers(self.bundle.base_pose.inverse().matrix), np.float32)
+        self.primitive = catalogue.of(self.task, self.bundle.objects)
+
     def _pose_of(self, body: int) -> np.ndarray:
         """T_world_body (4, 4)."""
-        return transforms.rigid(self.data.xmat[body].reshape(3, 3).copy(), self.data.xpos[body].copy())
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = self._xmat[body].reshape(3, 3), self._xpos[body]
+        return pose
 
     def _advance(self, target: np.ndarray) -> None:
-        pieces = min(RAMP, self.substeps)
         earlier, before = self._earlier, self.previous_action
-        late = self.bundle.latency_s / self.period_s
-        done = 0
-        for piece in range(1, pieces + 1):
-            part = piece / pieces - late
-            ramp = before + (target - before) * part if part >= 0 else earlier + (before - earlier) * (1 + part)
-            self.data.ctrl[self._actuators] = ramp
-            upto = self.substeps * piece // pieces
-            mujoco.mj_step(self.model, self.data, upto - done)
-            done = upto
-        # Update positions, contacts and forces, which mj_step leaves one step behind.
+        ahead, behind = target - before, before - earlier
+        # The first step need not compute again what `mj_forward` did, unless somebody moved something since.
+        ready = np.array_equal(self._seen[0], self._qpos) and np.array_equal(self._seen[1], self._qvel)
+        for part, steps in self._ramp:
+            self._ctrl[self._actuators] = before + ahead * part if part >= 0 else earlier + behind * (1 + part)
+            if ready:
+                mujoco.mj_step2(self.model, self.data)
+            if steps > ready:
+                mujoco.mj_step(self.model, self.data, steps - ready)
+            ready = False
+        self._forward()
+
+    def _forward(self) -> None:
+        """Update positions, contacts and forces, which `mj_step` leaves one step behind."""
         mujoco.mj_forward(self.model, self.data)
+        self._seen = self._qpos.copy(), self._qvel.copy()
 
     def _broken(self, action: np.ndarray) -> Outcome:
         if action.shape != self.lower.shape:
@@ -211,8 +241,19 @@ class Environment:
         self._actuators = np.array([model.actuator(name).id for name in names])
         self.lower = np.array([joint.lower for joint in robot.joints])
         self.upper = np.array([joint.upper for joint in robot.joints])
-        self._speed = np.array([joint.velocity for joint in robot.joints])
+        self._reach = np.array([joint.velocity for joint in robot.joints]) * self.period_s
         self._objects = np.array([model.body(name).id for name in self.bundle.objects])
         self._displacements = np.array([model.joint(name).qposadr[0] for name in self.bundle.displacement_names], int)
         self._target = int(model.body(self.task.object).id)
+        self._others = {name: int(model.body(name).id) for name in self.primitive.others()}
+        inner = [(name, model.joint(name)) for name in self.bundle.objects[self.task.object].joints]
+        self._inner = [(name, joint.id, int(joint.qposadr[0]), int(joint.dofadr[0])) for name, joint in inner]
+        # Views of the state, because every access to a field of `MjData` makes a new one.
+        data = self.data
+        self._qpos, self._qvel, self._ctrl = data.qpos, data.qvel, data.ctrl
+        self._xpos, self._xquat, self._xmat = data.xpos, data.xquat, data.xmat
         self.hands = Hands(model, robot, ROBOT)
+        pieces, late = min(RAMP, self.substeps), self.bundle.latency_s / self.period_s
+        upto = [self.substeps * piece // pieces for piece in range(pieces + 1)]
+        self._ramp = [(piece / pieces - late, upto[piece] - upto[piece - 1]) for piece in range(1, pieces + 1)]
+        """Share of the way to the new target, and substeps with it; below 0 the target before still arrives."""

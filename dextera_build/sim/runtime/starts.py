@@ -8,17 +8,20 @@ episode, so any episode can be rerun.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.task import TaskBundle, TaskObject
+from dextera_build.artifacts.task import TaskBundle, TaskObject, View
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.sizes import Sizes
+from dextera_build.sim.runtime import variations
+from dextera_build.sim.runtime.strata import Draws, Strata, Stratum
 from dextera_build.statistics import Z90
 
 TRIES = 200
@@ -33,7 +36,16 @@ Fair = Callable[[Mapping[str, np.ndarray]], bool]
 """Whether an episode may begin with the bodies at these poses, body -> T_world_body (4, 4)."""
 
 
-def draw(bundle: TaskBundle, model: Any, sizes: Sizes, seed: int, fair: Fair = lambda places: True) -> Start:
+def draw(
+    bundle: TaskBundle,
+    model: Any,
+    sizes: Sizes,
+    seed: int,
+    fair: Fair = lambda places: True,
+    *,
+    stratum: Stratum | None = None,
+    views: Mapping[str, View] | None = None,
+) -> Start:
     """Draw a start of the task, deterministic in bundle and seed.
 
     Args:
@@ -42,15 +54,21 @@ def draw(bundle: TaskBundle, model: Any, sizes: Sizes, seed: int, fair: Fair = l
         sizes: Of that model.
         seed: Any integer from 0 to 2^63.
         fair: Refuses starts at which the goal is reached.
+        stratum: The episode of a series whose ranges are to be filled evenly; None: independent of others.
+        views: Cameras whose poses are drawn, by name.
 
     Raises:
         RuleError: No start without collisions was found.
     """
-    random = np.random.default_rng([seed])
+    generator = np.random.default_rng([seed])
+    random = generator if stratum is None else Strata(stratum, generator)
     data = mujoco.MjData(model)
     dynamics = _dynamics(bundle, random)
     sizes.put(dynamics["size_scale"])
+    first = random.asked if isinstance(random, Strata) else 0
     for _ in range(TRIES):
+        if isinstance(random, Strata):
+            random.asked = first
         mujoco.mj_resetDataKeyframe(model, data, 0)
         _place_objects(bundle, data, dynamics["size_scale"], random)
         _pose_robot(bundle, model, data, random)
@@ -64,7 +82,11 @@ def draw(bundle: TaskBundle, model: Any, sizes: Sizes, seed: int, fair: Fair = l
             facts={"tries": TRIES, "position": f"± {bundle.task.reset.position_m} m"},
             hint="make the ranges of `reset` smaller",
         )
-    return Start(seed=seed, qpos=data.qpos.copy(), ctrl=data.ctrl.copy(), **dynamics)
+    # Numbers of their own, so that a task with more to vary has the same places and masses.
+    other = np.random.default_rng([seed, 1])
+    varied = other if stratum is None else Strata(replace(stratum, series=stratum.series + 1), other)
+    variation = variations.draw(bundle, varied, views)
+    return Start(seed=seed, qpos=data.qpos.copy(), ctrl=data.ctrl.copy(), variation=variation, **dynamics)
 
 
 def photographed(bundle: TaskBundle, model: Any) -> Start:
@@ -81,7 +103,7 @@ def photographed(bundle: TaskBundle, model: Any) -> Start:
     )
 
 
-def _dynamics(bundle: TaskBundle, random: np.random.Generator) -> dict[str, Any]:
+def _dynamics(bundle: TaskBundle, random: Draws) -> dict[str, Any]:
     width = bundle.task.reset.dynamics
     mass, friction = {}, {}
     for name, thing in bundle.objects.items():
@@ -97,7 +119,7 @@ def _dynamics(bundle: TaskBundle, random: np.random.Generator) -> dict[str, Any]
     return {"mass_scale": mass, "friction": friction, "gain_scale": gain, "size_scale": size}
 
 
-def _size(bundle: TaskBundle, thing: TaskObject, random: np.random.Generator) -> float:
+def _size(bundle: TaskBundle, thing: TaskObject, random: Draws) -> float:
     """Draw a factor on the object's lengths within the 90 % interval; 1 where none is known."""
     if not thing.scale_sigma or bundle.kind != "twin":
         return 1.0
@@ -111,7 +133,7 @@ def _rise(thing: TaskObject, size: float) -> float:
     return (1.0 - size) * lowest
 
 
-def _place_objects(bundle: TaskBundle, data: Any, sizes: dict[str, float], random: np.random.Generator) -> None:
+def _place_objects(bundle: TaskBundle, data: Any, sizes: dict[str, float], random: Draws) -> None:
     reset = bundle.task.reset
     for name, thing in bundle.objects.items():
         ours = name == bundle.task.object
@@ -132,7 +154,7 @@ def _place_objects(bundle: TaskBundle, data: Any, sizes: dict[str, float], rando
             data.joint(joint).qpos[0] = position + random.uniform(-wide, wide)
 
 
-def _pose_error(bundle: TaskBundle, thing: TaskObject, random: np.random.Generator) -> np.ndarray:
+def _pose_error(bundle: TaskBundle, thing: TaskObject, random: Draws) -> np.ndarray:
     """Draw x, y [m] and yaw [rad] from the covariance of the object's pose, (3,); zeros where none is known.
 
     Height and tilt are not drawn: the support decides them. Only a twin's poses are estimates.
@@ -141,11 +163,15 @@ def _pose_error(bundle: TaskBundle, thing: TaskObject, random: np.random.Generat
     if covariance is None or bundle.kind != "twin":
         return np.zeros(3)
     on_support = covariance[np.ix_((0, 1, 5), (0, 1, 5))]
-    drawn = random.multivariate_normal(np.zeros(3), on_support, method="eigh")
+    if isinstance(random, np.random.Generator):
+        drawn = random.multivariate_normal(np.zeros(3), on_support, method="eigh")
+    else:
+        values, axes = np.linalg.eigh(on_support)
+        drawn = axes @ (np.sqrt(np.maximum(values, 0.0)) * [random.standard_normal() for _ in range(3)])
     return np.asarray(bundle.task.reset.dynamics * drawn)
 
 
-def _pose_robot(bundle: TaskBundle, model: Any, data: Any, random: np.random.Generator) -> None:
+def _pose_robot(bundle: TaskBundle, model: Any, data: Any, random: Draws) -> None:
     targets: dict[str, float] = {}
     for joint in bundle.robot.joints:
         drawn = joint.home + random.uniform(-1, 1) * bundle.task.reset.robot_rad

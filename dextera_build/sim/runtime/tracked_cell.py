@@ -17,23 +17,29 @@ import numpy as np
 
 from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.episode import Start
+from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.trials import Sighting
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import poses, transforms
 from dextera_build.geometry.tracking.model import Model
 from dextera_build.geometry.tracking.thing import Tracked
 from dextera_build.geometry.tracking.tracker import Tracker
-from dextera_build.policy.observation import Measurement
+from dextera_build.policy.cell import Guard
+from dextera_build.policy.observation import Frames, Measurement
 from dextera_build.sim.render.rendering import Eye
+from dextera_build.sim.render.robot_pixels import RobotPixels
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.mirror import Hold, Mirror
 
 NOT_FOUND = "the tracker did not find the object"
 PHOTOGRAPHED = 5
 """Frames of the scene as photographed, from which the tracker learns how its objects look."""
 AWAY_S = 10.0
 """Time in which somebody moves the objects, unseen [s]."""
+WAIT_S = 1.0
+"""Time after a trial in which what the tracker still sends may show that the task is done [s]."""
 CONFIRMED = 5
 """Frames in a row in which an object must be tracked before a trial begins."""
 
@@ -49,15 +55,22 @@ class TrackedCell:
         environment: The true world.
         cell: Its camera and tracker.
         names: Objects to track; the poses of others stay those of the photograph.
+        twin: The task in the twin: it shows which pixels are the robot's and what a hand carries, and judges trials by
+            what is measured; None: nothing is known of the robot in the picture, and trials are not judged so.
 
     Raises:
         RuleError: The cell has no asset of an object.
     """
 
-    def __init__(self, environment: Environment, cell: Cell, names: Collection[str]) -> None:
+    _done: bool | None
+    """Whether what was measured shows that the task is done; None before it is asked."""
+
+    def __init__(
+        self, environment: Environment, cell: Cell, names: Collection[str], twin: TaskBundle | None = None
+    ) -> None:
         self.environment, self.cell = environment, cell
         bundle = environment.bundle
-        check(cell, bundle.objects)
+        check(cell, bundle.objects, twin)
         self._names = tuple(name for name in bundle.objects if name in {*names, bundle.task.object})
         bodies = {name: cell.assets[name].body for name in self._names}
         self._models = {name: Model.of(body, body.residual_m) for name, body in bodies.items()}
@@ -65,6 +78,8 @@ class TrackedCell:
         self._photographed = {name: base @ cell.assets[name].pose.matrix for name in bundle.objects}
         self._row = {name: number for number, name in enumerate(bundle.objects)}
         self._columns = _columns({name: len(thing.joints) for name, thing in bundle.objects.items()})
+        self._twin, self._mirror = twin, None if twin is None else Mirror(twin)
+        self._guard = Guard(cell.limits, bundle.robot, environment.task.control_hz, self._palms)
         self._held = ExitStack()
         self._reset(0)
 
@@ -73,6 +88,8 @@ class TrackedCell:
         environment, cell = self.environment, self.cell
         pose = environment.bundle.base_pose.matrix @ cell.eye.matrix
         self._eye = self._held.enter_context(Eye(environment.model, cell.camera, pose, samples=1))
+        if self._twin is not None:
+            self._robot = self._held.enter_context(RobotPixels(self._twin, cell.camera, cell.mount.matrix))
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -99,17 +116,51 @@ class TrackedCell:
             return NOT_FOUND
         # The robot waits at rest, so that all of this has arrived.
         self._arrive(np.inf)
-        self._begun = self._clock
+        self._begun = self._heard = self._clock
+        self._guard.begin(self.environment.previous_action)
+        if self._mirror is not None:
+            self._mirror.begin(self._known())
+            self._done = False
         return ""
 
-    def measure(self, rgb: np.ndarray | None = None) -> Measurement:
-        """Readings of the encoders, the last poses that arrived from the tracker, and the given picture."""
-        now = self._begun + self.environment.steps * self.environment.period_s
+    def measure(self, frames: Frames | None = None) -> Measurement:
+        """Readings of the encoders, the last poses that arrived from the tracker, and the given frames."""
+        now = self._now
         if now >= self._clock - 1e-9:
             self._compare(self._step(self._picture(), now))
         self._arrive(now)
-        joints = self.environment.measure().joints
-        return Measurement(joints, self._poses.copy(), self._displacement.copy(), rgb)
+        known = self._known(frames)
+        if self._mirror is not None and not self._done:
+            self._done = self._mirror.judge(known, now - self._begun)
+        return known
+
+    def send(self, targets: np.ndarray) -> np.ndarray:
+        """Send joint targets (A,) [rad] that keep to the limits of the cell; see `RobotCell`."""
+        environment, now = self.environment, self._now
+        forces = environment.contact_forces() if self.cell.limits.force_n is not None else np.zeros((0, 3))
+        return environment.send(self._guard.passed(targets, forces, now - self._heard))
+
+    @property
+    def _now(self) -> float:
+        """Time of the cell's clock [s]."""
+        return float(self._begun + self.environment.steps * self.environment.period_s)
+
+    def _palms(self, joints: np.ndarray) -> np.ndarray:
+        """Positions (L, 3) of the palms in the base at joint positions (A,) [m]."""
+        assert self._mirror is not None
+        return self._mirror.palms(joints)
+
+    def settle(self) -> None:
+        """After a trial, hold the last targets until what is measured shows that the task is done, or `WAIT_S`."""
+        environment = self.environment
+        for _ in range(round(WAIT_S / environment.period_s)):
+            if self._done is not False:
+                return
+            environment.step(environment.previous_action)
+            self.measure()
+
+    def _known(self, frames: Frames | None = None) -> Measurement:
+        return Measurement(self._encoders(), self._poses.copy(), self._displacement.copy(), frames or {})
 
     @property
     def sighting(self) -> Sighting:
@@ -121,7 +172,12 @@ class TrackedCell:
             distances_m=tuple(error[0] for error in self._errors),
             angles_rad=tuple(error[1] for error in self._errors),
             joints_rad=tuple(error[2] for error in self._errors if np.isfinite(error[2])),
+            success=self._done,
         )
+
+    def _encoders(self) -> np.ndarray:
+        """Positions (A,) of the robot's joints [rad]."""
+        return self.environment.measure().joints
 
     def _reset(self, seed: int) -> None:
         self._random = np.random.default_rng([seed, self.cell.seed, 3])
@@ -133,7 +189,10 @@ class TrackedCell:
         self._waiting: deque[tuple[float, Found]] = deque()
         self._clock = 0.0  # when the next frame is due [s]
         self._begun = 0.0  # when the trial began [s]
+        self._heard = 0.0  # when the last frame arrived [s]
         self._found_s: float | None = None
+        self._done = None
+        self._hold: Hold | None = None
         self._frames, self._errors = 0, list[tuple[float, float, float]]()
 
     def _picture(self) -> tuple[np.ndarray, np.ndarray]:
@@ -163,14 +222,35 @@ class TrackedCell:
             return None
         depth = measure_depth(scene[1], scene[0], cell.camera.matrix(), cell.depth_noise, self._random)
         rgb = measure_colour(scene[0], cell.colour_noise, self._random)
-        found = self._tracker.step(rgb, depth, stamp, moved=np.eye(4))
+        robot = None if self._twin is None else self._robot.mask(self._encoders(), depth)
+        found = self._tracker.step(rgb, depth, stamp, moved=np.eye(4), robot=robot, carried=self._carried())
+        self._grip(found)
         self._waiting.append((stamp + cell.delay_s, found))
         return found
+
+    def _carried(self) -> dict[str, np.ndarray] | None:
+        """How objects moved since the last frame if they went with the hand that is around them, in the camera."""
+        if self._mirror is None or self._hold is None:
+            return None
+        mount = self.cell.mount.matrix
+        moved = self._hold.carried(self._mirror.hold(self._known()))
+        return {name: mount @ motion @ transforms.invert(mount) for name, motion in moved.items()}
+
+    def _grip(self, found: Found) -> None:
+        """Note what the hands have between their fingers in the frame that was just tracked."""
+        if self._mirror is None:
+            return
+        seen = self._known()
+        for name, tracked in found.items():
+            if tracked.pose is not None:
+                seen.objects[self._row[name]] = poses.from_matrix(self.cell.placed(tracked.pose))
+        self._hold = self._mirror.hold(seen)
 
     def _arrive(self, now: float) -> None:
         """Take over what the tracker has sent by now; while it has no pose, the last one holds."""
         while self._waiting and self._waiting[0][0] <= now + 1e-9:
-            for name, tracked in self._waiting.popleft()[1].items():
+            self._heard, found = self._waiting.popleft()
+            for name, tracked in found.items():
                 if tracked.pose is not None:
                     self._poses[self._row[name]] = poses.from_matrix(self.cell.placed(tracked.pose))
                     self._displacement[self._columns[name]] = tracked.joints
@@ -196,12 +276,18 @@ class TrackedCell:
         )
 
 
-def check(cell: Cell, names: Collection[str]) -> None:
-    """Refuse a cell whose tracker does not know all objects.
+def check(cell: Cell, names: Collection[str], twin: TaskBundle | None) -> None:
+    """Refuse a cell whose tracker does not know all objects, or that cannot keep to its limits.
 
     Raises:
-        RuleError: An asset is missing.
+        RuleError: An asset is missing, or the twin that a workspace needs.
     """
+    if twin is None and cell.limits.workspace_m is not None:
+        raise RuleError(
+            "a cell that limits the workspace must know its robot",
+            code="DXB-B247",
+            hint="give the task in the twin too: `twin: $task`",
+        )
     missing = sorted(set(names) - set(cell.assets))
     if missing:
         raise RuleError(

@@ -1,30 +1,34 @@
 """Task bundles as Gymnasium environments.
 
-    gymnasium.make("dxb/CloseLaptop-KL-v0", bundle=bundle)
-
-after `register("dxb/CloseLaptop-KL-v0")`, or `TaskEnv(bundle)` directly. Observations are a flat `Dict` whose keys
-start with their group: `deployable/joints` also exists on a robot; `privileged/contact` exists only in a simulator
-and is included on request.
+`dextera_build.envs` gives them names for `gymnasium.make`. Observations are a flat `Dict` whose keys
+start with who may see them: `deployable/joints` also exists on a robot; `privileged/contact` exists only in a simulator
+and is included on request. They are the terms of `dextera_build.policy.declared`.
 """
 
 from __future__ import annotations
 
-from dataclasses import fields
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import gymnasium
+import mujoco
 import numpy as np
 from gymnasium import spaces
 
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.packed import unpack
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.policy.observation import DeployableObservation, PrivilegedObservation
+from dextera_build.policy.layout import of_bundle
+from dextera_build.policy.observation import deployable
+from dextera_build.policy.terms import Sensor, Term
+from dextera_build.sim.observe.eyes import Eyes, Picture
 from dextera_build.sim.observe.privileged import Insight
 from dextera_build.sim.observe.progress import Progress
+from dextera_build.sim.observe.sensors import Sensors
 from dextera_build.sim.render import portrait, rendering
 from dextera_build.sim.runtime.environment import Environment, Outcome
+from dextera_build.sim.training.spaces import of_terms, values
 
 DEPLOYABLE, PRIVILEGED = "deployable", "privileged"
 """Groups of observations."""
@@ -40,9 +44,12 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     Args:
         bundle: The task, or the path of an exported one.
         privileged: Whether to include privileged observations.
-        view: The camera of `deployable/rgb`; None: no images.
+        views: Cameras by name; None: no images.
+        pictures: What every camera gives: `deployable/rgb/<camera>`, `deployable/depth/<camera>`, ...
+        sensors: Name of a term, or `name/camera`, -> its rate, delay and noise; left out: exact measurements.
         render_mode: `rgb_array` or None.
         size: (width, height) of rendered pictures [px].
+        model: The compiled model of the task, which this environment takes over; None: compiled here.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012  as declared by Gymnasium
@@ -52,26 +59,32 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         bundle: TaskBundle | str | Path,
         *,
         privileged: bool = False,
-        view: View | None = None,
+        views: Mapping[str, View] | None = None,
+        pictures: tuple[Picture, ...] = ("rgb",),
+        sensors: Mapping[str, Sensor] | None = None,
         render_mode: str | None = None,
         size: tuple[int, int] = (480, 360),
+        model: mujoco.MjModel | None = None,
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"`render_mode` is `rgb_array` or None, not `{render_mode}`")
-        opened = bundle if isinstance(bundle, TaskBundle) else unpack(TaskBundle, Path(bundle).read_bytes())
-        self.environment = Environment(opened)
+        task = opened(bundle)
+        self.environment = Environment(task, model)
         self.render_mode = render_mode
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / self.environment.period_s)}
         self._size = size
         self._insight = Insight(self.environment) if privileged else None
         self._progress = Progress(self.environment)
-        self._eye = rendering.through(self.environment.model, view) if view else None
+        self._views = views = views or {}
+        self._eyes = Eyes(self.environment.model, views, pictures) if views else None
         self._portrait: rendering.Eye | None = None
-        self._value = self._progress.value(False)
+        lenses = {name: view.camera for name, view in views.items()}
+        self.terms = _chosen(of_bundle(task).terms(lenses, sensors), pictures, privileged)
+        """What is observed, in the order of the observation."""
+        self._sensors = Sensors(self.terms, {name: camera.matrix() for name, camera in lenses.items()})
+        self._value = self._progress.value(False, self.environment.now)
         self._last = self._observe()
-        self.observation_space: spaces.Space[Any] = spaces.Dict(
-            {name: _space(value) for name, value in self._last.items()}
-        )
+        self.observation_space: spaces.Space[Any] = of_terms(self.terms)
         self.action_space = spaces.Box(
             self.environment.lower.astype(np.float32), self.environment.upper.astype(np.float32), dtype=np.float32
         )
@@ -83,15 +96,19 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
         Args:
             seed: Seed of the start, as in `Environment.reset(seed)`; None: the next of a random sequence.
-            options: `{"start": Start}` begins at that start instead.
+            options: `{"start": Start}` begins at that start instead; `{"stratum": Stratum}` draws one that fills the
+                ranges of a series evenly.
         """
         super().reset(seed=seed)
-        start = (options or {}).get("start")
-        if isinstance(start, Start):
-            self.environment.begin(start)
-        else:
-            self.environment.reset(int(self.np_random.integers(2**62)) if seed is None else seed)
-        self._value = self._progress.value(False)
+        start, stratum = ((options or {}).get(name) for name in ("start", "stratum"))
+        if not isinstance(start, Start):
+            drawn = int(self.np_random.integers(2**62)) if seed is None else seed
+            start = self.environment.draw(drawn, stratum, self._views)
+        self.environment.begin(start)
+        self._sensors.reset(start.seed, start.variation.noise)
+        if self._eyes is not None:
+            self._eyes.vary(start.variation)
+        self._value = self._progress.value(False, self.environment.now)
         self._last = self._observe()
         return self._last, self._info(False, "", self.environment.previous_action)
 
@@ -105,7 +122,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         broken = outcome.over and not outcome.success and not late
         reward = 0.0
         if not broken:
-            value = self._progress.value(outcome.success)
+            value = self._progress.value(outcome.success, self.environment.now)
             reward, self._value = value - self._value, value
             self._last = self._observe()
         info = self._info(outcome.success, outcome.reason, outcome.executed)
@@ -133,38 +150,37 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
     def close(self) -> None:
         """Free the renderer."""
-        for eye in (self._eye, self._portrait):
-            if eye is not None:
-                eye.__exit__(None, None, None)
-        self._eye = self._portrait = None
+        if self._eyes is not None:
+            self._eyes.close()
+        if self._portrait is not None:
+            self._portrait.__exit__(None, None, None)
+        self._portrait = None
 
     def _observe(self) -> dict[str, np.ndarray]:
-        rgb = self._eye.rgb(self.environment.data) if self._eye else None
-        found = _grouped(DEPLOYABLE, self.environment.observe(rgb))
-        return found | (_grouped(PRIVILEGED, self._insight.read()) if self._insight else {})
+        environment = self.environment
+        frames = self._eyes.look(environment.data) if self._eyes else None
+        seen = self._sensors.measure(environment.measure(frames), environment.steps * environment.period_s)
+        shown = deployable(seen, environment.previous_action, environment.goal)
+        return values(self.terms, shown, self._insight.read() if self._insight else None)
 
     def _info(self, success: bool, reason: str, executed: np.ndarray) -> dict[str, Any]:
         return {"is_success": success, "success": success, "reason": reason, "executed": np.array(executed)}
 
 
-def register(name: str, bundle: TaskBundle | str | Path | None = None) -> None:
-    """Register `name` for `gymnasium.make` to build a `TaskEnv`.
+def opened(bundle: TaskBundle | str | Path) -> TaskBundle:
+    """A task, read from its file if it is one.
 
-    Args:
-        name: `dxb/<task>-<embodiment>-v0`, in Gymnasium's format.
-        bundle: The task; None: pass `bundle=...` to `make`.
+    Raises:
+        ArtifactError: The file is damaged, or holds something else.
     """
-    known = {} if bundle is None else {"bundle": bundle}
-    # The task has its own time limit, so Gymnasium adds none.
-    gymnasium.register(id=name, entry_point="dextera_build.sim.training.gym:TaskEnv", kwargs=known)
+    return bundle if isinstance(bundle, TaskBundle) else unpack(TaskBundle, Path(bundle).read_bytes())
 
 
-def _grouped(group: str, observation: DeployableObservation | PrivilegedObservation) -> dict[str, np.ndarray]:
-    values = {field.name: getattr(observation, field.name) for field in fields(observation)}
-    return {f"{group}/{name}": value.copy() for name, value in values.items() if value is not None and value.size}
-
-
-def _space(value: np.ndarray) -> spaces.Box:
-    if value.dtype == np.uint8:
-        return spaces.Box(0, 255, value.shape, np.uint8)
-    return spaces.Box(-np.inf, np.inf, value.shape, np.float32)
+def _chosen(terms: tuple[Term, ...], pictures: tuple[Picture, ...], privileged: bool) -> tuple[Term, ...]:
+    """The terms of an environment among all of its task."""
+    readers = {"policies", "critics"} if privileged else {"policies"}
+    return tuple(
+        term
+        for term in terms
+        if term.declared.seen_by in readers and (not term.camera or term.declared.name in pictures)
+    )

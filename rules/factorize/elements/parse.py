@@ -9,13 +9,14 @@ import numpy as np
 
 from dextera_build.artifacts.base import File
 from dextera_build.artifacts.camera import Measured, Photograph
+from dextera_build.artifacts.image import LabelImage
 from dextera_build.artifacts.object import Element, Elements, Support
 from dextera_build.errors import listing
 from dextera_build.geometry import upright
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..masks.marking import boxes
-from ..measured import Measurements, Workspace, of_workspace
+from ..measured import Measurements, Workspace, of_workspace, robot_pixels
 from ..overlap import Box
 from ..regions.heights import relief
 from ..regions.proposals import Proposal, scenery
@@ -40,23 +41,24 @@ class ParseBackend(Protocol):
         ...
 
 
-@rule(version=4)
+@rule(version=5)
 def parse(
     ctx: Context[ParseBackend],
     photograph: Photograph,
     measured: Measured | None = None,
     support: Support | None = None,
     scene: File | None = None,
+    robot: LabelImage | None = None,
     *,
     options: ParseOptions | None = None,
 ) -> Elements:
     """Return the elements of the photograph: proposals on the support, or the entries of a `scene.yaml`.
 
     `interactive` distinguishes handled objects from the static scene. Depth and support are for backends that need
-    them, and label the result `rgbd`.
+    them, and label the result `rgbd`. These take no pixel of the robot, where `robot` is not 0, for an object.
     """
     options = options or ParseOptions()
-    depth = of_workspace(ctx, photograph, measured, support)
+    depth = of_workspace(ctx, photograph, measured, support, robot_pixels(ctx, photograph, robot))
     proposals = ctx.backend.propose(ctx, photograph, depth, ctx.backend_options)
     table = Element(name="support", category="support", phrase="support", interactive=False, material="wood")
     if scene is not None:

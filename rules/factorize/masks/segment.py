@@ -8,12 +8,13 @@ import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.camera import Measured, Photograph
+from dextera_build.artifacts.image import LabelImage
 from dextera_build.artifacts.object import Element, Elements, Support
 from dextera_build.artifacts.view import Segmentation, Traits
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Fraction, Options, rule
 
-from ..measured import Measurements, Workspace, of_workspace
+from ..measured import Measurements, Workspace, of_workspace, robot_pixels
 from ..overlap import suppress
 from .cutting import Cutter, Said
 from .marking import outlines
@@ -43,25 +44,30 @@ class SegmentBackend(Protocol):
         ...
 
 
-@rule(version=6)
+@rule(version=7)
 def segment(
     ctx: Context[SegmentBackend],
     photograph: Photograph,
     elements: Elements,
     measured: Measured | None = None,
     support: Support | None = None,
+    robot: LabelImage | None = None,
     *,
     options: SegmentOptions | None = None,
 ) -> Segmentation:
     """Return the mask and the view of every interactive element, and the depth in its crop if there is some.
 
     Depth is in the world frame of `support`. What hides an object comes from the depth if the backend reads it, else
-    from the picture: of two things on one support, the one whose lowest pixel is lower is nearer.
+    from the picture: of two things on one support, the one whose lowest pixel is lower is nearer. No object has pixels
+    of the robot, where `robot` is not 0, but the robot may hide one.
     """
     options = options or SegmentOptions()
     wanted = {element.name: element for element in elements.elements if element.interactive}
-    depth = of_workspace(ctx, photograph, measured, support)
+    machine = robot_pixels(ctx, photograph, robot)
+    depth = of_workspace(ctx, photograph, measured, support, machine)
     masks = ctx.backend.masks(ctx, photograph, depth, elements, ctx.backend_options)
+    if machine is not None:
+        masks = {name: mask & ~machine for name, mask in masks.items()}
     found = suppress(
         {name: mask for name, mask in masks.items() if name in wanted}, options.duplicate_iou, options.duplicate_inside
     )
@@ -75,6 +81,7 @@ def segment(
     source = depth.source(elements.asset_source)
     said = {name: Said(element.phrase, _traits(element), source) for name, element in wanted.items()}
     static = [mask for name, mask in masks.items() if name not in wanted]
+    static += [] if machine is None else [machine]
     cutter = Cutter(photograph, measured, support, depth)
     result = _cut_out(cutter, found, said, static, options.margin_px)
     bad: dict[str, str] = {}
@@ -91,16 +98,20 @@ def segment(
             "`factorize.mesh` that needs no depth: `dxb ls backends`",
         )
         result = _cut_out(cutter, found, said, static, options.margin_px) if bad else result
-        for name, one in result.items.items():
-            if doubt := sparse(one):
-                ctx.warn(f"{name}: {doubt}")
-        odd = odd_scale({name: size(one) for name, one in result.items.items()})
-        if odd:
-            ctx.warn(f"{odd}: check `depth_scale_m` and the focal length of the capture")
+        _warn(ctx, result)
     lost = sorted(set(wanted) - set(result.names) - set(bad))
     ctx.say(f"{', '.join(result.names)}" + (f"; nothing of {', '.join(lost)}" if lost else ""))
     ctx.preview(outlines(photograph.rgb.pixels, result.map.labels), "instances")
     return result
+
+
+def _warn(ctx: Context, result: Segmentation) -> None:
+    """Say what of the measurements is doubtful."""
+    for name, one in result.items.items():
+        if doubt := sparse(one):
+            ctx.warn(f"{name}: {doubt}")
+    if odd := odd_scale({name: size(one) for name, one in result.items.items()}):
+        ctx.warn(f"{odd}: check `depth_scale_m` and the focal length of the capture")
 
 
 def _cut_out(

@@ -61,7 +61,9 @@ def scenery(seen: Workspace) -> Scenery:
     from scipy import ndimage
 
     relief = heights.relief(seen)
-    raised = ndimage.binary_opening(relief.raised & relief.over, np.ones((3, 3), bool))
+    above = relief.raised & relief.over
+    above = above if seen.robot is None else above & ~seen.robot
+    raised = ndimage.binary_opening(above, np.ones((3, 3), bool))
     if not raised.any():
         return Scenery(relief, (), relief.raised)
     lab = colour_lab(seen.pixels)

@@ -22,8 +22,8 @@ def killed_after(monkeypatch: pytest.MonkeyPatch, runner: RuleRunner, count: int
     module = runner.find("evaluate.rollouts").backends["mujoco"].module
     real, tried = module.rollouts, []
 
-    def counted(ctx, bundle, checkpoint, view, cell, seeds, options):
-        for number, attempt in enumerate(real(ctx, bundle, checkpoint, view, cell, seeds, options)):
+    def counted(ctx, bundle, checkpoint, view, cell, twin, seeds, options):
+        for number, attempt in enumerate(real(ctx, bundle, checkpoint, view, cell, twin, seeds, options)):
             if number == count and len(tried) == count:
                 raise KilledError
             tried.append(attempt.seed)

@@ -184,13 +184,14 @@ def test_a_base_is_compared_by_height_and_lean(tmp_path: Path) -> None:
 
 def test_a_scene_is_compared_at_its_true_size(tmp_path: Path) -> None:
     first = world()
+    viewpoint = Viewpoint(seed=3, distance_m=1.0, pitch_deg=45, roll_deg=0, width_px=640)
     run = RuleRunner(tmp_path)
     moved = run.run("capture.moved_camera", world=first, options={"shift_m": [0.1, 0, 0], "turn_deg": [0, -6, 0]})
     true = transforms.invert(moved.camera_pose.matrix) @ first.camera_pose.matrix
     covariance = np.diag([1e-6] * 6 + [1e-6])
-    motion = Similarity(parent="camera", child="scene", matrix=true, scale=1.01 / 0.37, covariance=covariance)
+    motion = Similarity(parent="camera", child="scene", matrix=true, scale=1.01 / viewpoint.unit, covariance=covariance)
     fit = SceneFit(motion=motion, evidence=EVIDENCE)
-    found = cells(run.run("evaluate.scaled", world=first, moved=moved, fit=fit, options={"scale_factor": 0.37}))
+    found = cells(run.run("evaluate.scaled", world=first, moved=moved, fit=fit, viewpoint=viewpoint))
     assert found["scene scale"] == (pytest.approx(100 * np.log(1.01)), False)
     assert found["scene camera"][0] == pytest.approx(1000 * 0.1 * (1 - 1 / 1.01), rel=0.02)
     assert found["scene camera angle"][0] == pytest.approx(0.0, abs=1e-6)

@@ -79,7 +79,7 @@ def test_a_lid_is_reached_from_the_side_that_it_moves_away_from():
     away = data.body("case_lid").xmat.reshape(3, 3) @ [0.0, 0.0, 1.0]  # outer face of the lid
     middle = data.body("case_lid").xpos + data.body("case_lid").xmat.reshape(3, 3) @ [0.0, -0.095, 0.003]
     progress.value(False)
-    link = progress._links["case_lid_hinge"]
+    link = progress._link("case_lid_hinge")
     sides = np.array([middle + 0.1 * away, middle - 0.1 * away])
     closing, opening = link.distances(data, -1.0, sides), link.distances(data, 1.0, sides)
     assert float(hinge.qpos[0]) == pytest.approx(1.5)

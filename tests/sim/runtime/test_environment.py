@@ -204,7 +204,7 @@ def test_objects_stand_in_the_base_frame_with_one_sign_of_their_quaternion():
 
 def test_a_deployable_observation_has_no_room_for_what_only_a_simulator_knows():
     fields = {field.name for field in dataclasses.fields(DeployableObservation)}
-    assert fields == {"previous_action", "joints", "objects", "displacement", "goal", "rgb"}
+    assert fields == {"previous_action", "joints", "objects", "displacement", "goal", "frames"}
     environment = Environment(task_bundles.lift())
     with pytest.raises(TypeError):
         DeployableObservation(  # type: ignore[call-arg]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.cell import Cell
+from dextera_build.artifacts.cell import Cell, Limits
 from dextera_build.artifacts.noise import DepthNoise
 from dextera_build.artifacts.pose import Pose
 from dextera_build.errors import RuleError
@@ -36,6 +36,13 @@ class Pushing:
         self.objects.append(observation.objects[0])
         self.joints.append(float(observation.displacement[0]))
         return np.array([gate.target(gate.PUSHES)])
+
+
+class Idle(Pushing):
+    """Stays where it is."""
+
+    def act(self, observation):
+        return observation.previous_action
 
 
 def pushed(environment: Environment, cell: Cell, seed: int = 0):
@@ -133,3 +140,29 @@ def test_a_cell_that_does_not_know_an_object_is_refused(environment):
     with pytest.raises(RuleError, match="does not know `case`") as caught:
         TrackedCell(environment, cells.cell(assets={"cup": cells.asset()}), ())
     assert caught.value.facts["known"] == "cup"
+
+
+def test_a_trial_is_judged_by_what_was_measured_too(environment):
+    policy = Pushing()
+    with TrackedCell(environment, cells.cell(), (), gate.bundle("twin")) as watching:
+        episode = closed_loop(environment, policy, environment.draw(0), cell=watching)
+        watching.settle()
+        assert (episode.success, watching.sighting.success) == (True, True)
+        idle = closed_loop(environment, Idle(), environment.draw(0), cell=watching)
+        watching.settle()
+        assert (idle.success, watching.sighting.success) == (False, False)
+
+
+def test_the_guard_keeps_a_policy_to_the_limits_of_the_cell(environment):
+    slow = cells.cell(limits=Limits(speed=0.1))
+    with TrackedCell(environment, slow, ()) as watching:
+        crept = closed_loop(environment, Pushing(), environment.draw(0), cell=watching)
+    free, steps = pushed(environment, cells.cell())[1], len(crept.executed)
+    assert np.abs(np.diff(crept.executed, axis=0)).max() <= 0.11 * np.abs(np.diff(free.executed, axis=0)).max()
+    assert steps > len(free.executed)
+
+
+def test_a_workspace_needs_the_twin(environment):
+    limits = Limits(workspace_m=((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
+    with pytest.raises(RuleError, match="must know its robot"):
+        TrackedCell(environment, cells.cell(limits=limits), ())

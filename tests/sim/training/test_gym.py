@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
 
-import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
-from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.task import Reset
+from dextera_build.geometry import transforms
+from dextera_build.policy.observation import PrivilegedObservation
+from dextera_build.policy.terms import Sensor
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.training import gym
-from tests import episodes, task_bundles
+from tests import episodes, factories, task_bundles
 
 WIDE = Reset(position_m=0.03, yaw_rad=0.5, robot_rad=0.01)
 
@@ -42,24 +44,14 @@ def test_privileged_keys_are_there_only_when_asked_for():
             "contact",
             "joint_velocities",
             "object_velocities",
+            "displacement_velocities",
             "hand_poses",
+            "hand_velocities",
             "tip_poses",
             "tip_velocities",
             "points",
         )
     }
-
-
-def test_an_environment_is_made_by_name_from_a_file(tmp_path):
-    file = tmp_path / "task.dxb"
-    file.write_bytes(pack(task_bundles.lift()))
-    gym.register("dxb/LiftBox-TEST-v0")
-    environment = gymnasium.make("dxb/LiftBox-TEST-v0", bundle=str(file))
-    seen, _ = environment.reset(seed=3)
-    assert environment.observation_space.contains(seen)
-    assert environment.unwrapped.environment.task.name == "LiftBox"
-    gym.register("dxb/LiftBox-TEST-v1", task_bundles.lift())
-    assert gymnasium.make("dxb/LiftBox-TEST-v1").action_space.shape == (5,)
 
 
 def test_a_seed_begins_the_episode_that_it_begins_everywhere():
@@ -120,10 +112,10 @@ def test_a_lift_earns_reward_and_terminates_as_a_success():
 
 def test_pictures_come_through_the_view_that_is_given():
     view = episodes.view(width=32, height=24)
-    environment = gym.TaskEnv(task_bundles.lift(), view=view, render_mode="rgb_array", size=(80, 60))
+    environment = gym.TaskEnv(task_bundles.lift(), views={"front": view}, render_mode="rgb_array", size=(80, 60))
     seen, _ = environment.reset(seed=0)
-    assert seen["deployable/rgb"].shape == (24, 32, 3)
-    assert seen["deployable/rgb"].std() > 1
+    assert seen["deployable/rgb/front"].shape == (24, 32, 3)
+    assert seen["deployable/rgb/front"].std() > 1
     shown = environment.render()
     assert shown is not None
     assert shown.shape == (60, 80, 3)
@@ -133,3 +125,55 @@ def test_pictures_come_through_the_view_that_is_given():
 def test_a_render_mode_that_does_not_exist_is_refused():
     with pytest.raises(ValueError, match="`render_mode` is `rgb_array` or None, not `human`"):
         gym.TaskEnv(task_bundles.lift(), render_mode="human")
+
+
+def test_cameras_agree_on_where_the_table_is():
+    views = {"front": episodes.view(48, 36), "other": episodes.view(32, 24)}
+    aside = factories.placed(factories.look_at((0.7, -0.5, 0.7)), "camera")
+    views["other"] = views["other"].model_copy(update={"camera_pose": aside})
+    environment = gym.TaskEnv(task_bundles.lift(), views=views, pictures=("depth", "cloud"))
+    seen, _ = environment.reset(seed=0)
+    environment.close()
+    assert environment.observation_space.contains(seen)
+    assert not any(name.startswith("deployable/rgb") for name in seen)
+    for name, view in views.items():
+        depth, cloud = seen[f"deployable/depth/{name}"], seen[f"deployable/cloud/{name}"]
+        assert np.array_equal(cloud[..., 2], depth)
+        points = transforms.apply(view.camera_pose.matrix, cloud[depth > 0].astype(np.float64))
+        on_table = np.abs(points[:, 2]) < 0.002
+        assert on_table.mean() > 0.5
+        assert points[:, 2].min() > -0.05
+
+
+def test_privileged_values_full_of_nan_change_no_deployable_byte(monkeypatch):
+    def episode(poisoned: bool) -> list[bytes]:
+        environment = gym.TaskEnv(task_bundles.close(reset=WIDE), privileged=poisoned)
+        if poisoned:
+            names = [field.name for field in dataclasses.fields(PrivilegedObservation)]
+            nothing = PrivilegedObservation(**dict.fromkeys(names, np.full(1, np.nan)))
+            monkeypatch.setattr(environment._insight, "read", lambda: nothing)
+        seen, _ = environment.reset(seed=5)
+        found = [seen]
+        for step in range(12):
+            found.append(environment.step(environment.environment.previous_action + 0.01 * (step % 3))[0])
+        return [row[name].tobytes() for row in found for name in sorted(row) if name.startswith("deployable/")]
+
+    assert episode(True) == episode(False)
+
+
+def test_an_episode_that_runs_again_is_measured_alike():
+    sensors = {"objects": Sensor(rate_hz=10.0, delay_s=0.06, sigma=0.003), "joints": Sensor(sigma=0.001)}
+    environment = gym.TaskEnv(task_bundles.lift(reset=WIDE), sensors=sensors)
+
+    def episode(**how: object) -> list[np.ndarray]:
+        first, _ = environment.reset(**how)
+        hold = environment.environment.previous_action
+        rows = [first, *(environment.step(hold + 0.01)[0] for _ in range(5))]
+        return [row["deployable/objects"] for row in rows]
+
+    first = episode(seed=2)
+    start = environment.environment.start
+    exact = environment.environment.measure().objects
+    assert not np.allclose(first[-1], exact, atol=1e-4)
+    episode(seed=3)
+    assert np.array_equal(first, episode(options={"start": start}))

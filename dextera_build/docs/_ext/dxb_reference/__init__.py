@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from . import artifacts, cli, errors, rules, states
+from . import artifacts, cli, errors, rules, states, terms
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -16,6 +16,7 @@ MAKERS: dict[str, Callable[[], str]] = {
     "errors": errors.page,
     "rules": rules.page,
     "states": states.page,
+    "terms": terms.page,
     "variables": cli.variables_page,
 }
 _MARK = "% generated: "

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.image import LabelImage
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import factories, tabletops
@@ -224,3 +225,34 @@ def test_real_clutter_is_split(runner, number):
     table = runner.run("evaluate.instances", segmentation=found, truth=truth)
     assert [row[5] for row in table.rows] == ["found"] * len(table.rows)
     assert np.mean([row[4] for row in table.rows]) > 0.85
+
+
+def test_the_robot_is_no_object_but_hides_one(runner):
+    scene = tabletops.tabletop(
+        (tabletops.box(0.2, 0.05, 0.1, RED), factories.pose(0.0, 0.05)),
+        (tabletops.cylinder(0.02, 0.15, BLUE), factories.pose(0.02, -0.1)),
+        noise=0.5,
+    )
+    shot = factories.shot(scene.capture)
+    robot = LabelImage(labels=(scene.labels.labels == 2).astype(np.int32))
+    support = runner.run("align.support", **shot)
+    elements = runner.run("factorize.parse", profile="cpu", **shot, support=support, robot=robot)
+    assert sum(element.interactive for element in elements.elements) == 1
+    found = runner.run("factorize.segment", profile="cpu", **shot, support=support, elements=elements, robot=robot)
+    assert not (found.map.labels[robot.labels > 0] > 0).any()
+    assert scores(found, (scene.labels.labels == 1).astype(int))[0] > 0.9
+    (instance,) = found.items.values()
+    left, top = (
+        scene.capture.photograph.camera.cx - instance.view.camera.cx,
+        scene.capture.photograph.camera.cy - instance.view.camera.cy,
+    )
+    height, width = instance.view.mask.shape
+    crop = robot.labels[round(top) : round(top) + height, round(left) : round(left) + width] > 0
+    assert (instance.view.occluder & crop).sum() > 0.5 * crop.sum()
+
+
+def test_pixels_of_a_robot_in_another_picture_are_refused(runner):
+    scene = tabletops.tabletop((tabletops.cylinder(0.03, 0.2, BLUE), factories.pose(0.0, 0.0)))
+    elsewhere = LabelImage(labels=np.zeros((3, 4), np.int32))
+    with pytest.raises(RuleError, match="the robot's pixels are of another picture"):
+        runner.run("factorize.parse", profile="cpu", **factories.shot(scene.capture), robot=elsewhere)

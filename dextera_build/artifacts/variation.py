@@ -1,0 +1,29 @@
+"""What is drawn for an episode beside poses, masses, sizes and sliding friction: joints, goal, cameras and light."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from dextera_build.artifacts.goals import Goal
+from dextera_build.artifacts.value import Value
+
+Twist = tuple[float, float, float, float, float, float]
+
+
+class Variation(Value):
+    """Changes of one episode; by default nothing changes."""
+
+    damping: dict[str, float] = Field(default_factory=dict)
+    """Root body, or `robot`, -> factor on the damping of its joints."""
+    joint_friction: dict[str, float] = Field(default_factory=dict)
+    """Root body, or `robot`, -> factor on the friction of its joints."""
+    goal: Goal | None = Field(default=None, discriminator="primitive")
+    """The goal of this episode; None: the task's."""
+    cameras: dict[str, Twist] = Field(default_factory=dict)
+    """Camera -> error of its pose: translation [m], then rotation vector [rad], in the axes of the world."""
+    exposure: float = 1.0
+    """Factor on linear brightness of pictures."""
+    light: float = 1.0
+    """Factor on the scene's lights."""
+    noise: float = 1.0
+    """Factor on noise and dropout of cameras."""

@@ -1,0 +1,30 @@
+"""The table of observation terms."""
+
+from __future__ import annotations
+
+from dextera_build.policy.declared import DECLARED
+
+from .markdown import table
+
+_ROWS = {
+    "joints": "A joints of the robot",
+    "objects": "O objects",
+    "displacement": "K joints of objects",
+    "goal": "G numbers",
+    "tips": "F fingertips",
+    "limbs": "L limbs",
+    "points": "P points",
+}
+
+
+def page() -> str:
+    """Every term with its group, shape, unit, frame, reader, feature and topic."""
+    head = ["group", "term", "meaning", "rows", "unit", "frame", "seen by", "LeRobot feature", "ROS 2 topic"]
+    rows = []
+    for term in DECLARED:
+        size = f" x {len(term.parts)}" if term.parts else ""
+        where = "one per camera" if term.rows == "cameras" else f"{_ROWS[term.rows]}{size}"
+        feature, topic = (text.replace("{}", "*") for text in (term.feature, term.topic))
+        marked = [f"`{text}`" if text else "" for text in (feature, topic)]
+        rows.append([term.group, f"`{term.name}`", term.about, where, term.unit, term.frame, term.seen_by, *marked])
+    return table(head, rows)

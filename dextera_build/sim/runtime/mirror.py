@@ -1,0 +1,188 @@
+"""The state that decides success, from measurements alone: they are put into the twin's own model.
+
+A cell without force sensors knows where the robot's joints and the tracked objects are. The model then says which
+surfaces are near one another, and a finger that is as near to an object as measurements are good is taken to press on
+it. The judge is the same as in simulation (`dextera_build.sim.primitives`).
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.geometry import poses, transforms
+from dextera_build.policy.observation import Measurement
+from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.model.model import compile_folder
+from dextera_build.sim.primitives import catalogue
+from dextera_build.sim.primitives.grasp import SUPPORT, Hands
+from dextera_build.sim.primitives.state import GraspState, TaskState, opposed
+from dextera_build.sim.primitives.success import Judge
+from dextera_build.sim.render.robot_pixels import pose_robot
+
+NEAR_M = 0.008
+"""Distance of two surfaces at which they are taken to touch [m]: errors of a calibration and a tracker together."""
+WINDOW_S = 0.4
+"""Time over which speeds are differences of positions [s]: longer than a frame and its delay together."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """The hands of a robot at one time."""
+
+    palms: dict[str, np.ndarray]
+    """Limb -> T_base_palm (4, 4)."""
+    objects: dict[str, str]
+    """Object -> the limb that has fingers on both sides of it."""
+
+    def carried(self, later: Hold) -> dict[str, np.ndarray]:
+        """Object -> how it moved until `later` if it went with its hand, T_later_now (4, 4) in the base frame."""
+        return {name: later.palms[limb] @ transforms.invert(self.palms[limb]) for name, limb in self.objects.items()}
+
+
+class Mirror:
+    """Judges one episode at a time by what is measured.
+
+    Args:
+        twin: The task in the twin; nothing of the world that is measured is in it.
+
+    Raises:
+        RuleError: MuJoCo cannot load the model.
+    """
+
+    def __init__(self, twin: TaskBundle) -> None:
+        self._twin = twin
+        self._model = compile_folder(twin.model)
+        # MuJoCo adds the margins of two geoms; within the gap a contact is listed without a force.
+        self._model.geom_margin[:] = NEAR_M / 2
+        self._model.geom_gap[:] = NEAR_M / 2
+        self._data = mujoco.MjData(self._model)
+        self._hands = Hands(self._model, twin.robot, ROBOT)
+        self._others = catalogue.of(twin.task, twin.objects).others()
+        self._base_from_world = transforms.invert(twin.base_pose.matrix)
+        self._bodies = {name: int(self._model.body(name).id) for name in twin.objects}
+        self._earlier: deque[tuple[float, dict[str, float], np.ndarray]] = deque()
+        self._judge: Judge | None = None
+
+    def begin(self, measured: Measurement) -> None:
+        """Begin an episode with its first measurement."""
+        mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
+        self._earlier.clear()
+        self._judge = Judge(self._twin.task, self.state(measured, 0.0), self._twin.objects)
+
+    def judge(self, measured: Measurement, time_s: float) -> bool:
+        """Whether the task is done, `time_s` after the beginning [s], by this measurement and those before."""
+        assert self._judge is not None, "`begin` comes first"
+        return self._judge.update(self.state(measured, time_s))
+
+    def state(self, measured: Measurement, time_s: float) -> TaskState:
+        """The quantities that decide success; forces are only directions here."""
+        self._put(measured)
+        model, data, twin = self._model, self._data, self._twin
+        thing = twin.task.object
+        joints = {name: float(data.joint(name).qpos[0]) for name in twin.objects[thing].joints}
+        in_palms = self._in_palms(self._bodies[thing])
+        while self._earlier and time_s - self._earlier[0][0] > WINDOW_S + 1e-9:
+            self._earlier.popleft()
+        before, joints_before, in_palms_before = self._earlier[0] if self._earlier else (time_s, joints, in_palms)
+        self._earlier.append((time_s, joints, in_palms))
+        span = max(time_s - before, 1e-9)
+        slips = np.linalg.norm(in_palms - in_palms_before, axis=1) / span
+        return TaskState(
+            time_s=time_s,
+            world_from_object=self._pose(thing),
+            others={name: self._pose(name) for name in self._others},
+            joints=joints,
+            ranges={name: tuple(model.joint(name).range) for name in joints},
+            speeds={name: (place - joints_before[name]) / span for name, place in joints.items()},
+            grasps=self._grasps(self._bodies[thing], slips),
+        )
+
+    def hold(self, measured: Measurement) -> Hold:
+        """Where the hands are, and what is between their fingers."""
+        self._put(measured)
+        palms = {
+            name: self._base_from_world @ self._site(palm)
+            for name, palm in zip(self._hands.names, self._hands.palms, strict=True)
+            if palm >= 0
+        }
+        still = np.zeros(len(self._hands.names))
+        objects = {}
+        for thing, body in self._bodies.items():
+            holding = [name for name, grasp in self._grasps(body, still).items() if grasp.valid and name in palms]
+            if holding:
+                objects[thing] = holding[0]
+        return Hold(palms, objects)
+
+    def palms(self, joints: np.ndarray) -> np.ndarray:
+        """Positions (L, 3) of the palms in the base at joint positions (A,) [m]; the base for one without a palm."""
+        pose_robot(self._twin.robot, self._data, joints)
+        mujoco.mj_kinematics(self._model, self._data)
+        found = np.zeros((len(self._hands.palms), 3))
+        for row, palm in zip(found, self._hands.palms, strict=True):
+            if palm >= 0:
+                row[:] = transforms.apply(self._base_from_world, self._data.site_xpos[[palm]])[0]
+        return found
+
+    def _site(self, number: int) -> np.ndarray:
+        data = self._data
+        return transforms.rigid(data.site_xmat[number].reshape(3, 3).copy(), data.site_xpos[number].copy())
+
+    def _put(self, measured: Measurement) -> None:
+        """Put robot and objects where they were measured."""
+        data, twin = self._data, self._twin
+        pose_robot(twin.robot, data, measured.joints)
+        base = twin.base_pose.matrix
+        for name, pose in zip(twin.objects, measured.objects, strict=True):
+            root = self._model.body_jntadr[self._bodies[name]]
+            first = self._model.jnt_qposadr[root]
+            data.qpos[first : first + 7] = poses.from_matrix(base @ poses.to_matrix(pose))
+        for name, place in zip(twin.displacement_names, measured.displacement, strict=True):
+            data.joint(name).qpos[0] = place
+        mujoco.mj_fwdPosition(self._model, data)
+
+    def _pose(self, name: str) -> np.ndarray:
+        body = self._data.body(name)
+        return transforms.rigid(body.xmat.reshape(3, 3).copy(), body.xpos.copy())
+
+    def _in_palms(self, body: int) -> np.ndarray:
+        """The object's centre of mass in the frame of every palm (L, 3) [m]; in the world where there is none."""
+        centre = self._data.xipos[body]
+        return np.array(
+            [
+                centre
+                if palm < 0
+                else self._data.site_xmat[palm].reshape(3, 3).T @ (centre - self._data.site_xpos[palm])
+                for palm in self._hands.palms
+            ]
+        )
+
+    def _grasps(self, body: int, slips: np.ndarray) -> dict[str, GraspState]:
+        """Limb -> grasp state, from the surfaces that are near the object."""
+        pushes, supported = np.zeros((self._hands.count, 3)), False
+        roots = self._model.body_rootid[self._model.geom_bodyid]
+        for number in range(self._data.ncon):
+            one, other = self._data.contact.geom[number]
+            inside = roots[one] == body, roots[other] == body
+            if inside[0] == inside[1]:
+                continue
+            finger = int(self._hands.fingers[other if inside[0] else one])
+            if finger == SUPPORT:
+                supported = True
+            else:
+                # The normal points from the first geom to the second.
+                pushes[finger] += self._data.contact.frame[number][:3] * (-1.0 if inside[0] else 1.0)
+        return {
+            name: _grasp(pushes[self._hands.of(number)], supported, float(slips[number]))
+            for number, name in enumerate(self._hands.names)
+        }
+
+
+def _grasp(pushes: np.ndarray, supported: bool, slip: float) -> GraspState:
+    lengths = np.linalg.norm(pushes, axis=1)
+    unit = pushes[lengths > 1e-9] / lengths[lengths > 1e-9, None]
+    return GraspState(len(unit), opposed(unit), supported, slip, tuple(tuple(row) for row in unit.tolist()))

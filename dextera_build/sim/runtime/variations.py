@@ -1,0 +1,97 @@
+"""Draw and apply what changes from episode to episode beside starts: joints, goals, cameras, light.
+
+Cameras follow the covariance of their calibration. For the damping and the friction of joints, for exposure and for
+light a twin has no estimate of its own, so their ranges are the constants here, scaled by the task's `Reset`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dextera_build.artifacts.goals import ArticulateGoal, Goal, LiftGoal, PoseGoal, PushGoal
+from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.variation import Variation
+from dextera_build.geometry import quaternions, registration
+from dextera_build.sim.runtime.strata import Draws
+
+ROBOT = "robot"
+"""Name of the robot among bodies."""
+JOINTS = 0.5
+"""Half range of the log of factors on damping and friction of joints, times `Reset.joints`."""
+EXPOSURE, LIGHT, NOISE = 0.3, 0.3, 0.5
+"""Half ranges of the logs of factors on exposure, light and noise, times `Reset.visual`."""
+
+
+def draw(bundle: TaskBundle, random: Draws, views: Mapping[str, View] | None = None) -> Variation:
+    """Draw a variation of the task.
+
+    Args:
+        bundle: The task, whose `reset` gives the ranges.
+        random: Source of all randomness.
+        views: Cameras by name.
+    """
+    reset = bundle.task.reset
+    jointed = [name for name, thing in bundle.objects.items() if thing.joints]
+    # A world that replaces hardware has one robot and one set of things, not a distribution.
+    width = JOINTS * reset.joints if bundle.kind == "twin" else 0.0
+    bodies = [*jointed, ROBOT] if width else []
+    return Variation(
+        damping={name: _factor(random, width) for name in bodies},
+        joint_friction={name: _factor(random, width) for name in bodies},
+        goal=_goal(bundle, random),
+        cameras={name: _error(view, reset.visual, random) for name, view in (views or {}).items() if reset.visual},
+        exposure=_factor(random, EXPOSURE * reset.visual),
+        light=_factor(random, LIGHT * reset.visual),
+        noise=_factor(random, NOISE * reset.visual),
+    )
+
+
+def moved(world_from_camera: np.ndarray, error: tuple[float, ...]) -> np.ndarray:
+    """T_world_camera (4, 4) with an error of its pose: translation [m], rotation vector [rad], in the world."""
+    found = world_from_camera.copy()
+    found[:3, :3] = registration.rotation(np.array(error[3:])) @ found[:3, :3]
+    found[:3, 3] += error[:3]
+    return found
+
+
+def _factor(random: Draws, width: float) -> float:
+    return float(np.exp(width * random.uniform(-1.0, 1.0))) if width else 1.0
+
+
+def _error(view: View, width: float, random: Draws) -> tuple[float, float, float, float, float, float]:
+    """An error of a camera's pose from its covariance; zeros where none is known."""
+    drawn = np.array([random.standard_normal() for _ in range(6)])
+    covariance = view.camera_pose.covariance
+    if covariance is None:
+        return (0.0,) * 6
+    values, axes = np.linalg.eigh(covariance)
+    x, y, z, a, b, c = (width * axes @ (np.sqrt(np.maximum(values, 0.0)) * drawn)).tolist()
+    return x, y, z, a, b, c
+
+
+def _goal(bundle: TaskBundle, random: Draws) -> Goal | None:
+    """The task's goal with its place and turn drawn within `Reset`; None where nothing is drawn."""
+    goal, reset = bundle.task.goal, bundle.task.reset
+    if not (reset.goal_m or reset.goal_rad):
+        return None
+    across = np.asarray(random.uniform(-reset.goal_m, reset.goal_m, 2))
+    turn = float(random.uniform(-reset.goal_rad, reset.goal_rad))
+    if isinstance(goal, PushGoal):
+        x, y = (np.array(goal.place_m) + across).tolist()
+        yaw = None if goal.yaw_rad is None else goal.yaw_rad + turn
+        return goal.model_copy(update={"place_m": (x, y), "yaw_rad": yaw})
+    if isinstance(goal, PoseGoal) and goal.place_m is not None:
+        x, y = (np.array(goal.place_m[:2]) + across).tolist()
+        found = goal.model_copy(update={"place_m": (x, y, goal.place_m[2])})
+        if goal.quaternion is None:
+            return found
+        about = quaternions.from_matrix(registration.rotation(np.array([0.0, 0.0, turn])))
+        turned = quaternions.multiply(about, np.array(goal.quaternion))
+        return found.model_copy(update={"quaternion": tuple(turned.tolist())})
+    if isinstance(goal, ArticulateGoal):
+        return goal.model_copy(update={"joints": {name: place + turn for name, place in goal.joints.items()}})
+    if isinstance(goal, LiftGoal):
+        return goal.model_copy(update={"height_m": goal.height_m + float(across[0])})
+    return None

@@ -1,0 +1,39 @@
+"""Terms as spaces and observations of Gymnasium."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from gymnasium import spaces
+
+from dextera_build.policy.observation import DeployableObservation, PrivilegedObservation
+from dextera_build.policy.terms import Term
+
+
+def of_terms(terms: Iterable[Term]) -> spaces.Dict:
+    """One box per term."""
+    return spaces.Dict({term.key: _box(term) for term in terms})
+
+
+def values(
+    terms: Iterable[Term], shown: DeployableObservation, hidden: PrivilegedObservation | None
+) -> dict[str, np.ndarray]:
+    """Values of terms by key.
+
+    Args:
+        terms: What to give; terms for critics need `hidden`.
+        shown: What policies see.
+        hidden: What only a simulator knows.
+    """
+    found = {}
+    for term in terms:
+        source = shown.frames[term.camera] if term.camera else shown if term.declared.seen_by == "policies" else hidden
+        found[term.key] = getattr(source, term.declared.name)
+    return found
+
+
+def _box(term: Term) -> spaces.Box:
+    if term.declared.dtype == "uint8":
+        return spaces.Box(0, 255, term.shape, np.uint8)
+    return spaces.Box(0.0 if term.declared.name == "depth" else -np.inf, np.inf, term.shape, np.float32)
