@@ -20,6 +20,13 @@ INPUTS = {
     "twin/from_photo": {"photo": "reference/laptop_scene:capture"},
     "task/line": {name: f"task/close_laptop:{name}" for name in ("task", "reference", "view", "cell")},
     "task/on_laptop_scene": {"task": "task/close_laptop:task"},
+    "task/shown": {
+        "scene": "twin/bus_table:scene",
+        "assets": "twin/bus_table:body.asset",
+        "support": "twin/bus_table:ground",
+        "robot": "robot/openarm_revo1",
+        "task": "task/ob/lift_toy_bus:task",
+    },
     "reference/calibrated": {
         "robot": "robot/kuka_leap",
         "calibration_views": "reference/laptop_scene:calibration_views",

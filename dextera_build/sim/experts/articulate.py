@@ -24,6 +24,8 @@ class Push:
     """Tilt of the fingers from straight down towards the initial push direction [rad]."""
     turn_rad: float
     """Rotation of the hand about the vertical, from the plane of the push [rad]."""
+    pitch_rad: float = 0.0
+    """Rotation of the hand about the initial push direction, fingers down at 0 [rad]."""
     share: float = 0.9
     """Distance from the axis, see `Mechanism.pushed_at`; far out needs the least force, so light objects stay put."""
     clear_m: float = 0.06
@@ -85,4 +87,6 @@ class Articulate(Pushing):
         ahead = self._mechanism.pose(now)[:3, :3] @ along
         ahead -= up * ahead[2]
         ahead = registration.rotation(up * self.push.turn_rad) @ ahead / np.linalg.norm(ahead)
+        pitch = self.push.pitch_rad
+        up = np.cos(pitch) * up + np.sin(pitch) * np.cross(up, ahead)
         return self._hand.turn(ahead, up, self.push.lean_rad)

@@ -17,8 +17,8 @@ from dextera_build.sim.control.hand import HandKinematics
 from dextera_build.sim.experts.grasp import Grasp
 
 UP = np.array([0.0, 0.0, 1.0])
-SPARE_M = 0.03
-"""Opening of the fingers beyond the object's width [m]."""
+SPARES_M = (0.03, 0.015)
+"""Openings of the fingers beyond the object's width; stretched fingers reach lower [m]."""
 SLAB_M = 0.03
 """Half height and half width of the slab in which the object's width is measured [m]."""
 ROOM_M = 0.045
@@ -53,7 +53,7 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
     opened, closed = hand.posture(grip.open), hand.posture({**grip.open, **grip.closed})
     travel = [_gap(hand, opened + part * (closed - opened)) for part in np.linspace(0.0, 1.0, 21)]
     top, facing = float(points[:, 2].max()), np.array(grip.facing)
-    middles = {top / 2, *(max(top - deep, top / 2) for deep in (0.03, 0.045))}
+    middles = {top / 2, *(max(top - deep, top / 2) for deep in (0.015, 0.03, 0.045))}
     rims = {max(top - deep, LOW_M) for deep in (0.018, 0.028)}
     heights = sorted(middles | rims)
     for height, turn in itertools.product(heights, np.arange(2 * AROUND) * np.pi / AROUND):
@@ -64,10 +64,10 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
             touch = None if held is None else _part(travel, held[1] + 2 * grip.tip_radius_m)
             if held is None or touch is None:
                 continue
-            wide = _part(travel, held[1] + 2 * grip.tip_radius_m + SPARE_M) or 0.0
             thumb, fingers = _tips(hand, opened + touch * (closed - opened))
             # Thumb and fingers press along a horizontal line: a tilted line uses up friction.
-            for tilt in (0.0, 0.35, -0.35, 0.7, -0.7, 1.05, -1.05):
+            for tilt, spare in itertools.product((0.0, 0.35, -0.35, 0.7, -0.7, 1.05, -1.05), SPARES_M):
+                wide = _part(travel, held[1] + 2 * grip.tip_radius_m + spare) or 0.0
                 down = np.cross(UP, across) * np.sin(tilt) - UP * np.cos(tilt)
                 turned = _align(fingers - thumb, facing, across, down)
                 palm = transforms.rigid(turned, held[0] - turned @ (thumb + fingers) / 2)

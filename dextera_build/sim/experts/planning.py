@@ -11,7 +11,7 @@ import numpy as np
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError, listing
-from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.control.operator import Command, OutOfReach, State
 from dextera_build.sim.experts.articulate import Articulate
 from dextera_build.sim.experts.articulate import Push as Swing
 from dextera_build.sim.experts.drive import Driver
@@ -166,18 +166,19 @@ def _grasps(
     environment: Environment, reach: Reach, room: Room, state: State, made: Callable[[Grasp], Planned]
 ) -> list[Candidate]:
     """Collision-free grasps of the task's object from the photographed start, most comfortable first."""
-    found = (Candidate(each.name, each.way, made(each)) for each in _mixed(_grips(environment, reach)))
+    found = (Candidate(each.name, each.way, made(each)) for each in _grips(environment, reach))
     return _comfortable(found, room, state)
 
 
 def _grips(environment: Environment, reach: Reach) -> list[Grasp]:
     points = environment.bundle.objects[environment.task.object].points.astype(np.float64)
-    return list(candidates(points, reach.grips, reach.fingers))
+    return _mixed(list(candidates(points, reach.grips, reach.fingers)), lambda grasp: grasp.way)
 
 
-def _mixed(items: list[T]) -> list[T]:
-    """In an order that is always the same and has all kinds near its beginning."""
-    return [items[number] for number in np.random.default_rng(0).permutation(len(items))]
+def _mixed(items: list[T], way: Callable[[T], str] = lambda item: "") -> list[T]:
+    """In an order that is always the same and looks random, all ways taking turns."""
+    drawn = [items[number] for number in np.random.default_rng(0).permutation(len(items))]
+    return taking_turns(drawn, [way(each) for each in drawn])
 
 
 def _comfortable(found: Iterable[Candidate], room: Room, state: State) -> list[Candidate]:
@@ -208,7 +209,7 @@ def _together(
     name = environment.task.object
     points = environment.bundle.objects[name].points.astype(np.float64)
     palms = {limb: palm for limb, (palm, _) in reach.hands(state).items()}
-    ways = _mixed(list(squeezes(points, reach, in_object(state.objects[name], palms))))
+    ways = _mixed(list(squeezes(points, reach, in_object(state.objects[name], palms))), lambda each: each.way)
     return _comfortable((Candidate(each.name, each.way, made(each)) for each in ways), room, state)
 
 
@@ -217,10 +218,10 @@ def _handovers(environment: Environment, reach: Reach, room: Room, state: State)
     name = environment.task.object
     giver, receiver = (reach.one(limb) for limb in reach.limbs)
     own = Room(environment, giver)
-    grips = _mixed(_grips(environment, giver))
+    grips = _grips(environment, giver)
     free = (each for each in grips if _given(own, giver, each, name, state) is not None)
     gives = list(itertools.islice(free, SOME))
-    takes = _mixed(_grips(environment, receiver))
+    takes = _grips(environment, receiver)
     palms = [palm for palm, _ in reach.hands(state).values()]
     up = environment.bundle.base_pose.inverse().matrix[:3, 2]
     found: list[tuple[float, Candidate]] = []
@@ -265,19 +266,31 @@ def _far_apart(given: Grasp, received: Grasp) -> bool:
 def _slides(environment: Environment, reach: Reach, room: Room, state: State) -> list[Candidate]:
     """Pushes of the task's object along its support, most comfortable first."""
     turns = (0.0, 0.4, -0.4, 0.8, -0.8, np.pi / 2, -np.pi / 2, np.pi)
-    ways = [Stroke(lean, turn) for turn in turns for lean in (0.0, -0.4, 0.4)]
+    pitches = (0.0, 0.5, -0.5, 1.0, -1.0)
+    ways = [Stroke(lean, turn, pitch) for pitch in pitches for turn in turns for lean in (0.0, -0.4, 0.4)]
     return _comfortable([_pushed(way, Push(environment, reach, way)) for way in ways], room, state)
 
 
 def _swings(environment: Environment, reach: Reach, room: Room, state: State) -> list[Candidate]:
-    """Pushes of the task's joint, simplest first."""
-    ways = [Swing(lean, turn) for turn in (0.0, 0.3, -0.3, 0.6, -0.6) for lean in (0.0, -0.4, 0.4)]
-    return [_pushed(way, Articulate(environment, reach, way)) for way in ways]
+    """Pushes of the task's joint that the arm can follow, simplest first."""
+    pitches, turns = (0.0, 0.5, -0.5, 1.0, -1.0), (0.0, 0.3, -0.3, 0.6, -0.6)
+    ways = [Swing(lean, turn, pitch) for pitch in pitches for turn in turns for lean in (0.0, -0.4, 0.4)]
+    found = [_pushed(way, Articulate(environment, reach, way)) for way in ways]
+    return [each for each in found if _goes(each, reach, state)]
+
+
+def _goes(candidate: Candidate, reach: Reach, state: State) -> bool:
+    try:
+        reach.check(candidate.operator.phases(state), state)
+    except OutOfReach:
+        return False
+    return True
 
 
 def _pushed(way: Stroke | Swing, operator: Planned) -> Candidate:
-    lean, turn = np.degrees(way.lean_rad), np.degrees(way.turn_rad)
-    return Candidate(f"push, fingers leaning {lean:.0f} deg, turned {turn:.0f} deg", f"push {turn:.0f}", operator)
+    lean, turn, pitch = np.degrees([way.lean_rad, way.turn_rad, way.pitch_rad])
+    name = f"push, fingers leaning {lean:.0f} deg, turned {turn:.0f} deg, pitched {pitch:.0f} deg"
+    return Candidate(name, f"push {turn:.0f} {pitch:.0f}", operator)
 
 
 @dataclass(frozen=True)

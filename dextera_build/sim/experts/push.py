@@ -26,6 +26,8 @@ class Stroke:
     """Tilt of the fingers from straight down towards the push [rad]."""
     turn_rad: float
     """Rotation of the hand about the vertical, from facing the object [rad]."""
+    pitch_rad: float = 0.0
+    """Rotation of the hand about the direction of the push, fingers down at 0 [rad]."""
     low: float = 0.35
     """Height of the fingertips, as a fraction of the object's; low down it does not tip over."""
     clear_m: float = 0.06
@@ -84,4 +86,6 @@ class Push(Pushing):
     def _orientation(self, ahead: np.ndarray) -> np.ndarray:
         """The palm's rotation in the base: fingers down, tilted and turned, the palm towards the push."""
         facing = registration.rotation(self._up * self.stroke.turn_rad) @ ahead
-        return self._hand.turn(facing, self._up, self.stroke.lean_rad)
+        pitch = self.stroke.pitch_rad
+        up = np.cos(pitch) * self._up + np.sin(pitch) * np.cross(self._up, facing)
+        return self._hand.turn(facing, up, self.stroke.lean_rad)

@@ -77,7 +77,7 @@ class Rehearsed:
 def rehearse(
     driver: Driver, candidates: Sequence[Candidate], progress: Callable[[int, int, str], None]
 ) -> list[Rehearsed]:
-    """Rehearse candidates and return those that succeeded in both trials, best first.
+    """Rehearse candidates and return those that succeeded in a trial, best first.
 
     Args:
         driver: The task's driver.
@@ -106,7 +106,9 @@ def rehearse(
         final.append(
             replace(one, stray=max(one.stray, found.stray), passed=one.passed + found.passed, of=one.of + found.of)
         )
-    return sorted(final, key=lambda one: (-one.passed, one.stray))
+    # The others have less to show, but where the first ones have no room one of them may.
+    others = [one for one in tried if one not in finalists]
+    return sorted(final, key=lambda one: (-one.passed, one.stray)) + others
 
 
 def stray(episode: Episode, task: TaskSpec, names: Sequence[str], limbs: Sequence[str] = ()) -> float:

@@ -19,7 +19,7 @@ from dextera_build.sim.runtime.environment import Environment
 UP = np.array([0.0, 0.0, 1.0])
 CLEAR_M = 0.06
 """Distance from the object at which the hands wait beside it [m]."""
-PRESS_M = 0.025
+PRESS_M = 0.04
 """Way that the hands go on after touching [m]."""
 ABOVE_M = 0.14
 """Height of the approach above that [m]."""
