@@ -38,6 +38,14 @@ class ResetOptions(Options):
     """Half range of every joint of the robot around home [deg]."""
     dynamics: NonNegativeFloat = 1.0
     """Fraction of the twin's own intervals to draw masses, sizes, friction, gains and known errors of poses from."""
+    joints: NonNegativeFloat = 0.0
+    """Fraction of their ranges to draw damping and friction of joints from: factors from 0.6 to 1.65."""
+    goal_m: NonNegativeFloat = 0.0
+    """Half width of the square in which a target is placed, half range of a height to lift [m]."""
+    goal_deg: NonNegativeFloat = 0.0
+    """Half range of a target's turn about the vertical, or of commands of joints [deg]."""
+    visual: NonNegativeFloat = 0.0
+    """Fraction of the cameras' calibration covariance, and of the ranges of exposure, light and noise, to draw from."""
 
 
 class TaskOptions(Options):
@@ -225,6 +233,10 @@ def _spec(
             joint_rad=float(np.radians(reset.joint_deg)),
             robot_rad=float(np.radians(reset.robot_deg)),
             dynamics=reset.dynamics,
+            joints=reset.joints,
+            goal_m=reset.goal_m,
+            goal_rad=float(np.radians(reset.goal_deg)),
+            visual=reset.visual,
         ),
     )
 

@@ -87,7 +87,7 @@ class _Link:
     def __init__(self, model: mujoco.MjModel, joint: str) -> None:
         self._mechanism = Mechanism(model, joint)
         self._body = int(model.jnt_bodyid[model.joint(joint).id])
-        self._pushed = {way: self._push(way) for way in (-1.0, 0.0, 1.0)}
+        self._pushed: dict[float, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
     def _push(self, way: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Contact point, direction of the push and direction away from the axis, (3,) in the link's frame [m]."""
@@ -100,7 +100,10 @@ class _Link:
 
         From the side that the link moves towards, the path leads around its free edge, because the link is in between.
         """
-        place, along, outwards = self._pushed[float(np.sign(way))]
+        sign = float(np.sign(way))
+        if sign not in self._pushed:
+            self._pushed[sign] = self._push(sign)
+        place, along, outwards = self._pushed[sign]
         pose = transforms.rigid(data.xmat[self._body].reshape(3, 3), data.xpos[self._body])
         surface, target = transforms.apply(pose, np.stack([place, place - BEHIND_M * along]))
         straight = np.linalg.norm(points - target, axis=1)

@@ -11,6 +11,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.goals import Goal
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.policy.observation import DeployableObservation, Frames, Measurement, deployable
 from dextera_build.sim.model.compose import ROBOT
@@ -71,9 +72,20 @@ class Environment:
         self._base_turn = quaternions.from_matrix(self._base_from_world[:3, :3])
         self.begin(starts.photographed(bundle, self.model))
 
-    def reset(self, seed: int) -> DeployableObservation:
-        """Begin an episode at a start drawn with `seed`."""
-        return self.begin(self.draw(seed))
+    def reset(
+        self, seed: int, stratum: Stratum | None = None, views: Mapping[str, View] | None = None
+    ) -> DeployableObservation:
+        """Begin an episode at a start drawn as `draw` does.
+
+        Raises:
+            RuleError: No start without collisions was found; the running episode goes on.
+        """
+        try:
+            start = self._drawn(seed, stratum, views)
+        except RuleError:
+            self._dynamics.sizes.put(self.start.size_scale)
+            raise
+        return self.begin(start)
 
     def draw(self, seed: int, stratum: Stratum | None = None, views: Mapping[str, View] | None = None) -> Start:
         """Draw a start without beginning it; sizes of the running episode stay as they are.
@@ -87,11 +99,14 @@ class Environment:
             RuleError: No start without collisions was found.
         """
         try:
-            return starts.draw(
-                self.bundle, self.model, self._dynamics.sizes, seed, self.primitive.fair, stratum=stratum, views=views
-            )
+            return self._drawn(seed, stratum, views)
         finally:
             self._dynamics.sizes.put(self.start.size_scale)
+
+    def _drawn(self, seed: int, stratum: Stratum | None, views: Mapping[str, View] | None) -> Start:
+        """A start; the objects are left with its sizes."""
+        sizes, fair = self._dynamics.sizes, self.primitive.fair
+        return starts.draw(self.bundle, self.model, sizes, seed, fair, stratum=stratum, views=views)
 
     def begin(self, start: Start) -> DeployableObservation:
         """Begin an episode at a given start, without state from the previous one."""

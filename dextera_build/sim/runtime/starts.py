@@ -193,10 +193,9 @@ def _free(model: Any, data: Any) -> bool:
 
 def _on_support(bundle: TaskBundle, model: Any, data: Any) -> bool:
     """Whether every object's origin is above the support of the scene."""
-    names = [model.geom(number).name for number in range(model.ngeom)]
-    if "static_support" not in names:
+    support = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "static_support")
+    if support < 0:
         return True
-    support = names.index("static_support")
     rotation = data.geom_xmat[support].reshape(3, 3)
     for name in bundle.objects:
         local = rotation.T @ (data.body(name).xpos - data.geom_xpos[support])

@@ -101,10 +101,12 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         """
         super().reset(seed=seed)
         start, stratum = ((options or {}).get(name) for name in ("start", "stratum"))
-        if not isinstance(start, Start):
+        if isinstance(start, Start):
+            self.environment.begin(start)
+        else:
             drawn = int(self.np_random.integers(2**62)) if seed is None else seed
-            start = self.environment.draw(drawn, stratum, self._views)
-        self.environment.begin(start)
+            self.environment.reset(drawn, stratum, self._views)
+        start = self.environment.start
         self._sensors.reset(start.seed, start.variation.noise)
         if self._eyes is not None:
             self._eyes.vary(start.variation)

@@ -83,9 +83,9 @@ class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):
         for each in self.copies:
             each.close()
 
-    def render(self) -> tuple[Any, ...]:
-        """The picture of every copy, see `TaskEnv.render`."""
-        return tuple(each.render() for each in self.copies)
+    def render(self) -> tuple[Any, ...] | None:
+        """The picture of every copy, see `TaskEnv.render`; None without a render mode."""
+        return None if self.render_mode is None else tuple(each.render() for each in self.copies)
 
     def _step(self, number: int, action: np.ndarray) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
         if self._over[number]:
@@ -97,8 +97,9 @@ class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):
         return list((self._pool.map if self._pool else map)(work, range(self.num_envs)))
 
     def _gathered(self, seen: list[Observations]) -> Observations:
-        out: Any = create_empty_array(self.single_observation_space, self.num_envs)
-        found: Any = concatenate(self.single_observation_space, seen, out)
+        space = self.single_observation_space
+        out: Any = create_empty_array(space, self.num_envs)
+        found: Any = concatenate(space, seen, out)
         return dict(found)
 
     def _infos(self, infos: list[dict[str, Any]]) -> dict[str, Any]:

@@ -58,7 +58,7 @@ def test_the_extra_is_named_where_the_distributions_are_missing(
 def test_a_distribution_without_the_file_is_one_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pretend(monkeypatch, tmp_path)
     options = OPTIONS | {"parts": (OPTIONS["parts"][0] | {"file": "robosuite/elsewhere.xml"},)}
-    with pytest.raises(RuleError, match=r"`robosuite` .* has no file `robosuite/elsewhere.xml`"):
+    with pytest.raises(RuleError, match=r"`robosuite` .* has no `robosuite/elsewhere.xml`"):
         RuleRunner(tmp_path).run("simulate.mesh_robot", options=options, like=LIKE)
 
 
