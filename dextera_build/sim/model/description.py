@@ -24,6 +24,7 @@ from dextera_build.artifacts.scene_description import (
     ObjectNode,
     SceneDescription,
 )
+from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import transforms
 from dextera_build.sim.model import mjcf_contact, names, neighbours, touching
 
@@ -71,7 +72,20 @@ def describe(
 
 
 def parted(assets: Mapping[str, Asset], background: Background) -> neighbours.Parted:
-    """The assets with collision pieces that overlap neither one another nor the background's, and do not hover."""
+    """The assets with collision pieces that overlap neither one another nor the background's, and do not hover.
+
+    Raises:
+        RuleError: A link of an asset has no collision pieces or no mass.
+    """
+    for label, asset in assets.items():
+        for what, known in (("collision geometry", asset.collision.links), ("mass", asset.physics.links)):
+            if bare := sorted(asset.body.links.keys() - known.keys()):
+                raise RuleError(
+                    f"link `{bare[0]}` of `{label}` has no {what}",
+                    code="DXB-B219",
+                    facts={"links": listing(asset.body.links), what: listing(known) or "of no link"},
+                    hint="`factorize.collision` and `factorize.physics` of the same body give both",
+                )
     return neighbours.parted(assets, [_support(box).vertices() for box in background.boxes])
 
 

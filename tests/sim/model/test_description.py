@@ -83,6 +83,22 @@ def test_what_a_format_cannot_hold_is_refused(described):
     assert (caught.value.code, caught.value.facts) == ("DXB-B216", {"robots": "robot/"})
 
 
+@pytest.mark.parametrize(("part", "what"), [("collision", "collision geometry"), ("physics", "mass")])
+def test_a_link_that_cannot_be_touched_or_weighs_nothing_is_one_error(part, what):
+    laptop = ASSETS["laptop"]
+    whole = getattr(laptop, part)
+    less = whole.model_copy(update={"links": {"base": whole.links["base"]}})
+    table = factories.support()
+    with pytest.raises(RuleError, match=f"link `lid` of `laptop` has no {what}") as caught:
+        describe(
+            {"laptop": laptop.model_copy(update={part: less})},
+            factories.background(),
+            factories.camera(),
+            table.camera_pose.matrix,
+        )
+    assert caught.value.facts[what] == "base"
+
+
 def test_a_scene_without_a_camera_is_written(described):
     bare = described.model_copy(update={"cameras": (), "lights": (), "objects": (), "exclude": (), "touch": ()})
     assert model.compile_folder(mjcf.write(bare)).ncam == 0
