@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
+from pydantic import Field, PositiveFloat
 
-from dextera_build.artifacts.base import Artifact
+from dextera_build.artifacts import former
+from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.noise import ColourNoise, DepthNoise
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import transforms
+
+Corner = tuple[float, float, float]
+
+
+class Limits(Value):
+    """What a robot in a cell must not do; its guard stops it."""
+
+    speed: float = Field(1.0, gt=0, le=1)
+    """Part of every joint's speed limit that targets may use."""
+    workspace_m: tuple[Corner, Corner] | None = None
+    """Lowest and highest x, y, z of every palm in the base frame [m]; None: everywhere."""
+    force_n: PositiveFloat | None = None
+    """Largest force on a fingertip [N]; None: any, as for hands that do not feel."""
+    silence_s: PositiveFloat = 1.0
+    """Time without a frame of the camera after which the robot is stopped [s]."""
 
 
 class Cell(Artifact):
@@ -21,6 +38,9 @@ class Cell(Artifact):
     Operators of the cell know every field except `eye`, which only the renderer of the camera may read. Only
     `evaluate.*` therefore takes a cell.
     """
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.unchanged}
 
     assets: dict[str, Asset]
     """Root body of the task -> the twin's asset, placed as in the photograph; the tracker knows nothing else."""
@@ -44,6 +64,8 @@ class Cell(Artifact):
     """Errors of the colours."""
     seed: int = 0
     """Seed of all noise; every trial has its own."""
+    limits: Limits = Limits()
+    """What its guard does not let happen."""
 
     def placed(self, seen: np.ndarray) -> np.ndarray:
         """T_base_object (4, 4) of T_camera_object (4, 4), through the calibration [m]."""

@@ -271,8 +271,8 @@ class Inertial(Value):
 class Physics(Artifact):
     """Mass, inertia and contact properties of every link."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.unchanged}
+    type_version: ClassVar[int] = 3
+    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged}
 
     links: dict[str, Inertial]
     """Link -> mass properties."""
@@ -284,6 +284,8 @@ class Physics(Artifact):
     """Coefficient of restitution."""
     restitution_sigma: float = 0.1
     """Standard deviation of `restitution`."""
+    stiffness_n_m: float | None = None
+    """Stiffness of its surface in an impact [N/m]; None: that of a hard thing."""
     material: str
     """Key of the material table."""
     weighed: bool = False

@@ -99,14 +99,19 @@ class Settled(Value):
 class SettleReport(Artifact):
     """Result of the settle check."""
 
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.unchanged}
+
     bodies: tuple[Settled, ...]
     """One row per body."""
     seconds: float
     """Simulated time [s]."""
     energy_j: Annotated[np.ndarray, Array("T", "float64", unit="J")]
     """Kinetic energy over time."""
+    energy_change: float | None = None
+    """Largest change of the mechanical energy once the bodies have settled, over their m g h; None: not measured."""
     passed: bool
-    """Every body rests."""
+    """Every body rests, and none gains or loses energy."""
 
 
 class TruthObject(Artifact):

@@ -46,6 +46,8 @@ class Contact(Value):
     """Sliding friction coefficient."""
     restitution: float = Field(ge=0, le=1)
     """Coefficient of restitution."""
+    stiffness_n_m: PositiveFloat | None = None
+    """Force per depth of an impact of the whole object [N/m]; None: as a hard thing, see `sim.model.mjcf_contact`."""
 
 
 class Box(Value):
@@ -188,6 +190,11 @@ class ObjectNode(Artifact):
         moved = {joint.child for joint in self.joints}
         return next(part for part in self.links if part not in moved)
 
+    @property
+    def mass_kg(self) -> float:
+        """Mass of all its parts [kg]."""
+        return sum(body.inertia.mass_kg for body in self.links.values())
+
     def origin(self, part: str) -> np.ndarray:
         """Origin (3,) of a part's frame in the object frame, with every joint at 0 [m]."""
         above = next((joint for joint in self.joints if joint.child == part), None)
@@ -239,8 +246,8 @@ class Attachment(Artifact):
 class SceneDescription(Artifact):
     """A scene: world frame z up; poses and joint positions of the nodes are the home keyframe."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.unchanged}
+    type_version: ClassVar[int] = 3
+    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged}
 
     objects: tuple[ObjectNode, ...]
     """Things that are free to move."""

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build import digest
-from dextera_build.report import flow, objects, provenance, result, timeline
+from dextera_build.report import flow, objects, provenance, result, tasks, timeline
 from dextera_build.report.details import details
 from dextera_build.report.document import document
+from dextera_build.report.films import Films
 from dextera_build.report.html import Html, join, tag
 from dextera_build.report.pictures import LADDER, Pictures, from_header
 from dextera_build.report.pieces import section
@@ -52,9 +53,10 @@ def build(
     """
     run = read(events, store)
     extra = _adopt_images(run, store)
-    text = ""
-    for quality in LADDER:
-        text = page(run, Pictures(extra, quality), licences or {})
+    text, films = "", Films(store)
+    # Films go first, then pictures become coarser.
+    for quality, shown in [(LADDER[0], films), *((quality, None) for quality in LADDER)]:
+        text = page(run, Pictures(extra, quality), licences or {}, shown)
         if len(text.encode()) <= LIMIT:
             break
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -64,14 +66,15 @@ def build(
     return out
 
 
-def page(run: Run, pictures: Pictures, licences: Mapping[str, str]) -> str:
-    """The whole document."""
+def page(run: Run, pictures: Pictures, licences: Mapping[str, str], films: Films | None = None) -> str:
+    """The whole document; without `films`, tasks show a picture."""
     image, shown = result.hero(run, pictures)
     strip = result.strip(run, pictures, shown)
     cards = objects.cards(run, pictures)
-    numbers = tables(run)
+    numbers, gallery = tables(run), tasks.cards(run, pictures, films)
     parts: list[tuple[str, str, list[Html | None]]] = [
         ("result", "Result", [tag("div", {"class": "result"}, image, result.outcome(run)), strip]),
+        ("tasks", "Tasks", [tag("div", {"class": "gallery"}, gallery)] if gallery else []),
         ("objects", "Objects", [tag("div", {"class": "cards"}, cards)] if cards else []),
         ("numbers", "Numbers", [*numbers]),
         ("graph", "Graph", [flow.graph(run)]),

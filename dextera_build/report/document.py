@@ -6,7 +6,7 @@ from importlib import resources
 
 from dextera_build.report.html import Child, Html, tag
 
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+_POLICY = "default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
 
 def document(title: str, *body: Child, styles: tuple[str, ...] = ("report.css",), script: str = "report.js") -> str:

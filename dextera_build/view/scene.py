@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,11 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Asset, Joint, Support
 from dextera_build.artifacts.scene import Background
-from dextera_build.geometry import kinematics, quaternions
+from dextera_build.geometry import kinematics, quaternions, transforms
+from dextera_build.view.figure import ABOVE_M, Fact, add_label
+from dextera_build.view.photo import Comparison
 from dextera_build.view.show import PIECE_COLOURS, add_camera, add_frame, add_piece, show
+from dextera_build.view.switches import switch
 
 SWING_RAD = 0.6
 """Initial rotation of the viewpoint from the photograph's camera, about the vertical [rad]."""
@@ -27,6 +31,7 @@ def show_scene(
     *,
     photo: Image | None = None,
     addresses: Mapping[str, str] | None = None,
+    bind: Callable[[str, str], str] | None = None,
 ) -> None:
     """Add a twin to a viser server.
 
@@ -38,29 +43,38 @@ def show_scene(
         camera: Intrinsics of the photograph [px].
         photo: The photograph, shown in the camera's frustum.
         addresses: Label -> node address, which then names the scene node; the label itself if left out.
+        bind: Gives the object of a label a name, and says what came of it; None: names cannot be given.
     """
     add_frame(server, "/world", np.eye(4), axes=0.1)
     server.scene.add_grid("/grid", width=2.0, height=2.0, cell_size=0.1, section_size=0.5, position=(0.0, 0.0, -0.002))
     static = show(background, server, "/background")
     outline = show(support, server, "/support")
-    pixels = None if photo is None else photo.pixels
-    lens = add_camera(server, "/camera", camera, support.camera_pose.matrix, pixels)
+    lens = [add_camera(server, "/camera", camera, support.camera_pose.matrix)]
     pieces: list[Any] = []
+    choose = _chosen(server, assets, bind)
     for label in sorted(assets):
         name = f"/{(addresses or {}).get(label, label)}"
-        frames = _object(server, name, assets[label], pieces)
+        frames = _object(server, name, assets[label], pieces, partial(_tell, choose, label))
         _sliders(server, label, assets[label], frames)
-    _switches(server, {"Background": [static], "Camera": [lens], "Outline": [outline]}, pieces)
+    if photo is not None:
+        comparison = Comparison(server, "/photograph", camera, support.camera_pose.matrix, photo.pixels)
+        comparison.aside += [*lens, outline]
+        lens.append(comparison.picture)
+    labels = [_label(server, f"/labels/{label}", label, asset) for label, asset in assets.items()]
+    with server.gui.add_folder("Show"):
+        for title, handles in (("Labels", labels), ("Background", [static]), ("Camera", lens), ("Outline", [outline])):
+            switch(server, title, handles, visible=True)
+        switch(server, "Collision pieces", pieces, visible=False)
     _greet(server, assets, support.camera_pose.matrix)
 
 
-def _object(server: Any, name: str, asset: Asset, pieces: list[Any]) -> dict[str, Any]:
+def _object(server: Any, name: str, asset: Asset, pieces: list[Any], clicked: Callable[[Any], None]) -> dict[str, Any]:
     """Add an object as it was seen, append its hidden collision pieces to `pieces`, and return link -> frame."""
     add_frame(server, name, asset.pose.matrix, axes=0.04)
     frames = {}
     for link, pose in kinematics.link_poses(asset.body).items():
         frames[link] = add_frame(server, f"{name}/{link}", pose)
-        show(asset.body.links[link].mesh, server, f"{name}/{link}/visual")
+        show(asset.body.links[link].mesh, server, f"{name}/{link}/visual").on_click(clicked)
         for number, hull in enumerate(asset.collision.links[link].hulls):
             colour = PIECE_COLOURS[number % len(PIECE_COLOURS)]
             pieces.append(add_piece(server, f"{name}/{link}/piece_{number}", hull, colour, visible=False))
@@ -98,24 +112,44 @@ def _slider(server: Any, joint: Joint) -> tuple[Any, float]:
     return server.gui.add_slider(title, min=low, max=max(high, low + 0.1), step=0.1, initial_value=start), unit
 
 
-def _switches(server: Any, layers: Mapping[str, list[Any]], pieces: list[Any]) -> None:
-    """Check boxes that show and hide the parts of the scene."""
-    with server.gui.add_folder("Show"):
-        for title, handles, visible in (
-            *((title, handles, True) for title, handles in layers.items()),
-            ("Collision pieces", pieces, False),
-        ):
-            _switch(server, title, handles, visible)
+def _tell(choose: Callable[[str], None], label: str, _: object) -> None:
+    choose(label)
 
 
-def _switch(server: Any, title: str, handles: list[Any], visible: bool) -> None:
-    box = server.gui.add_checkbox(title, initial_value=visible)
+def _label(server: Any, name: str, label: str, asset: Asset) -> Any:
+    """Name, mass, material and friction above an object."""
+    links = kinematics.link_poses(asset.body)
+    corners = [transforms.apply(pose, asset.body.links[link].mesh.vertices) for link, pose in links.items()]
+    placed = transforms.apply(asset.pose.matrix, np.concatenate(corners).astype(np.float64))
+    low, high = placed.min(axis=0), placed.max(axis=0)
+    position = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2] + ABOVE_M)
+    return add_label(server, name, _fact(asset).short(label), position)
 
-    def toggle(_: object) -> None:
-        for handle in handles:
-            handle.visible = box.value
 
-    box.on_update(toggle)
+def _fact(asset: Asset) -> Fact:
+    links, physics = list(asset.physics.links.values()), asset.physics
+    low, high = sum(each.mass_low_kg for each in links), sum(each.mass_high_kg for each in links)
+    return Fact(sum(each.mass_kg for each in links), (low, high), physics.material, physics.friction)
+
+
+def _chosen(server: Any, assets: Mapping[str, Asset], bind: Callable[[str, str], str] | None) -> Callable[[str], None]:
+    """The part of the panel about the object that was clicked last; its function takes the label."""
+    chosen = [""]
+    words = server.gui.add_markdown("Click an object for its mass, material and friction.")
+    name = button = None
+    if bind is not None:
+        name = server.gui.add_text("Name", "", visible=False)
+        button = server.gui.add_button("Bind", visible=False, hint="Keep this name in dxb.lock, whatever parsing says")
+
+    def choose(label: str) -> None:
+        chosen[0] = label
+        words.content = _fact(assets[label]).long(label)
+        if name is not None and button is not None:
+            name.value, name.visible, button.visible = label, True, True
+
+    if bind is not None and name is not None and button is not None:
+        button.on_click(lambda _: setattr(words, "content", bind(chosen[0], name.value)))
+    return choose
 
 
 def _greet(server: Any, assets: Mapping[str, Asset], world_from_camera: np.ndarray) -> None:
@@ -125,9 +159,6 @@ def _greet(server: Any, assets: Mapping[str, Asset], world_from_camera: np.ndarr
     c, s = np.cos(SWING_RAD), np.sin(SWING_RAD)
     arm = world_from_camera[:3, 3] - target
     start = target + np.array([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1], 1.1 * arm[2]])
-
-    def greet(client: Any) -> None:
-        client.camera.position = tuple(start.tolist())
-        client.camera.look_at = tuple(target.tolist())
-
-    server.on_client_connect(greet)
+    server.initial_camera.position = tuple(start.tolist())
+    server.initial_camera.look_at = tuple(target.tolist())
+    server.initial_camera.up = (0.0, 0.0, 1.0)

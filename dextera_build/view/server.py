@@ -1,4 +1,4 @@
-"""The viewer's web server, and its export to files."""
+"""The viewer's web server."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import contextlib
 import socket
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from dextera_build.errors import MachineError, UsageError, install_extra
@@ -66,16 +65,3 @@ def stop(server: Any) -> None:
     """Stop a server that `start` started."""
     with contextlib.redirect_stdout(sys.stderr):
         server.stop()
-
-
-def static_export(server: Any, folder: str | Path) -> Path:
-    """Write the server's scene to `folder/scene.viser` and return that file.
-
-    viser calls this export experimental, so it is used in this one function. `viser-build-client` makes the web
-    page that plays it.
-    """
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "scene.viser"
-    path.write_bytes(server.get_scene_serializer().serialize())
-    return path

@@ -21,6 +21,7 @@ from dextera_build.artifacts.splats import Splats
 from dextera_build.artifacts.view import Instance, ObjectView, Segmentation
 from dextera_build.errors import UsageError
 from dextera_build.geometry import cameras, convex, gaussians, kinematics, quaternions, transforms
+from dextera_build.view.figure import textured
 
 PIECE_COLOURS = ((230, 85, 60), (60, 140, 220), (90, 180, 90), (235, 170, 50), (150, 105, 200), (90, 190, 190))
 MOST_POINTS = 100_000
@@ -40,25 +41,12 @@ def show(artifact: Artifact, server: Any, name: str) -> Any:
 @show.register
 def _(mesh: Mesh, server: Any, name: str) -> Any:
     """A mesh with its texture, seen from both sides."""
-    import trimesh
-    from PIL import Image as Pillow
-
     if mesh.texture is None or mesh.uv is None:
         colour = tuple(round(255 * part) for part in mesh.colour)
         return server.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=colour, side="double")
-    corners = mesh.vertices[mesh.faces].reshape(-1, 3)
-    # The texture already contains the light of the photograph: the material is purely emissive.
-    material = trimesh.visual.material.PBRMaterial(
-        baseColorFactor=[0, 0, 0, 255],
-        emissiveTexture=Pillow.fromarray(mesh.texture.pixels),
-        emissiveFactor=[1.0, 1.0, 1.0],
-        metallicFactor=0.0,
-        roughnessFactor=1.0,
-        doubleSided=True,
-    )
-    visual = trimesh.visual.TextureVisuals(uv=mesh.uv.reshape(-1, 2), material=material)
-    faces = np.arange(len(corners)).reshape(-1, 3)
-    return server.scene.add_mesh_trimesh(name, trimesh.Trimesh(corners, faces, visual=visual, process=False))
+    # The texture already contains the light of the photograph.
+    made = textured(mesh.vertices, mesh.faces, mesh.uv.reshape(-1, 2), mesh.texture.pixels, glows=True)
+    return server.scene.add_mesh_trimesh(name, made)
 
 
 @show.register
@@ -280,17 +268,14 @@ def add_points(server: Any, name: str, points: np.ndarray, colours: np.ndarray, 
     return server.scene.add_point_cloud(name, flat.astype(np.float32), paint, point_size=0.002, point_shape="circle")
 
 
-def add_camera(
-    server: Any, name: str, camera: Camera, world_from_camera: np.ndarray, photo: np.ndarray | None = None
-) -> Any:
-    """The camera's frustum at T_world_camera (4, 4), 5 cm deep, with the photograph in it."""
+def add_camera(server: Any, name: str, camera: Camera, world_from_camera: np.ndarray) -> Any:
+    """The camera's frustum at T_world_camera (4, 4), 5 cm deep."""
     return server.scene.add_camera_frustum(
         name,
         fov=float(2 * np.arctan2(camera.height / 2, camera.fy)),
         aspect=camera.width / camera.height,
         scale=0.05,
         thickness=0.001,
-        image=photo,
         wxyz=quaternions.from_matrix(world_from_camera[:3, :3]),
         position=world_from_camera[:3, 3],
     )

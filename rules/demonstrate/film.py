@@ -15,12 +15,19 @@ from dextera_build.rule import Context, Options, rule
 
 from .film_strip import strip
 
+SMOOTH = 4
+"""Samples per pixel of films for people."""
+
 
 class FilmOptions(Options):
     """Options of demonstrate.film."""
 
     strip_frames: PositiveInt = 8
     """Frames in the preview of the first episode."""
+    first: PositiveInt | None = None
+    """Number of episodes to film, in order; null: all of them, which data sets need."""
+    width_px: PositiveInt | None = None
+    """Width of the frames for people, smoothed, with the height in proportion [px]; null: as policies see it."""
 
 
 class FilmBackend(Protocol):
@@ -37,14 +44,15 @@ class FilmBackend(Protocol):
 def film(
     ctx: Context[FilmBackend], bundle: TaskBundle, episodes: Episodes, view: View, *, options: FilmOptions
 ) -> Film:
-    """Return one frame (H, W, 3) uint8 sRGB per step of every kept episode, seen through `view`.
+    """Return one frame (H, W, 3) uint8 sRGB per step of the kept episodes, seen through `view`.
 
     Recorded states are rendered, nothing is simulated; frame t is the scene before action t.
     """
+    chosen, view = _chosen(episodes, options.first), _sized(view, options.width_px)
     camera = view.camera
     packed: dict[str, Path] = {}
     count = 0
-    taken: Iterator[tuple[str, np.ndarray]] = ctx.backend.frames(ctx, bundle, episodes, view, ctx.backend_options)
+    taken: Iterator[tuple[str, np.ndarray]] = ctx.backend.frames(ctx, bundle, chosen, view, ctx.backend_options)
     for index, pixels in taken:
         expected = (len(episodes.items[index].joints), camera.height, camera.width, 3)
         ctx.check(pixels.shape == expected, "an episode has another number of frames than steps", episode=index)
@@ -53,9 +61,20 @@ def film(
         packed[index] = ctx.scratch / f"{len(packed)}.packed"
         packed[index].write_bytes(Film.packed(pixels))
         count += len(pixels)
-        ctx.progress(len(packed), len(episodes.items), "episodes")
-    ctx.check(packed.keys() == episodes.items.keys(), "an episode has no frames")
+        ctx.progress(len(packed), len(chosen.items), "episodes")
+    ctx.check(packed.keys() == chosen.items.keys(), "an episode has no frames")
     megabytes = sum(path.stat().st_size for path in packed.values()) / 1e6
     ctx.metric("size", megabytes, "MB")
     ctx.say(f"{len(packed)} episodes, {count:,} frames of {camera.width} x {camera.height} px, {megabytes:.1f} MB")
     return Film.of(packed, camera.width, camera.height)
+
+
+def _chosen(episodes: Episodes, first: int | None) -> Episodes:
+    return episodes.model_copy(update={"items": dict(episodes.in_order()[:first])}) if first else episodes
+
+
+def _sized(view: View, width_px: int | None) -> View:
+    if width_px is None:
+        return view
+    camera = view.camera.scaled(width_px / view.camera.width)
+    return view.model_copy(update={"camera": camera, "samples": max(view.samples, SMOOTH)})

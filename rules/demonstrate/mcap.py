@@ -44,7 +44,7 @@ class McapBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=2, packages=("numpy",))
 def mcap(
     ctx: Context[McapBackend],
     bundle: TaskBundle,
@@ -55,6 +55,8 @@ def mcap(
     options: McapOptions,
 ) -> Folder:
     """Return one MCAP file per kept episode, profile `ros2`, with joints, commands, frames, forces and images.
+
+    The robot is `/robot_description` (URDF, also attached), objects are markers in their frames: viewers draw both.
 
     Time starts at 0 in every episode. Frames follow ROS: quaternions x y z w, camera frames with z forward.
     """

@@ -17,13 +17,15 @@ from dextera_build.policy.layout import of_episodes
 from dextera_build.policy.terms import Term
 from dextera_build.rule import Backend, Context, Options
 
+from .mcap_scene import Drawn
+
 if TYPE_CHECKING:
     from .mcap import McapOptions
 
 BACKEND = Backend(
     summary="ROS 2 messages in CDR, schemas as ros2msg",
     profiles=("cpu",),
-    packages=("mcap", "zstandard"),
+    packages=("mcap", "mujoco", "zstandard"),
     extra="learn",
 )
 BASE = "base"
@@ -47,12 +49,15 @@ def write(
     options: Options,
 ) -> None:
     """Write each recording below `out`."""
+    drawn = Drawn(bundle)
+    if drawn.clashes:
+        ctx.fail("an object has the name of a link of the robot", names=", ".join(sorted(drawn.clashes)))
     for number, (label, episode) in enumerate(episodes.in_order()):
         pictures = film.each(label) if film is not None else None
         with (out / f"episode-{number:06d}.mcap").open("wb") as file:
-            recording = EpisodeRecording(file, episodes, common)
+            recording = EpisodeRecording(file, episodes, common, drawn)
             recording.describe(bundle, label, episode)
-            recording.once(bundle, view)
+            recording.once(bundle, view, episode)
             for step in range(len(episode.joints)):
                 recording.step(episode, step)
                 if pictures is not None:
@@ -68,10 +73,11 @@ class EpisodeRecording:
         file: Where to write.
         episodes: Names and rate of the recorded channels.
         options: Name of the camera, image encoding, compression.
+        drawn: Links and shapes of the task.
     """
 
-    def __init__(self, file: BinaryIO, episodes: Episodes, options: McapOptions) -> None:
-        self._episodes, self._options = episodes, options
+    def __init__(self, file: BinaryIO, episodes: Episodes, options: McapOptions, drawn: Drawn) -> None:
+        self._episodes, self._options, self._drawn = episodes, options, drawn
         self._out = Recording(file, options.compression)
         self._optical = f"{options.camera}_color_optical_frame"
         # The goal is in `task.json`, so its names are not needed.
@@ -97,20 +103,24 @@ class EpisodeRecording:
         self._out.attach("task.json", bundle.task.model_dump(mode="json"))
         self._out.attach("segments.json", [segment.model_dump() for segment in episode.segments])
 
-    def once(self, bundle: TaskBundle, view: View | None) -> None:
-        """Write static frames."""
+    def once(self, bundle: TaskBundle, view: View | None, episode: Episode) -> None:
+        """Write static frames, the robot's description and shapes."""
         edges = [("world", BASE, poses.from_matrix(bundle.base_pose.matrix))]
         if view is not None:
             camera = bundle.base_pose.inverse() @ view.camera_pose
             edges.append((BASE, self._optical, poses.from_matrix(camera.matrix)))
+        edges += self._drawn.fixed(episode)
+        self._moving = self._drawn.moving(self._episodes, episode)
+        self._drawn.send(self._out, episode, LATCHED)
         # In one message: late subscribers get only the last one.
         self._out.send("/tf_static", "tf2_msgs/TFMessage", 0, messages.transforms(0, edges), LATCHED)
 
     def step(self, episode: Episode, step: int) -> None:
         """Write the measurements and the command of a step."""
         t, reach = self._time(step), self._time(1)
+        edges = [(parent, child, rows[step]) for parent, child, rows in self._moving]
         for term in self._terms:
-            for topic, message in _messages(term, getattr(episode, term.declared.name)[step], t, reach):
+            for topic, message in _messages(term, getattr(episode, term.declared.name)[step], t, reach, edges):
                 self._out.send(topic, term.declared.message, t, message)
 
     def picture(self, step: int, pixels: np.ndarray, view: View | None) -> None:
@@ -133,7 +143,9 @@ class EpisodeRecording:
         return round(step * messages.SECOND / self._episodes.rate_hz)
 
 
-def _messages(term: Term, values: np.ndarray, t: int, reach: int) -> list[tuple[str, bytes]]:
+def _messages(
+    term: Term, values: np.ndarray, t: int, reach: int, edges: list[tuple[str, str, np.ndarray]]
+) -> list[tuple[str, bytes]]:
     """Topics and messages of one step of a term.
 
     Args:
@@ -141,6 +153,7 @@ def _messages(term: Term, values: np.ndarray, t: int, reach: int) -> list[tuple[
         values: Its numbers.
         t: Time of the step [ns].
         reach: Time until a target should be reached [ns].
+        edges: Parent, child and pose of frames that go beside those of objects.
     """
     rows = list(zip(term.names, values, strict=True))
     match term.declared.message:
@@ -149,7 +162,7 @@ def _messages(term: Term, values: np.ndarray, t: int, reach: int) -> list[tuple[
         case "trajectory_msgs/JointTrajectory":
             return [(term.topic(), messages.joint_trajectory(t, term.names, values, reach))]
         case "tf2_msgs/TFMessage":
-            return [(term.topic(), messages.transforms(t, [(BASE, name, row) for name, row in rows]))]
+            return [(term.topic(), messages.transforms(t, [*((BASE, name, row) for name, row in rows), *edges]))]
         case "geometry_msgs/PoseStamped":
             return [(term.topic(name), messages.pose(t, BASE, row)) for name, row in rows]
         case "geometry_msgs/WrenchStamped":

@@ -23,10 +23,18 @@ class OperateOptions(Options):
     """Seed of the starts."""
     tries: PositiveInt = 4
     """Maximum attempts per demonstration."""
+    attempts: PositiveInt | None = None
+    """Number of attempts, whatever comes of them, in place of `episodes` and `tries`: for success rates."""
     lag_m: PositiveFloat = 0.02
     """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
     """Episodes with an unintended contact above this force are discarded [N]."""
+
+    def most(self) -> tuple[int, int]:
+        """Successes after which to stop, and attempts after which to stop."""
+        if self.attempts is not None:
+            return self.attempts + 1, self.attempts
+        return self.episodes, self.tries * self.episodes
 
 
 class OperateBackend(Protocol):
@@ -54,9 +62,10 @@ def operate(ctx: Context[OperateBackend], bundle: TaskBundle, *, options: Operat
     reasons = Counter(episode.reason for episode in shown.failures.values())
     counted = ", ".join(f"{count} x {reason}" for reason, count in reasons.most_common(5))
     done = len(shown.items)
+    wanted = options.episodes if options.attempts is None else 1
     ctx.check(
-        done == options.episodes,
-        f"the operator showed `{bundle.task.name}` {done} times of {options.episodes}",
+        done >= wanted,
+        f"the operator showed `{bundle.task.name}` {done} times of {wanted}",
         attempts=shown.attempts,
         reasons=counted,
         hint="make the ranges of `reset` smaller, or move the robot's base",

@@ -39,12 +39,13 @@ def operate(ctx: Context, bundle: TaskBundle, common: OperateOptions, options: O
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}
     attempts = 0
-    while len(items) < common.episodes and attempts < common.tries * common.episodes:
+    enough, most = common.most()
+    while len(items) < enough and attempts < most:
         start = driver.environment.draw(seed_of("operate", common.seed, attempts))
         episode = driver.run(operator, start, origin="operator", filters=filters)
         (items if episode.success else failures)[f"{attempts:05d}"] = episode
         attempts += 1
-        ctx.progress(len(items), common.episodes, f"{attempts} attempts")
+        ctx.progress(attempts, most, f"{len(items)} succeeded")
     return layout.gathered(bundle, items, failures, attempts)
 
 

@@ -22,9 +22,9 @@ def operate(ctx: Context, bundle: TaskBundle, common: OperateOptions, options: O
     """Return the requested number of motionless episodes."""
     items = {
         f"{number:05d}": pretended(bundle, common.seed + number, "operator", success=True)
-        for number in range(common.episodes)
+        for number in range(min(common.most()))
     }
-    return layout.gathered(bundle, items, {}, common.episodes)
+    return layout.gathered(bundle, items, {}, len(items))
 
 
 def strips(ctx: Context, bundle: TaskBundle, episodes: Episodes, options: Options) -> list[tuple[str, np.ndarray]]:

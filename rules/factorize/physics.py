@@ -39,11 +39,13 @@ class PhysicsOptions(Options):
     """Relative standard deviation of the volume of walls; their thickness is mostly assumed."""
     shell_m: PositiveFloat = 0.0015
     """Wall thickness of a closed container, whose contents are unknown [m]: if it is empty, its walls are all."""
+    stiffness_n_m: PositiveFloat | None = None
+    """Stiffness of the surface in an impact, for soft things [N/m]; None: that of a hard one."""
     untold_sigma: NonNegativeFloat = 0.2
     """Relative standard deviation of the volume of a shape whose backend does not tell how well it fits."""
 
 
-@rule(version=3)
+@rule(version=4)
 def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions) -> Physics:
     """Return mass properties of every link, in the object frame with all joints at 0, in SI units of the unscaled body.
 
@@ -81,6 +83,7 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
         friction_sigma=material.friction_sigma,
         restitution=material.restitution,
         restitution_sigma=material.restitution_sigma,
+        stiffness_n_m=options.stiffness_n_m,
         material=name,
         weighed=options.mass_kg is not None,
     )

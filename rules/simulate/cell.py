@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.cell import Cell
+from dextera_build.artifacts.cell import Cell, Limits
 from dextera_build.artifacts.noise import ColourNoise, DepthNoise
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.pose import Pose
@@ -25,6 +25,10 @@ class DepthNoiseOptions(DepthNoise, Options):
 
 class ColourNoiseOptions(ColourNoise, Options):
     """Noise of the colour stream, as of `capture.reference`."""
+
+
+class LimitsOptions(Limits, Options):
+    """What the cell's guard does not let happen."""
 
 
 class CellOptions(Options):
@@ -46,6 +50,8 @@ class CellOptions(Options):
     """Noise of the depth stream."""
     colour_noise: ColourNoiseOptions = ColourNoiseOptions()
     """Noise of the colour stream."""
+    limits: LimitsOptions = LimitsOptions()
+    """What the cell's guard does not let happen: speeds, places of the palms, forces on fingertips, silence."""
     error_m: NonNegativeFloat = 0.002
     """Without a `world`: standard deviation of the calibrated camera's position from the true one, per axis, if its
     covariance does not tell it [m]."""
@@ -55,7 +61,7 @@ class CellOptions(Options):
     """Seed of that error and of all noise."""
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=2, packages=("numpy",))
 def cell(
     ctx: Context,
     scene: Scene,
@@ -100,6 +106,7 @@ def cell(
         depth_noise=DepthNoise(**options.depth_noise.model_dump()),
         colour_noise=ColourNoise(**options.colour_noise.model_dump()),
         seed=options.seed,
+        limits=Limits(**options.limits.model_dump()),
     )
 
 

@@ -29,6 +29,17 @@ class PartOptions(Options):
     """Meshes that touch and are seen too; where a link has geometry that is only seen, what touches is not drawn."""
 
 
+class FollowOptions(Options):
+    """A joint that a mechanism couples to another, where the file does not say so."""
+
+    leader: str
+    """The joint that it follows, with prefix."""
+    ratio: float
+    """Motion per motion of the leader."""
+    offset_rad: float = 0.0
+    """Position with the leader at 0 [rad, of sliding joints m]."""
+
+
 class JointNumbers(Options):
     """What a file does not say about a joint, or says otherwise; a sliding joint has m and N."""
 
@@ -65,6 +76,8 @@ class ImportedRobotOptions(Options):
     """Joint -> home position [rad, m]; others are at the file's first keyframe, or at 0."""
     joints: dict[str, JointNumbers] = Field(default_factory=dict)
     """Joint -> numbers that count before those of the file."""
+    followers: dict[str, FollowOptions] = Field(default_factory=dict)
+    """Joint -> the joint that it follows, in addition to what the files couple."""
     velocity_rad_s: PositiveFloat | None = None
     """Maximum speed of joints whose file states none [rad/s]."""
     effort_nm: PositiveFloat | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +30,24 @@ SAMPLES = 3
 def descriptions(files: Folder) -> list[str]:
     """Paths of the files that may describe a robot."""
     return sorted(path for path in files.files if posixpath.splitext(path)[1].lower() in (".urdf", ".xml", ".mjcf"))
+
+
+def licences(files: Folder, parts: Iterable[PartOptions]) -> dict[str, bytes]:
+    """`licences/<part>_<name>` -> text of the licence files that lie beside a part's file or above it."""
+    from dextera_build.sim.model.published import stated
+
+    found: dict[str, bytes] = {}
+    for number, each in enumerate(parts):
+        folder = posixpath.dirname(posixpath.normpath(each.file))
+        while True:
+            here = {name: data for name, data in files.files.items() if posixpath.dirname(name) == folder}
+            if own := stated({posixpath.basename(name): data for name, data in here.items()}):
+                found |= {f"licences/{number}_{name}": data for name, data in own.items()}
+                break
+            if not folder:
+                break
+            folder = posixpath.dirname(folder)
+    return found
 
 
 def part(ctx: Context, files: Folder, place: Path, options: PartOptions, number: int) -> Placed:

@@ -18,13 +18,14 @@ if TYPE_CHECKING:
     from dextera_build.sim.model.imported.assembly import Placed
 
 
-@rule(version=2, packages=("mujoco",))
+@rule(version=3, packages=("mujoco",))
 def imported_robot(ctx: Context, files: Folder, *, options: ImportedRobotOptions) -> RobotModel:
     """Return the robot of one file, or of an arm's and a hand's, with the roles that the options give.
 
     Names, kinematics, inertias, limits and meshes are those of the files; a mesh is searched by its relative path, and
     by `package://` anywhere in `files`. Joints that a file couples (`mimic`, `<equality><joint>`) follow their leaders.
-    Position actuators take the file's gains, or 12 times the largest torque per radian.
+    Position actuators take the file's gains, or 12 times the largest torque per radian. A geometry with a friction of
+    its own is a skin: it counts in contact with objects. Licences beside the files come with the model.
     """
     from dextera_build.sim.model.imported import assembly
     from dextera_build.sim.render import portrait
@@ -44,8 +45,9 @@ def imported_robot(ctx: Context, files: Folder, *, options: ImportedRobotOptions
     spec = assembly.attached(parts, options.name)
     found = roles(ctx, spec, parts, sites, options)
     folder, touching = assembly.finished(spec, found.plan)
+    licences = imported_parts.licences(files, options.parts)
     model = RobotModel(
-        model=folder,
+        model=Folder(files={**folder.files, **licences}),
         joints=found.joints,
         links=found.links,
         frames={role: role for role in options.frames},

@@ -51,7 +51,7 @@ def roles(
     known = {joint.name: joint for joint in spec.joints}
     for name in [*options.joints, *options.home_rad]:
         _check_known(ctx, name, known, "joint")
-    mimics = _mimics(parts, known)
+    mimics = _mimics(ctx, parts, known, options)
     driven = _driven(ctx, known, mimics, options)
     fixed = [name for name in known if name not in driven and name not in mimics]
     led = {name: rule for name, rule in mimics.items() if rule[0] in driven}
@@ -98,7 +98,9 @@ def _links(ctx: Context, spec: Any, options: ImportedRobotOptions) -> dict[str, 
     return found
 
 
-def _mimics(parts: list[Placed], known: Mapping[str, Any]) -> dict[str, tuple[str, float, float]]:
+def _mimics(
+    ctx: Context, parts: list[Placed], known: Mapping[str, Any], options: ImportedRobotOptions
+) -> dict[str, tuple[str, float, float]]:
     """Joint -> the joint that it follows in the end, ratio and offset."""
     stated = {
         part.prefix + name: (part.prefix + leader, ratio, offset)
@@ -106,6 +108,10 @@ def _mimics(parts: list[Placed], known: Mapping[str, Any]) -> dict[str, tuple[st
         for name, (leader, ratio, offset) in part.source.mimics.items()
         if part.prefix + name in known
     }
+    for name, each in options.followers.items():
+        _check_known(ctx, name, known, "joint")
+        _check_known(ctx, each.leader, known, "joint")
+        stated[name] = (each.leader, each.ratio, each.offset_rad)
     found = {}
     for name, (leader, ratio, offset) in stated.items():
         seen = {name}
@@ -113,8 +119,8 @@ def _mimics(parts: list[Placed], known: Mapping[str, Any]) -> dict[str, tuple[st
             seen.add(leader)
             next_leader, more, shift = stated[leader]
             offset, ratio, leader = ratio * shift + offset, ratio * more, next_leader
-        if leader not in stated:
-            found[name] = (leader, ratio, offset)
+        ctx.check(leader not in stated, f"joint `{name}` follows itself in the end", leader=leader)
+        found[name] = (leader, ratio, offset)
     return found
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,8 +9,9 @@ import numpy as np
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
-from dextera_build.errors import RuleError, install_extra, listing
+from dextera_build.errors import RuleError, listing
 from dextera_build.rule import Backend, Context, Options
+from dextera_build.sim.model import published
 from dextera_build.sim.model.robot_meshes import Part, dressed, misplaced
 from dextera_build.sim.render.portrait import of_robot
 
@@ -37,7 +37,13 @@ def dress(ctx: Context, like: RobotModel, own: Path, common: MeshRobotOptions, o
         if (error := misplaced(part, folder)) > TOLERANCE:
             facts = {"largest difference": f"{error:.2g}"}
             raise RuleError(f"geometry of `{part.file.name}` came out in another place", code="DXB-B214", facts=facts)
-    return folder
+    licences = {
+        f"licences/{number}_{name}": data
+        for number, (part, each) in enumerate(zip(parts, common.parts, strict=True))
+        if each.distribution is not None
+        for name, data in published.licence(each.distribution, part.file.parent).items()
+    }
+    return Folder(files={**folder.files, **licences})
 
 
 def portrait(ctx: Context, robot: RobotModel, options: Options) -> np.ndarray | None:
@@ -46,7 +52,8 @@ def portrait(ctx: Context, robot: RobotModel, options: Options) -> np.ndarray | 
 
 
 def _part(options: PartOptions, own: Path) -> Part:
-    path = own / options.file if options.distribution is None else _installed(options.distribution, options.file)
+    named = options.distribution
+    path = own / options.file if named is None else published.located(named, options.file)
     if not path.is_file():
         raise RuleError(
             f"`own` has no file `{options.file}`",
@@ -55,15 +62,3 @@ def _part(options: PartOptions, own: Path) -> Part:
             hint="`own: $NODE`, a call of simulate.mjcf",
         )
     return Part(path, options.root, options.prefix, dict(options.links), options.drawn)
-
-
-def _installed(name: str, file: str) -> Path:
-    distribution = importlib.metadata.distribution(name)
-    path = Path(str(distribution.locate_file(file)))
-    if not path.is_file():
-        raise RuleError(
-            f"`{name}` {distribution.version} has no file `{file}`",
-            code="DXB-B213",
-            hint=install_extra("robots"),
-        )
-    return path

@@ -15,7 +15,7 @@ from .curves import settle_picture
 class SettleOptions(Options):
     """Options of simulate.settle."""
 
-    seconds: PositiveFloat = 3.0
+    seconds: PositiveFloat = 5.0
     """Simulated time [s]."""
     max_tilt_rad: PositiveFloat = 0.17
     """Maximum rotation of a body that did not fall over [rad]."""
@@ -29,6 +29,8 @@ class SettleOptions(Options):
     """Maximum final speed of a body at rest [m/s]."""
     max_turn_rad_s: PositiveFloat = 0.1
     """Maximum final angular speed of a body at rest [rad/s]."""
+    max_energy: PositiveFloat = 0.01
+    """Maximum change of the mechanical energy after the first half second, over the m g h of the bodies."""
 
 
 class SettleBackend(Protocol):
@@ -39,7 +41,7 @@ class SettleBackend(Protocol):
         ...
 
 
-@rule(version=3)
+@rule(version=4)
 def settle(ctx: Context[SettleBackend], scene: Scene, *, options: SettleOptions) -> SettleReport:
     """Return how far each body of `scene` moved [m, rad, world frame] within `options.seconds` of free simulation.
 
@@ -53,8 +55,12 @@ def settle(ctx: Context[SettleBackend], scene: Scene, *, options: SettleOptions)
     ctx.metric("drift", drift * 1000, "mm")
     ctx.metric("penetration", depth * 1000, "mm")
     ctx.metric("resting", sum(body.resting for body in report.bodies), f"of {len(report.bodies)}")
+    if report.energy_change is not None:
+        ctx.metric("energy", 100 * report.energy_change, "% of m g h")
     restless = [body.name for body in report.bodies if not body.resting]
     verdict = f"does not rest: {', '.join(restless)}" if restless else "settles"
+    if not restless and not report.passed:
+        verdict = "rests, but its energy changes"
     if scene.held:
         verdict += f", {len(scene.held)} held"
     if scene.scale == "unknown":

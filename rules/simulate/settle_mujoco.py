@@ -33,8 +33,14 @@ def let_go(ctx: Context, scene: Scene, common: SettleOptions, options: Options) 
         )
         for motion in run.motions
     )
-    passed = all(body.resting for body in bodies)
-    return SettleReport(bodies=bodies, seconds=common.seconds, energy_j=run.energy_j, passed=passed)
+    passed = all(body.resting for body in bodies) and run.energy_change <= common.max_energy
+    return SettleReport(
+        bodies=bodies,
+        seconds=common.seconds,
+        energy_j=run.energy_j,
+        energy_change=run.energy_change,
+        passed=passed,
+    )
 
 
 def rests(motion: runner.Motion, options: SettleOptions) -> bool:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import json
-from xml.etree import ElementTree
+from xml.etree.ElementTree import SubElement
 
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
+from dextera_build.artifacts import urdf_xml
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.geometry import Hull, Mesh, obj_text
 from dextera_build.artifacts.image import png
 from dextera_build.artifacts.object import Asset, Inertial, Joint
+from dextera_build.artifacts.urdf_xml import Node
 from dextera_build.geometry import convex
 from dextera_build.rule import Context, Options, rule
-
-Node = ElementTree.Element
-Point = tuple[float, ...]
 
 
 class UrdfOptions(Options):
@@ -43,22 +42,18 @@ def urdf(ctx: Context, asset: Asset, *, options: UrdfOptions) -> Folder:
     which URDF cannot express.
     """
     files: dict[str, bytes] = {}
-    robot = Node("robot", name=options.name)
-    # MuJoCo drops folders from mesh paths, visuals, and the mass of the root link, by default.
-    compiler = {"strippath": "false", "discardvisual": "false", "fusestatic": "false", "balanceinertia": "false"}
-    ElementTree.SubElement(ElementTree.SubElement(robot, "mujoco"), "compiler", compiler)
+    robot = urdf_xml.root(options.name)
     origins = {joint.child: joint.origin for joint in asset.body.joints}
     for name, link in asset.body.links.items():
         origin = np.array(origins.get(name, (0.0, 0.0, 0.0)))
-        node = ElementTree.SubElement(robot, "link", name=name)
+        node = SubElement(robot, "link", name=name)
         _inertial(node, asset.physics.links[name], origin)
         _visual(node, files, name, link.mesh, origin)
         for number, hull in enumerate(asset.collision.links[name].hulls):
             _collision(node, files, f"{name}_collision_{number:03d}", hull, origin)
     for joint in asset.body.joints:
         _joint(robot, joint, origins, options)
-    ElementTree.indent(robot)
-    files["object.urdf"] = ElementTree.tostring(robot, encoding="utf-8", xml_declaration=True) + b"\n"
+    files["object.urdf"] = urdf_xml.text(robot)
     files["placement.json"] = _placement(asset)
     size = sum(len(data) for data in files.values()) / 1e6
     ctx.say(f"{len(asset.body.links)} links, {len(asset.body.joints)} joints, {len(files)} files, {size:.1f} MB")
@@ -66,12 +61,12 @@ def urdf(ctx: Context, asset: Asset, *, options: UrdfOptions) -> Folder:
 
 
 def _inertial(node: Node, inertial: Inertial, origin: np.ndarray) -> None:
-    part = ElementTree.SubElement(node, "inertial")
-    _origin(part, np.array(inertial.centre) - origin)
-    ElementTree.SubElement(part, "mass", value=_number(inertial.mass_kg))
+    part = SubElement(node, "inertial")
+    urdf_xml.origin(part, np.array(inertial.centre) - origin)
+    SubElement(part, "mass", value=urdf_xml.number(inertial.mass_kg))
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-    values = {name: _number(value) for name, value in zip(names, inertial.inertia, strict=True)}
-    ElementTree.SubElement(part, "inertia", values)
+    values = {name: urdf_xml.number(value) for name, value in zip(names, inertial.inertia, strict=True)}
+    SubElement(part, "inertia", values)
 
 
 def _visual(node: Node, files: dict[str, bytes], name: str, mesh: Mesh, origin: np.ndarray) -> None:
@@ -84,36 +79,36 @@ def _visual(node: Node, files: dict[str, bytes], name: str, mesh: Mesh, origin: 
         lines[1:] = ["Kd 1 1 1", f"map_Kd {name}.png"]
         rgba = [1.0, 1.0, 1.0, 1.0]
     files[f"meshes/{name}.mtl"] = ("\n".join(lines) + "\n").encode()
-    part = ElementTree.SubElement(node, "visual", name=f"{name}_visual")
-    _origin(part, np.zeros(3))
-    _geometry(part, f"meshes/{name}.obj")
-    material = ElementTree.SubElement(part, "material", name=f"{name}_material")
-    ElementTree.SubElement(material, "color", rgba=_numbers(rgba))
+    part = SubElement(node, "visual", name=f"{name}_visual")
+    urdf_xml.origin(part, np.zeros(3))
+    urdf_xml.mesh(part, f"meshes/{name}.obj")
+    material = SubElement(part, "material", name=f"{name}_material")
+    SubElement(material, "color", rgba=urdf_xml.numbers(rgba))
     if mesh.texture is not None:
-        ElementTree.SubElement(material, "texture", filename=f"meshes/{name}.png")
+        SubElement(material, "texture", filename=f"meshes/{name}.png")
 
 
 def _collision(node: Node, files: dict[str, bytes], name: str, hull: Hull, origin: np.ndarray) -> None:
     vertices, faces = convex.surface(hull.vertices.astype(np.float64) - origin)
     mesh = Mesh(vertices=vertices, faces=faces)
     files[f"meshes/{name}.obj"] = obj_text(mesh).encode()
-    part = ElementTree.SubElement(node, "collision", name=name)
-    _origin(part, np.zeros(3))
-    _geometry(part, f"meshes/{name}.obj")
+    part = SubElement(node, "collision", name=name)
+    urdf_xml.origin(part, np.zeros(3))
+    urdf_xml.mesh(part, f"meshes/{name}.obj")
 
 
 def _joint(robot: Node, joint: Joint, origins: dict[str, tuple[float, float, float]], options: UrdfOptions) -> None:
-    node = ElementTree.SubElement(robot, "joint", name=joint.name, type=joint.type)
+    node = SubElement(robot, "joint", name=joint.name, type=joint.type)
     parent = np.array(origins.get(joint.parent, (0.0, 0.0, 0.0)))
-    _origin(node, np.array(joint.origin) - parent)
-    ElementTree.SubElement(node, "parent", link=joint.parent)
-    ElementTree.SubElement(node, "child", link=joint.child)
-    ElementTree.SubElement(node, "axis", xyz=_numbers(joint.axis))
+    urdf_xml.origin(node, np.array(joint.origin) - parent)
+    SubElement(node, "parent", link=joint.parent)
+    SubElement(node, "child", link=joint.child)
+    SubElement(node, "axis", xyz=urdf_xml.numbers(joint.axis))
     limits = {"lower": joint.lower, "upper": joint.upper, "effort": options.effort_nm}
     limits["velocity"] = options.velocity_rad_s
-    ElementTree.SubElement(node, "limit", {name: _number(value) for name, value in limits.items()})
-    dynamics = {"damping": _number(options.damping), "friction": _number(options.friction)}
-    ElementTree.SubElement(node, "dynamics", dynamics)
+    SubElement(node, "limit", {name: urdf_xml.number(value) for name, value in limits.items()})
+    dynamics = {"damping": urdf_xml.number(options.damping), "friction": urdf_xml.number(options.friction)}
+    SubElement(node, "dynamics", dynamics)
 
 
 def _placement(asset: Asset) -> bytes:
@@ -124,20 +119,3 @@ def _placement(asset: Asset) -> bytes:
         "restitution": asset.physics.restitution,
     }
     return (json.dumps(data, indent=1, sort_keys=True) + "\n").encode()
-
-
-def _origin(node: Node, xyz: np.ndarray) -> None:
-    ElementTree.SubElement(node, "origin", xyz=_numbers(xyz.tolist()), rpy="0 0 0")
-
-
-def _geometry(node: Node, filename: str) -> None:
-    ElementTree.SubElement(ElementTree.SubElement(node, "geometry"), "mesh", filename=filename)
-
-
-def _numbers(values: Point | list[float]) -> str:
-    return " ".join(_number(value) for value in values)
-
-
-def _number(value: float) -> str:
-    """Shortest text that round-trips the double; no negative zero."""
-    return repr(float(value) + 0.0)

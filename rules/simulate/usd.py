@@ -2,43 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, Protocol
-
-import numpy as np
 
 from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.object import Asset, Support
+from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.scene import Background, Scene
+from dextera_build.artifacts.scene_description import Attachment, SceneDescription
 from dextera_build.errors import listing
 from dextera_build.rule import Context, rule
+from dextera_build.sim.model import description
 
 from .metric import metric
+
+ROBOT = "robot/"
+"""Prefix of the robot's names, as in a task."""
 
 
 class UsdBackend(Protocol):
     """What a backend of simulate.usd defines."""
 
-    def write(
-        self,
-        ctx: Context,
-        assets: Mapping[str, Asset],
-        background: Background,
-        camera: Camera,
-        world_from_camera: np.ndarray,
-        held: tuple[str, ...],
-        options: Any,
-    ) -> Folder:
+    def write(self, ctx: Context, described: SceneDescription, held: tuple[str, ...], options: Any) -> Folder:
         """The stage and its textures; the objects in `held` do not move."""
         ...
 
-    def problems(self, ctx: Context, folder: Folder, options: Any) -> list[str]:
-        """Errors and warnings of the validators, one line each."""
+    def problems(
+        self, ctx: Context, folder: Folder, described: SceneDescription, held: tuple[str, ...], options: Any
+    ) -> list[str]:
+        """Errors and warnings of the validators, and what differs from the MJCF of the scene, one line each."""
         ...
 
 
-@rule(version=3)
+@rule(version=4, packages=("scipy",))
 def usd(
     ctx: Context[UsdBackend],
     assets: Collection[Asset],
@@ -46,22 +43,32 @@ def usd(
     support: Support,
     camera: Camera,
     scene: Scene | None = None,
+    robot: RobotModel | None = None,
+    base: Pose | None = None,
 ) -> Folder:
     """Return `scene.usda` and its textures [m, kg, degrees], z up, in the world frame, all paths relative.
 
     Rigid bodies with explicit mass properties, convex hulls as colliders, joints between sibling links. The objects
-    that `scene` holds cannot move here either.
+    that `scene` holds cannot move here either. A `robot` stands at `base`, T_world_base, as an articulation with
+    drives. The stage is read back and compared with what MuJoCo makes of the same scene.
     """
     held = () if scene is None else scene.held
     room = metric(background, support.factor)
-    pose = support.camera_pose.matrix
-    result: Folder = ctx.backend.write(ctx, assets.items, room, camera, pose, held, ctx.backend_options)
+    described = description.describe(assets.items, room, camera, support.camera_pose.matrix)
+    if robot is not None:
+        if base is None or (base.parent, base.child) != ("world", "base"):
+            given = "nothing" if base is None else f"T_{base.parent}_{base.child}"
+            ctx.fail("the robot has no place in the scene", base=given, hint="`base: $node` that returns T_world_base")
+        here = Attachment(prefix=ROBOT, robot=robot, pose=base)
+        described = described.model_copy(update={"attachments": (here,)})
+    result: Folder = ctx.backend.write(ctx, described, held, ctx.backend_options)
     ctx.check("scene.usda" in result.files, "the folder holds no `scene.usda`", files=listing(result.files))
-    problems = ctx.backend.problems(ctx, result, ctx.backend_options)
+    problems = ctx.backend.problems(ctx, result, described, held, ctx.backend_options)
     ctx.check(not problems, f"the USD is not valid: {problems[0] if problems else ''}", problems=len(problems))
     size = sum(len(data) for data in result.files.values()) / 1e6
     joints = sum(len(asset.body.joints) for asset in assets.items.values())
     ctx.metric("size", size, "MB")
     fixed = f", {len(held)} held" if held else ""
-    ctx.say(f"{len(assets.items)} objects, {joints} joints{fixed}, valid, {size:.1f} MB")
+    with_robot = "" if robot is None else f", a robot of {len(robot.joints)} joints"
+    ctx.say(f"{len(assets.items)} objects, {joints} joints{fixed}{with_robot}, valid, {size:.1f} MB")
     return result

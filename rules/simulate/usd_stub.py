@@ -2,35 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import numpy as np
-
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.scene_description import SceneDescription
 from dextera_build.rule import Backend, Context, Options
-from dextera_build.sim.model import names
 
 BACKEND = Backend(summary="a stage of empty prims", profiles=("stub",))
 
 
-def write(
-    ctx: Context,
-    assets: Mapping[str, Asset],
-    background: Background,
-    camera: Camera,
-    world_from_camera: np.ndarray,
-    held: tuple[str, ...],
-    options: Options,
-) -> Folder:
+def write(ctx: Context, described: SceneDescription, held: tuple[str, ...], options: Options) -> Folder:
     """`scene.usda` with `/World/<object>`."""
-    prims = "".join(f'    def Xform "{name}" {{}}\n' for name in names.body_names(assets).values())
+    robots = [each.prefix.removesuffix("/") for each in described.attachments]
+    prims = "".join(f'    def Xform "{name}" {{}}\n' for name in (*described.bodies, *robots))
     head = '#usda 1.0\n(\n    defaultPrim = "World"\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n'
     return Folder(files={"scene.usda": f'{head}\ndef Xform "World"\n{{\n{prims}}}\n'.encode()})
 
 
-def problems(ctx: Context, folder: Folder, options: Options) -> list[str]:
+def problems(
+    ctx: Context, folder: Folder, described: SceneDescription, held: tuple[str, ...], options: Options
+) -> list[str]:
     """Return no problems."""
     return []

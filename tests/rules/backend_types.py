@@ -160,6 +160,9 @@ import rules.simulate.mesh_robot_stub
 import rules.simulate.perturbed
 import rules.simulate.perturbed_mujoco
 import rules.simulate.perturbed_stub
+import rules.simulate.published
+import rules.simulate.published_installed
+import rules.simulate.published_stub
 import rules.simulate.reference
 import rules.simulate.reference_mujoco
 import rules.simulate.reference_stub
@@ -276,6 +279,8 @@ simulate_mesh_robot_mujoco: rules.simulate.mesh_robot.MeshRobotBackend = rules.s
 simulate_mesh_robot_stub: rules.simulate.mesh_robot.MeshRobotBackend = rules.simulate.mesh_robot_stub
 simulate_perturbed_mujoco: rules.simulate.perturbed.PerturbedBackend = rules.simulate.perturbed_mujoco
 simulate_perturbed_stub: rules.simulate.perturbed.PerturbedBackend = rules.simulate.perturbed_stub
+simulate_published_installed: rules.simulate.published.PublishedBackend = rules.simulate.published_installed
+simulate_published_stub: rules.simulate.published.PublishedBackend = rules.simulate.published_stub
 simulate_reference_mujoco: rules.simulate.reference.ReferenceBackend = rules.simulate.reference_mujoco
 simulate_reference_stub: rules.simulate.reference.ReferenceBackend = rules.simulate.reference_stub
 simulate_settle_mujoco: rules.simulate.settle.SettleBackend = rules.simulate.settle_mujoco

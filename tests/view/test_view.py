@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import time
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,9 +20,11 @@ from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.errors import UsageError
 from dextera_build.geometry import kinematics, quaternions
 from dextera_build.sim.model.description import describe
-from dextera_build.view import scene, server
+from dextera_build.view import save, scene, server
+from dextera_build.view.replay import ReplayView
 from dextera_build.view.show import show
-from tests import factories
+from dextera_build.view.task import TaskView
+from tests import episodes, factories
 
 
 class Recorder:
@@ -29,7 +33,7 @@ class Recorder:
     def __init__(self) -> None:
         self.nodes: dict[str, Any] = {}
         self.controls: dict[str, Any] = {}
-        self.greeters: list[Any] = []
+        self.initial_camera = SimpleNamespace()
         self.scene = self.gui = self
 
     def __getattr__(self, method: str) -> Any:
@@ -38,8 +42,9 @@ class Recorder:
 
         def add(name: str, *values: Any, **options: Any) -> Any:
             handle = SimpleNamespace(kind=method, values=values, **{"visible": True, **options})
-            if method in ("add_slider", "add_checkbox"):
-                handle.value = options["initial_value"]
+            handle.on_click = lambda call: setattr(handle, "clicked", call)
+            if method in ("add_slider", "add_checkbox", "add_dropdown", "add_button", "add_text"):
+                handle.value = options.get("initial_value")
                 handle.on_update = lambda call: setattr(handle, "moved", call)
                 self.controls[name] = handle
             elif method == "add_folder":
@@ -50,8 +55,8 @@ class Recorder:
 
         return add
 
-    def on_client_connect(self, call: Any) -> None:
-        self.greeters.append(call)
+    def atomic(self) -> Any:
+        return _Folder()
 
 
 class _Folder:
@@ -113,7 +118,60 @@ def test_the_frustum_is_the_cameras(shown: Recorder) -> None:
     assert camera.fov == pytest.approx(2 * np.arctan(lens.height / 2 / lens.fy))
     np.testing.assert_allclose(camera.position, table.camera_pose.matrix[:3, 3])
     np.testing.assert_allclose(quaternions.to_matrix(camera.wxyz), table.camera_pose.matrix[:3, :3], atol=1e-9)
-    assert camera.image.shape == (lens.height, lens.width, 3)
+    assert shown.initial_camera.position[2] > 0
+
+
+def test_objects_tell_their_mass_and_material(shown: Recorder) -> None:
+    (words,) = shown.nodes["/labels/box"].values
+    physics = factories.box_asset().physics
+    grams = 1000 * sum(link.mass_kg for link in physics.links.values())
+    assert words == f"box · {grams:.0f} g · {physics.material} · µ {physics.friction:.2f}"
+
+
+def test_a_clicked_object_tells_its_facts_and_takes_a_name() -> None:
+    recorder, asked = Recorder(), []
+    table, lens = factories.support(), factories.camera()
+
+    def bind(label: str, name: str) -> str:
+        asked.append((label, name))
+        return "done"
+
+    scene.show_scene(recorder, {"box": factories.box_asset()}, factories.background(), table, lens, bind=bind)
+    recorder.nodes["/box/base/visual"].clicked(None)
+    words, name = recorder.nodes["Click an object for its mass, material and friction."], recorder.controls["Name"]
+    assert words.content.startswith("**box**\n\n* mass: ")
+    assert (name.value, name.visible) == ("box", True)
+    name.value = "tin"
+    recorder.controls["Bind"].clicked(None)
+    assert (asked, words.content) == ([("box", "tin")], "done")
+
+
+def test_the_photograph_lies_on_its_own_pixels_however_much_is_shown(shown: Recorder) -> None:
+    picture, lens, pose = shown.nodes["/photograph"], factories.camera(), factories.support().camera_pose.matrix
+    slider = shown.controls["Photograph [%]"]
+    for share, columns in ((100, lens.width), (25, round(0.25 * lens.width))):
+        slider.value = share
+        slider.moved(None)
+        # The corners of the plane, seen through the camera, are those of the first columns of the photograph.
+        half = np.array([picture.render_width, picture.render_height]) / 2
+        turn = quaternions.to_matrix(np.array(picture.wxyz))
+        for sign, pixel in ((-1, (-0.5, -0.5)), (1, (columns - 0.5, lens.height - 0.5))):
+            corner = picture.position + turn @ [sign * half[0], sign * half[1], 0.0]
+            seen = lens.matrix() @ pose[:3, :3].T @ (corner - pose[:3, 3])
+            np.testing.assert_allclose(seen[:2] / seen[2], pixel, atol=1e-6)
+        assert picture.image.shape == (lens.height, columns, 3)
+    client = SimpleNamespace(camera=SimpleNamespace(aspect=1.0), atomic=shown.atomic)
+    shown.controls["Look from the camera"].clicked(SimpleNamespace(client=client))
+    np.testing.assert_allclose(client.camera.position, pose[:3, 3])
+    assert client.camera.fov == pytest.approx(2.1 * np.arctan(lens.width / 2 / lens.fx))  # as wide as the window
+    assert not shown.nodes["/camera"].visible
+    shown.controls["By"].value = "Blend"
+    slider.moved(None)
+    assert picture.image.shape == (lens.height, lens.width, 4)
+    assert picture.image[0, 0, 3] == 64
+    slider.value = 0
+    slider.moved(None)
+    assert not picture.visible
 
 
 @pytest.mark.parametrize(
@@ -155,15 +213,65 @@ def started() -> Iterator[tuple[Any, str]]:
     server.stop(running)
 
 
-def test_the_real_server_answers_and_exports(
+def test_the_real_server_answers_and_saves(
     started: tuple[Any, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     running, url = started
     assert capsys.readouterr().out == ""
-    empty = server.static_export(running, tmp_path / "empty").stat().st_size
+    empty = save.write(running, tmp_path / "empty.viser").stat().st_size
     table, lens = factories.support(), factories.camera()
     assets: dict[str, Asset] = {"box": factories.box_asset(), "lap": factories.laptop_asset(factories.pose(0.2))}
-    scene.show_scene(running, assets, factories.background(), table, lens)
+    photo = factories.capture(lens, table).photograph.rgb
+    scene.show_scene(running, assets, factories.background(), table, lens, photo=photo)
     with urllib.request.urlopen(url, timeout=60) as page:
         assert b"<html" in page.read().lower()
-    assert server.static_export(running, tmp_path / "out").stat().st_size > empty + 1000
+    assert save.write(running, tmp_path / "out" / "scene.viser").stat().st_size > empty + 1000
+    with pytest.raises(UsageError, match="not a file that the viewer writes"):
+        save.write(running, tmp_path / "scene.rrd")
+
+
+def test_physics_is_played_and_an_episode_is_recorded(started: tuple[Any, str], tmp_path: Path) -> None:
+    running, _ = started
+    view = TaskView(running, "/task", episodes.bundle(), {"box": "wood"})
+    assert view.figure.labels[0].text == "box · 100 g · wood · µ 0.50"
+    raised = view.environment.data.joint("box").qpos.copy()
+    raised[2] += 0.05
+    view.environment.data.joint("box").qpos[:] = raised
+    view.transport.play()
+    deadline = time.monotonic() + 10.0
+    while view.environment.steps < 10 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    view.transport.pause()
+    height = episodes.BOX_HALF_M[2]
+    box = running.scene.get_handle_by_name("/task/box")
+    assert box.position[2] == pytest.approx(height, abs=2e-3)
+    view.transport.step()
+    view.reset()
+    assert (view.environment.steps, box.position[2]) == (0, pytest.approx(height, abs=1e-9))
+    view.transport.end()
+
+    made = episodes.small(2, 12)
+    replay = ReplayView(running, "/replay", episodes.bundle(), made, {})
+    assert list(replay.episodes) == ["0 · success", "1 · success", "2 · failed: box: not lifted"]
+    replay.choose("1 · success")
+    target = save.write(running, tmp_path / "episode.html", replay.recording())
+    moved = running.scene.get_handle_by_name("/replay/box").position
+    expected = episodes.WORLD_FROM_BASE[:3, :3] @ made.items["1"].objects[-1, 0, :3] + episodes.WORLD_FROM_BASE[:3, 3]
+    np.testing.assert_allclose(moved, expected, atol=1e-6)
+    replay.transport.end()
+    inner = recording(target.read_text())
+    assert inner["durationSeconds"] == pytest.approx(11 / made.rate_hz)
+    times = {time for time, message in inner["messages"] if message.get("name") == "/replay/box"}
+    assert len(times) > 6  # the box rises in the second half
+
+
+def recording(page: str) -> dict[str, Any]:
+    """What the page of a recording holds."""
+    import msgspec
+    import zstandard
+
+    packed = base64.b64decode(page.partition('__VISER_EMBED_DATA__="')[2].partition('"')[0])
+    data = zstandard.ZstdDecompressor().decompressobj().decompress(packed[8:])
+    size = int.from_bytes(data[:8], "little")
+    decoded: dict[str, Any] = msgspec.msgpack.decode(data[8 : 8 + size])
+    return decoded

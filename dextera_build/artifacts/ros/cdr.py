@@ -40,6 +40,18 @@ class Cdr:
         listed = list(values)
         return self.u32(len(listed)).f64(listed)
 
+    def rows(self, values: np.ndarray) -> Self:
+        """A sequence of structures of equal numbers (N, K), float64 or float32: the count N, then the numbers."""
+        self.u32(len(values))
+        if values.size:
+            self._body += b"\0" * (-len(self._body) % values.itemsize)
+            self._body += np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes()
+        return self
+
+    def f32(self, values: Iterable[float] | np.ndarray) -> Self:
+        """A fixed number of floats, without a count."""
+        return self._put("f", [float(value) for value in values])
+
     def string(self, text: str) -> Self:
         """A string with its terminator."""
         data = text.encode() + b"\0"

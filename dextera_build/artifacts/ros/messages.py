@@ -42,6 +42,11 @@ def pose(stamp: int, frame: str, values: np.ndarray) -> bytes:
     return _header(stamp, frame).f64(values[:3]).f64(_xyzw(values[3:])).bytes()
 
 
+def text(words: str) -> bytes:
+    """`std_msgs/String`."""
+    return Cdr().string(words).bytes()
+
+
 def wrench(stamp: int, frame: str, force: np.ndarray) -> bytes:
     """`geometry_msgs/WrenchStamped` of a force (3,) [N] along the axes of `frame`; torque was not recorded."""
     return _header(stamp, frame).f64(force).f64((0.0, 0.0, 0.0)).bytes()

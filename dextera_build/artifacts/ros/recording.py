@@ -51,6 +51,12 @@ class Recording:
         data = (json.dumps(value, indent=1, sort_keys=True) + "\n").encode()
         self._writer.add_attachment(0, 0, name, "application/json", data)
 
+    def attach_files(self, files: Mapping[str, bytes]) -> None:
+        """Write attachments by name."""
+        for name, data in files.items():
+            kind = {"urdf": "application/xml", "stl": "model/stl"}.get(name.rpartition(".")[2], "")
+            self._writer.add_attachment(0, 0, name, kind or "application/octet-stream", data)
+
     def send(self, topic: str, kind: str, time: int, message: bytes, quality: str = "") -> None:
         """Write a message.
 

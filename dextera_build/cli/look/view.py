@@ -1,4 +1,4 @@
-"""`dxb view`: a scene, or one artifact, in the browser."""
+"""`dxb view`: a scene, a task, episodes, or one artifact, in the browser or in a file."""
 
 from __future__ import annotations
 
@@ -7,15 +7,11 @@ import json
 import sys
 import time
 import webbrowser
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
-from dextera_build.artifacts.identity import parse
 from dextera_build.cli import options
-from dextera_build.engine.graph import parse_address
-from dextera_build.errors import DxbError, UsageError
-
-if TYPE_CHECKING:
-    from dextera_build.session import Session
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,6 +28,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="ORIGIN",
         help="also admit pages of this origin: a notebook's proxy or a tunnel, https://hub.example.org",
     )
+    parser.add_argument(
+        "--save", metavar="FILE", help="write one file to share and stop: .html for any browser, or .viser"
+    )
+    parser.add_argument("--episode", metavar="INDEX", help="the episode to begin with")
     parser.add_argument("--no-open", action="store_true", help="do not open the browser")
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -39,13 +39,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve until interrupted; the address goes to stdout."""
-    from dextera_build.view import server
+    """Serve until interrupted; the address goes to stdout, or the file's path."""
+    from dextera_build.cli.look import shown
+    from dextera_build.view import save, server
 
     session, node = options.session(args, args.target, last=True)
-    fill = _one(session, node) if node else _scene(session)
+    if args.save:
+        save.check(Path(args.save))
+    fill = shown.of(session, node, args.episode)
     viewer, url = server.start(args.port, args.host, args.allow_origin)
-    fill(viewer)
+    steps = fill(viewer)
+    if args.save:
+        return _save(args, viewer, steps)
     print(json.dumps({"url": url}) if args.json else url, flush=True)
     print("press Ctrl-C to stop", file=sys.stderr)
     if not args.no_open:
@@ -57,40 +62,13 @@ def run(args: argparse.Namespace) -> int:
             return 0
 
 
-def _one(session: Session, node: str) -> Any:
-    from dextera_build.view.show import show
+def _save(args: argparse.Namespace, viewer: Any, steps: Iterator[float]) -> int:
+    from dextera_build.cli.table import writing
+    from dextera_build.view import save, server
 
-    artifact = session.artifact(node)
-    return lambda viewer: show(artifact, viewer, f"/{node}")
-
-
-def _scene(session: Session) -> Any:
-    """The parts of a scene from a recipe's last build, found by the types of the artifacts."""
-    from dextera_build.view.scene import show_scene
-
-    nodes = _by_type(session)
-    missing = [kind for kind in ("Background", "Support", "Capture") if kind not in nodes]
-    if missing:
-        raise UsageError(
-            f"`{session.recipe}` has no scene to show yet",
-            code="DXB-U113",
-            facts={"missing": ", ".join(missing)},
-            hint=f"`dxb build {session.recipe}`, or name a node: `dxb view {session.recipe}:NODE`",
-        )
-    loaded: dict[str, Any] = {kind: session.artifact(nodes[kind][-1]) for kind in ("Background", "Support", "Capture")}
-    addresses = {(parse_address(node).labels or (node,))[-1]: node for node in nodes.get("Asset", [])}
-    assets: dict[str, Any] = {label: session.artifact(node) for label, node in addresses.items()}
-    photograph = loaded["Capture"].photograph
-    ground = loaded["Background"], loaded["Support"], photograph.camera
-    return lambda viewer: show_scene(viewer, assets, *ground, photo=photograph.rgb, addresses=addresses)
-
-
-def _by_type(session: Session) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
-    for node in session.last_nodes:
-        try:
-            header = json.loads(session.store.blobs.get(session.output(node)))
-        except DxbError:
-            continue  # no longer in the store
-        found.setdefault(parse(header["artifact"])[0], []).append(node)
-    return found
+    with writing(Path(args.save), hint=None):
+        path = save.write(viewer, Path(args.save), steps)
+    server.stop(viewer)
+    size = path.stat().st_size
+    print(json.dumps({"file": str(path), "bytes": size}) if args.json else f"{path}  {size / 1e6:.1f} MB")
+    return 0

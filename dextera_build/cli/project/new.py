@@ -1,4 +1,4 @@
-"""`dxb new`: a recipe, rule, backend, capture or robot to start from; what is in a photograph; a board to print."""
+"""`dxb new`: a recipe, rule, backend, capture, robot or tasks to start from; what is in a photograph; a board."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from dextera_build.cli import options
-from dextera_build.cli.project import new_backend, new_board, new_capture, new_robot, new_seen
+from dextera_build.cli.project import new_backend, new_board, new_capture, new_robot, new_seen, new_task
 from dextera_build.errors import UsageError
 from dextera_build.project.project import Project
 
@@ -53,7 +53,7 @@ _NAMES = {
     "backend": (r"[a-z0-9_]+\.[a-z0-9_]+=[a-z0-9_]+", "factorize.my_rule=my_backend"),
 }
 """Kind -> the pattern of its names, and an example."""
-_MADE = {"board": new_board.run, "capture": new_capture.run, "robot": new_robot.run}
+_MADE = {"board": new_board.run, "capture": new_capture.run, "robot": new_robot.run, "task": new_task.run}
 """Kind -> writes its files."""
 
 
@@ -70,11 +70,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "name",
         nargs="?",
         help="twin/my_scene, factorize.my_rule, or factorize.my_rule=my_backend; of a scene or a mask, the recipe of "
-        "its photograph; of a capture, its folder; of a robot, its URDF or MJCF; of a board, its pattern (charuco)",
+        "its photograph; of tasks, the recipe of their twin; of a capture, its folder; of a robot, its URDF or MJCF; "
+        "of a board, its pattern (charuco)",
     )
-    parser.add_argument("object", nargs="?", help="of a mask, the object: blue_mug")
     parser.add_argument(
-        "-o", "--out", metavar="FILE", help="of a scene (scene.yaml), a mask (masks/OBJECT.png), a board or a robot"
+        "object", nargs="?", help="of a mask, the object: blue_mug; of tasks, the robot: robot/kuka_leap"
+    )
+    parser.add_argument(
+        "-o",
+        "--out",
+        metavar="FILE",
+        help="of a scene (scene.yaml), a mask (masks/OBJECT.png), a board, a robot or tasks",
     )
     new_board.arguments(parser)
     options.project_arguments(parser)

@@ -9,6 +9,9 @@ import numpy as np
 
 from dextera_build.geometry import cameras
 
+ROBOT = 127
+"""Owner of the pixels of the robot."""
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -23,7 +26,7 @@ class Frame:
     stamp: float
     """Time [s]."""
     owner: np.ndarray = field(init=False)
-    """(H, W) int8, number of the object that a pixel was found to show, -1 for none so far."""
+    """(H, W) int8, number of the object that a pixel was found to show, `ROBOT`, or -1 for none so far."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "owner", np.full(self.depth.shape, -1, np.int8))

@@ -15,6 +15,8 @@ from dextera_build.geometry.tracking.model import Model, State
 PRIOR = np.array([0.03, 0.03, 0.03, 0.03, 0.03, 0.03])
 """Standard deviation of a prediction [m, rad] beside terms whose errors are dependent: what none of them determines
 stays as predicted, such as the turn of a round thing about its axis."""
+STANDING = np.full(6, 0.002)
+"""The same of a thing that stood and is partly hidden: what is nearer must not turn it [m, rad]."""
 JOINT_PRIOR = 0.1
 """Standard deviation of a predicted joint position [rad or m]."""
 
@@ -62,6 +64,7 @@ def fit(
     look: terms.Look | None,
     stages: Sequence[Stage] = (COARSE, FINE),
     number: int = 0,
+    prior: np.ndarray = PRIOR,
 ) -> Fit | None:
     """Refine a state; None if the model is outside the picture, or too little of it is inside.
 
@@ -73,9 +76,10 @@ def fit(
         look: An earlier view of its texture.
         stages: Coarse to fine.
         number: Of the object, as in `Frame.owner`.
+        prior: Standard deviation of the prediction (6,) [m, rad].
     """
     now, score, seen = start, np.nan, None
-    sigma = np.append(PRIOR, np.full(len(model.joints), JOINT_PRIOR))
+    sigma = np.append(prior, np.full(len(model.joints), JOINT_PRIOR))
     rows: list[terms.Rows] = []
     earlier: np.ndarray | None = None
     for stage in stages:

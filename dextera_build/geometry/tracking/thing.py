@@ -11,15 +11,22 @@ from dextera_build.geometry import registration
 from dextera_build.geometry.tracking import camera_motion, judge, landmarks, motions, search, solve
 from dextera_build.geometry.tracking.appearance import Appearance
 from dextera_build.geometry.tracking.colours import Colours
-from dextera_build.geometry.tracking.frame import Frame
+from dextera_build.geometry.tracking.frame import ROBOT, Frame
 from dextera_build.geometry.tracking.judge import Gate, Verdict
 from dextera_build.geometry.tracking.model import Cast, Model, State
+from dextera_build.geometry.tracking.terms import Look
 
+Measured = tuple[solve.Fit, Verdict, Cast | None]
+"""A fit with how it agrees with the frame."""
 Status = Literal["tracked", "predicted", "lost"]
 LEARN_EVERY = 5
 """Frames between two from which its colours are learned."""
 ALIKE = 0.5
 """Part of the usual log-likelihood ratio of its colours that something found must have."""
+HIDDEN = 0.9
+"""Part of an object below which what is seen of it may lead its turn astray: shading and shadows are no print."""
+AS_GOOD = 0.02
+"""Score by which a moved pose of such a thing must be better than one that stayed on its support or in its hand."""
 WHOLE = 0.6
 """Part of an object that must be seen to find it by shape and colour alone."""
 STILL_M = 0.004
@@ -111,8 +118,10 @@ class Thing:
         self.status, self._why, self._count, self.strikes, self.cast = "lost", why, 0, 0, None
         self._velocity = np.zeros(6)
 
-    def predictions(self, frame: Frame, ways: camera_motion.Ways | None, camera: np.ndarray | None) -> list[State]:
-        """States that may hold now: at rest in the scene, moving on, and as its own points moved."""
+    def predictions(
+        self, frame: Frame, ways: camera_motion.Ways | None, camera: np.ndarray | None, held: np.ndarray | None
+    ) -> list[State]:
+        """States that may hold now: in the hand that holds it, at rest in the scene, moving on, as its points moved."""
         assert self.state is not None
         base = np.eye(4) if camera is None else camera
         resting = State(base @ self.state.pose, self.state.joints)
@@ -123,7 +132,7 @@ class Thing:
         if ways is not None and self.cast is not None:
             by_flow = search.followed(self.model, frame, found[0], self.cast, ways)
             found += [] if by_flow is None else [by_flow]
-        return found
+        return found if held is None else [State(held @ self.state.pose, self.state.joints), *found]
 
     def orientations(self) -> list[np.ndarray]:
         """Rotations (3, 3) R_camera_object that are likely when it is found again."""
@@ -148,6 +157,7 @@ class Thing:
         *,
         fresh: bool = False,
         again: bool = False,
+        held: bool = False,
     ) -> bool:
         """Fit the model to the frame from a start; take the result over if it passes the gate."""
         if fresh:
@@ -158,6 +168,8 @@ class Thing:
             self._verdict, self._why = judge.LOST, "outside the picture"
             return False
         verdict, cast = judge.look(self.model, frame, fit.state, self.colours, self.number)
+        if (self.still or held) and not again and verdict.visible < HIDDEN:
+            fit, verdict, cast = self._stayed(frame, start, look, (fit, verdict, cast))
         why = judge.passes(fit, verdict, gate)
         why = why or (self._doubt(fit, verdict) if again else "")
         if why:
@@ -175,6 +187,14 @@ class Thing:
             self.appearance.remember(frame, self.state, self._covariance[:6, :6])
         return True
 
+    def _stayed(self, frame: Frame, start: State, look: Look | None, moved: Measured) -> Measured:
+        """The fit of a thing that stood, unless it is clearly seen to have moved."""
+        fit = solve.fit(self.model, frame, start, self.colours, look, number=self.number, prior=solve.STANDING)
+        if fit is None:
+            return moved
+        verdict, cast = judge.look(self.model, frame, fit.state, self.colours, self.number)
+        return moved if moved[1].score > verdict.score + AS_GOOD else (fit, verdict, cast)
+
     def _doubt(self, fit: solve.Fit, verdict: Verdict) -> str:
         """Why something that was found is perhaps not this object, in words; empty if it is."""
         if verdict.odds < ALIKE * self._odds:
@@ -186,14 +206,16 @@ class Thing:
             return "from there its texture has not been seen"
         return "" if verdict.visible >= WHOLE else "too little of it is seen"
 
-    def carry(self, frame: Frame, state: State, camera: np.ndarray | None, patience_s: float, hidden_s: float) -> None:
+    def carry(
+        self, frame: Frame, state: State, camera: np.ndarray | None, patience_s: float, hidden_s: float, *, held: bool
+    ) -> None:
         """Go on without a measurement: at rest, or with falling speed; lost after a while."""
         assert self.state is not None
         verdict, _ = judge.look(self.model, frame, state, self.colours, self.number)
         self._verdict = verdict
         waited = frame.stamp - self._seen_at
         if (
-            waited > (hidden_s if self.explained and not np.any(self._velocity) else patience_s)
+            waited > (hidden_s if self.explained and (held or not np.any(self._velocity)) else patience_s)
             or self.status == "lost"
         ):
             base = np.eye(4) if camera is None else camera
@@ -249,4 +271,4 @@ class Thing:
         large = np.repeat(np.repeat(shown, side, axis=0), side, axis=1)
         top, left = rows[0] - side // 2, columns[0] - side // 2
         area = frame.owner[top : top + large.shape[0], left : left + large.shape[1]]
-        area[large[: area.shape[0], : area.shape[1]]] = self.number
+        area[large[: area.shape[0], : area.shape[1]] & (area != ROBOT)] = self.number

@@ -10,7 +10,7 @@ import numpy as np
 
 from dextera_build.geometry import transforms
 from dextera_build.geometry.tracking import camera_motion, judge, landmarks, search
-from dextera_build.geometry.tracking.frame import Frame
+from dextera_build.geometry.tracking.frame import ROBOT, Frame
 from dextera_build.geometry.tracking.judge import Gate
 from dextera_build.geometry.tracking.model import Model, State
 from dextera_build.geometry.tracking.thing import Thing, Tracked
@@ -72,6 +72,8 @@ class Tracker:
         *,
         masks: Mapping[str, np.ndarray] | None = None,
         moved: np.ndarray | None = None,
+        robot: np.ndarray | None = None,
+        carried: Mapping[str, np.ndarray] | None = None,
         budget_s: float | None = None,
     ) -> dict[str, Tracked]:
         """Track all objects into a new frame.
@@ -82,6 +84,8 @@ class Tracker:
             stamp: Time [s], later than before.
             masks: Name -> (H, W) bool, where a video segmentation sees the object; an empty one says nothing.
             moved: T_now_before (4, 4) of the camera frames, if the camera's motion is known; otherwise it is estimated.
+            robot: (H, W) bool, pixels of the robot, by its model and its joints: what is there hides objects.
+            carried: Name -> T_now_before (4, 4) of the camera frames, of objects that a hand seems to hold: its motion.
             budget_s: Time after which no second lost object is searched in this frame [s]; its turn comes in a later
                 one. None: all are searched, and equal frames give equal answers.
 
@@ -90,12 +94,15 @@ class Tracker:
         """
         begin = time.monotonic()
         frame = Frame(np.ascontiguousarray(rgb), np.asarray(depth, np.float32), self._k, float(stamp))
+        if robot is not None:
+            frame.owner[robot] = ROBOT
         ways, camera = self._camera(frame, moved)
         order = sorted(self.things.values(), key=lambda thing: (thing.status == "lost", thing.distance))
         failed, self._features = [], None
         for thing in order:
             mask = None if masks is None else masks.get(self._name(thing))
-            if not self._follow(thing, frame, ways, camera, mask):
+            held = None if carried is None else carried.get(self._name(thing))
+            if not self._follow(thing, frame, ways, camera, mask, held):
                 failed.append((thing, mask))
         for place, (thing, mask) in enumerate(sorted(failed, key=lambda each: each[0].searched)):
             if place and budget_s is not None and time.monotonic() - begin > budget_s:
@@ -133,21 +140,24 @@ class Tracker:
         ways: camera_motion.Ways | None,
         camera: np.ndarray | None,
         mask: np.ndarray | None,
+        held: np.ndarray | None,
     ) -> bool:
         """Track one object from the frame before; whether that succeeded."""
         if thing.state is None:
             return False
         fresh = not thing.colours.known
-        candidates = thing.predictions(frame, ways, camera)
+        candidates = thing.predictions(frame, ways, camera, held)
         ranked = candidates
         if len(candidates) > 1:
             ranked = sorted(candidates, key=lambda state: -self._score(thing, frame, state))
         again = thing.status == "lost"
         gate = self._tuning.found if again else self._tuning.gate
         for state in ranked[:2]:
-            if thing.measure(frame, state, gate, camera, fresh=fresh, again=again):
+            if thing.measure(frame, state, gate, camera, fresh=fresh, again=again, held=held is not None):
                 return not self._doubted(thing, frame, mask)
-        thing.carry(frame, candidates[0], camera, self._tuning.patience_s, self._tuning.hidden_s)
+        tuning = self._tuning
+        hidden_s = tuning.hidden_s if held is None else np.inf
+        thing.carry(frame, candidates[0], camera, tuning.patience_s, hidden_s, held=held is not None)
         return False
 
     def _score(self, thing: Thing, frame: Frame, state: State) -> float:

@@ -21,6 +21,8 @@ POSTURE_COST = 1e-2
 """Weight of a radian away from the seed: resolves the arm's redundancy without displacing the hand."""
 ITERATIONS = 120
 """Maximum iterations per descent."""
+STALLED = 12
+"""Iterations without progress after which a descent ends: the target is out of reach from there."""
 SEED_SPREAD_RAD = 0.6
 """Standard deviation of restarts around the seed [rad]."""
 
@@ -137,10 +139,16 @@ class ArmKinematics:
         self._state.update(self._spread(guess))
         self._aim(target)
         self._posture.set_target(self._spread(rest))
+        best, stalled = np.inf, 0
         for _ in range(ITERATIONS):
             before = self._state.q.copy()
             self._step(1.0, (self._range,))
             if np.abs(self._state.q - before).max() < 1e-5:
+                break
+            missed = sum(float(np.abs(palm.compute_error(self._state)).sum()) for palm in self._palms)
+            stalled = 0 if missed < 0.98 * best else stalled + 1
+            best = min(best, missed)
+            if stalled >= STALLED:
                 break
         joints = np.clip(self._state.q[self._address], self.lower, self.upper)
         wanted = np.reshape(target, (-1, 4, 4))

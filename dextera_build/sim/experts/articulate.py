@@ -61,15 +61,15 @@ class Articulate(Pushing):
         place, along = self._mechanism.pushed_at(self._goal - now, push.share)
 
         def palm(position: float, gap: float, up: float = 0.0) -> np.ndarray:
-            tip = transforms.apply(self._mechanism.pose(position), place - along * (gap + self._tip))
+            tip = transforms.apply(self._mechanism.pose(position), place - along * (gap + self._hand.tip_m))
             tip[2] += up
-            return np.asarray(base @ self._palm(turn, tip))
+            return np.asarray(base @ self._hand.palm(turn, tip))
 
         over, down, touch, sweep, press = push.seconds
         legs = [
-            Leg(palm(now, push.clear_m, push.above_m), self._fingers, over, "approach"),
+            Leg(palm(now, push.clear_m, push.above_m), self._hand.fingers, over, "approach"),
             # In the object's frame: a synthesised episode approaches from the same side (Eq. 4a).
-            Leg(palm(now, push.clear_m), self._fingers, down, "reach", self._object),
+            Leg(palm(now, push.clear_m), self._hand.fingers, down, "reach", self._object),
             self._pushes(palm(now, 0.0), touch),
         ]
         steps = max(2, round(sweep * self._rate))
@@ -85,4 +85,4 @@ class Articulate(Pushing):
         ahead = self._mechanism.pose(now)[:3, :3] @ along
         ahead -= up * ahead[2]
         ahead = registration.rotation(up * self.push.turn_rad) @ ahead / np.linalg.norm(ahead)
-        return self._turn(ahead, up, self.push.lean_rad)
+        return self._hand.turn(ahead, up, self.push.lean_rad)

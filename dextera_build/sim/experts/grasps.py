@@ -14,13 +14,19 @@ import numpy as np
 from dextera_build.artifacts.robot import Grip
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.hand import HandKinematics
-from dextera_build.sim.experts.lift import Grasp
+from dextera_build.sim.experts.grasp import Grasp
 
 UP = np.array([0.0, 0.0, 1.0])
 SPARE_M = 0.03
 """Opening of the fingers beyond the object's width [m]."""
 SLAB_M = 0.03
 """Half height and half width of the slab in which the object's width is measured [m]."""
+ROOM_M = 0.045
+"""Gap between two walls in which fingers have room [m]."""
+WALL_STRIP_M = 0.018
+"""Half width of the strip across a vessel in which its walls are sought [m]."""
+LOW_M = 0.012
+"""Smallest height of fingertips at a wall [m]."""
 RETREAT_M = 0.08
 """Distance from the grasp at which a hand waits for a top grasp [m]; for a side grasp it is shorter."""
 AROUND = 12
@@ -43,34 +49,38 @@ def candidates(points: np.ndarray, grips: dict[str, Grip], hand: HandKinematics)
 
 
 def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> Iterator[Grasp]:
-    """Generate grasps between thumb and fingertips, from above and from the side."""
+    """Generate grasps between thumb and fingertips, from above and from the side, of the whole object or of a wall."""
     opened, closed = hand.posture(grip.open), hand.posture({**grip.open, **grip.closed})
     travel = [_gap(hand, opened + part * (closed - opened)) for part in np.linspace(0.0, 1.0, 21)]
     top, facing = float(points[:, 2].max()), np.array(grip.facing)
-    heights = sorted({top / 2, *(max(top - deep, top / 2) for deep in (0.03, 0.045))})
+    middles = {top / 2, *(max(top - deep, top / 2) for deep in (0.03, 0.045))}
+    rims = {max(top - deep, LOW_M) for deep in (0.018, 0.028)}
+    heights = sorted(middles | rims)
     for height, turn in itertools.product(heights, np.arange(2 * AROUND) * np.pi / AROUND):
         across = np.array([np.cos(turn), np.sin(turn), 0.0])
-        held = _held(points, height, across)
-        touch = None if held is None else _part(travel, held[1] + 2 * grip.tip_radius_m)
-        if held is None or touch is None:
-            continue
-        wide = _part(travel, held[1] + 2 * grip.tip_radius_m + SPARE_M) or 0.0
-        thumb, fingers = _tips(hand, opened + touch * (closed - opened))
-        # Thumb and fingers press along a horizontal line: a tilted line uses up friction.
-        for tilt in (0.0, 0.35, -0.35, 0.7, -0.7):
-            down = np.cross(UP, across) * np.sin(tilt) - UP * np.cos(tilt)
-            turned = _align(fingers - thumb, facing, across, down)
-            palm = transforms.rigid(turned, held[0] - turned @ (thumb + fingers) / 2)
-            yield Grasp(
-                palm=palm,
-                away=-RETREAT_M * down,
-                open=opened + wide * (closed - opened),
-                closed=closed,
-                name=_label(name, height, turn=turn, tilt=tilt),
-                way=f"{name} {np.degrees(turn) // 45:.0f}",
-                above_m=0.03,
-                aside=0.0,
-            )
+        whole = _held(points, height, across) if height in middles else None
+        walls = _walls(points, height, across) if height in rims else []
+        for kind, held in [("", whole), *((" wall", wall) for wall in walls)]:
+            touch = None if held is None else _part(travel, held[1] + 2 * grip.tip_radius_m)
+            if held is None or touch is None:
+                continue
+            wide = _part(travel, held[1] + 2 * grip.tip_radius_m + SPARE_M) or 0.0
+            thumb, fingers = _tips(hand, opened + touch * (closed - opened))
+            # Thumb and fingers press along a horizontal line: a tilted line uses up friction.
+            for tilt in (0.0, 0.35, -0.35, 0.7, -0.7, 1.05, -1.05):
+                down = np.cross(UP, across) * np.sin(tilt) - UP * np.cos(tilt)
+                turned = _align(fingers - thumb, facing, across, down)
+                palm = transforms.rigid(turned, held[0] - turned @ (thumb + fingers) / 2)
+                yield Grasp(
+                    palm=palm,
+                    away=-RETREAT_M * down,
+                    open=opened + wide * (closed - opened),
+                    closed=closed,
+                    name=_label(name + kind, height, turn=turn, tilt=tilt),
+                    way=f"{name}{kind} {np.degrees(turn) // 45:.0f}",
+                    above_m=0.03,
+                    aside=0.0,
+                )
 
 
 def wraps(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> Iterator[Grasp]:
@@ -124,6 +134,21 @@ def _held(points: np.ndarray, height: float, across: np.ndarray) -> tuple[np.nda
         return None
     low, high = float((local[held] @ across).min()), float((local[held] @ across).max())
     return np.array([middle[0], middle[1], height]) + across * (low + high) / 2, high - low
+
+
+def _walls(points: np.ndarray, height: float, across: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    """Centres (3,) and widths [m] along `across` of the walls of a vessel at a height; none if it is no vessel."""
+    middle = np.median(points, axis=0)
+    local = points - np.array([middle[0], middle[1], height])
+    # What is higher is in the hand's way, too.
+    above = (local[:, 2] > -SLAB_M / 3) & (np.abs(local @ np.cross(UP, across)) < WALL_STRIP_M)
+    along = np.sort(local[above] @ across)
+    cuts = np.flatnonzero(np.diff(along) > ROOM_M)
+    if not len(cuts) or len(along) < 6:
+        return []
+    runs = np.split(along, cuts + 1)
+    base = np.array([middle[0], middle[1], height])
+    return [(base + across * (run[0] + run[-1]) / 2, float(run[-1] - run[0])) for run in (runs[0], runs[-1])]
 
 
 def _tips(hand: HandKinematics, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,20 @@ class Leg:
     """See `Command.contact`."""
     arc_m: float = 0.0
     """Height of the path's midpoint above the straight line, along z of the base [m]."""
+
+
+Plan = Mapping[str, Sequence[Leg]]
+"""Limb -> its legs. Legs of the same number take the same time and belong to the same segment."""
+Hands = Mapping[str, tuple[np.ndarray, np.ndarray]]
+"""Limb -> T_base_palm (4, 4) and finger joints (H,) [rad]."""
+
+
+def follow(plan: Plan, hands: Hands, control_hz: float) -> Iterator[Command]:
+    """Commands of all limbs of a plan at control rate, from where their `hands` are."""
+    streams = [sample(limb, *hands[limb], legs, control_hz) for limb, legs in plan.items()]
+    for parts in zip(*streams, strict=True):
+        aims = {limb: aim for part in parts for limb, aim in part.aims.items()}
+        yield replace(parts[0], aims=aims, contact=any(part.contact for part in parts))
 
 
 def sample(
@@ -60,3 +74,10 @@ def between(first: np.ndarray, last: np.ndarray, part: float) -> np.ndarray:
     turn = first[:3, :3].T @ last[:3, :3]
     place = first[:3, 3] + part * (last[:3, 3] - first[:3, 3])
     return transforms.rigid(first[:3, :3] @ registration.rotation(registration.rotation_vector(turn) * part), place)
+
+
+def shifted(pose: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """A pose (4, 4) moved by `way` (3,) [m]."""
+    moved = pose.copy()
+    moved[:3, 3] += way
+    return moved

@@ -1,30 +1,82 @@
-"""Scripted operator of primitive `pick_and_place`: grasp, carry over, set down, let go."""
+"""Scripted operators of primitive `pick_and_place`: grasp, carry over, set down, let go; with one hand or several."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
 from dextera_build.artifacts.goals import PlaceGoal
 from dextera_build.artifacts.task import Cavity
-from dextera_build.geometry import quaternions, transforms
-from dextera_build.sim.control.operator import Command, State
-from dextera_build.sim.experts.lift import Grasp
-from dextera_build.sim.experts.motion import Leg, sample
+from dextera_build.geometry import quaternions, registration, transforms
+from dextera_build.sim.control.operator import State
+from dextera_build.sim.experts.grasp import Grasp
+from dextera_build.sim.experts.motion import Leg, Plan, shifted
 from dextera_build.sim.experts.reach import Reach
-from dextera_build.sim.experts.scripted import Scripted
+from dextera_build.sim.experts.scripted import Taking
+from dextera_build.sim.experts.squeeze import Squeeze
 from dextera_build.sim.runtime.environment import Environment
 
 OVER_M = 0.08
 """Height at which the object is carried above its start and its target [m]."""
 SPARE_M = 0.006
 """Height above its support at which the object is let go [m]."""
+WALL_M = 0.012
+"""Distance from a container's walls that is enough when an object is let go [m]."""
+TURNS = np.radians([0, 15, -15, 30, -30, 45, -45, 60, -60, 75, -75, 90, -90])
+"""Turns about the vertical in which an object may go into a container, preferred first."""
 SECONDS = (0.8, 1.4, 0.9, 0.5, 0.6, 0.7)
 """Durations: lift, carry, lower, open, retreat, rest [s]."""
-TAKING = ("approach", "reach", "grasp", "lift")
-"""Segments before the object is carried; after them it is seen how it lies in the hand."""
 
 
-class Place(Scripted):
+class Target:
+    """Where an object is let go: at its goal, or over the cavity of its container.
+
+    Args:
+        environment: The task; only its data are used.
+    """
+
+    def __init__(self, environment: Environment) -> None:
+        task, bundle = environment.task, environment.bundle
+        assert isinstance(task.goal, PlaceGoal)
+        self._goal = task.goal
+        self._base_from_world = bundle.base_pose.inverse().matrix
+        self._up = self._base_from_world[:3, 2].copy()
+        self._points = bundle.objects[task.object].points.astype(np.float64)
+        self._cavity = bundle.objects[task.goal.into].cavity if task.goal.into else None
+
+    def pose(self, state: State, base: np.ndarray) -> np.ndarray:
+        """T_base_object (4, 4) where it is let go; turned as it stands at `base` (4, 4) if that fits."""
+        found = base.copy()
+        if self._goal.quaternion is not None:
+            found[:3, :3] = self._base_from_world[:3, :3] @ quaternions.to_matrix(np.array(self._goal.quaternion))
+        if self._cavity is not None:
+            return self._over(state.objects[self._goal.into], found)
+        assert self._goal.place_m is not None
+        found[:3, 3] = (self._base_from_world @ [*self._goal.place_m, 1.0])[:3] + self._up * SPARE_M
+        return found
+
+    def _over(self, container: np.ndarray, found: np.ndarray) -> np.ndarray:
+        """At the height of the rim, so that the hand stays out, with the footprint's middle over the cavity's."""
+        assert self._cavity is not None
+        columns, rim = _columns(self._cavity)
+        middle = transforms.apply(container, np.array([*columns.mean(axis=0), rim]))
+        best, most = found, -np.inf
+        for turn in TURNS:
+            turned = found.copy()
+            turned[:3, :3] = registration.rotation(self._up * turn) @ found[:3, :3]
+            footprint = self._points @ turned[:3, :3].T
+            centre = (footprint.min(axis=0) + footprint.max(axis=0)) / 2
+            lowest = float((footprint @ self._up).min())
+            turned[:3, 3] = middle - (centre - self._up * (centre @ self._up)) + self._up * (SPARE_M - lowest)
+            inside = transforms.apply(transforms.invert(container) @ turned, self._points)[:, :2]
+            room = min(WALL_M, -_outside(inside, columns, self._cavity.cell_m))
+            if room > most + 1e-3:
+                best, most = turned, room
+        return best
+
+
+class Place(Taking):
     """Grasps the task's object, and sets it down at its target or in a container.
 
     Args:
@@ -35,92 +87,89 @@ class Place(Scripted):
 
     def __init__(self, environment: Environment, reach: Reach, grasp: Grasp) -> None:
         super().__init__(environment, reach)
-        task, bundle = environment.task, environment.bundle
-        assert isinstance(task.goal, PlaceGoal)
-        self._goal = task.goal
-        self._base_from_world = bundle.base_pose.inverse().matrix
-        self._up = self._base_from_world[:3, 2].copy()
-        self._points = bundle.objects[task.object].points.astype(np.float64)
-        self._cavity = bundle.objects[task.goal.into].cavity if task.goal.into else None
+        self._target = Target(environment)
         self.grasp = grasp
-        self._start, self._carries = np.eye(4), False
 
-    def begin(self, state: State) -> None:
-        """Plan from `state`."""
-        legs = self.legs(state)
-        self._reach.check(legs, state)
-        self._start, self._carries = state.objects[self._object], False
-        taken = [leg for leg in legs if leg.segment in TAKING]
-        self._last = taken[-1]
-        self._commands = self._reach.commands(taken, state, self._rate)
-
-    def command(self, state: State) -> Command | None:
-        """The next step of the plan; the object is carried as it came to lie in the hand."""
-        command = next(self._commands, None)
-        if command is None and not self._carries:
-            self._carries = True
-            held = transforms.invert(state.objects[self._object]) @ self._last.palm
-            legs = self._carried(state, self._start, self._last.palm, held)
-            hand = self._last.palm, self._last.fingers
-            self._commands = sample(self._reach.limb, *hand, legs, self._rate)
-            command = next(self._commands, None)
-        return command
-
-    def legs(self, state: State) -> list[Leg]:
-        """The plan from `state`, with the object in the hand as the grasp says."""
+    def taking(self, state: State) -> Plan:
+        """The grasp, and up above start and target."""
         grasp, base = self.grasp, state.objects[self._object]
-        hold = base @ grasp.palm
-        height = float((self._target(state, base)[:3, 3] - base[:3, 3]) @ self._up)
-        raised = _shifted(hold, self._up * (max(0.0, height) + OVER_M))
-        return [
-            *grasp.taking(self._object, base, self._up),
-            self._leg(raised, grasp.closed, SECONDS[0], "lift"),
-            *self._carried(state, base, raised, grasp.palm),
-        ]
+        height = float((self._target.pose(state, base)[:3, 3] - base[:3, 3]) @ self._up)
+        raised = shifted(base @ grasp.palm, self._up * (max(0.0, height) + OVER_M))
+        legs = grasp.taking(self._object, base, self._up)
+        return {self._reach.limb: [*legs, self._held(raised, grasp.closed, SECONDS[0], "lift")]}
 
-    def _carried(self, state: State, base: np.ndarray, raised: np.ndarray, held: np.ndarray) -> list[Leg]:
-        """The way from `raised` to the target and back from it, the palm at `held` (4, 4) in the object."""
-        grasp = self.grasp
-        laid = self._target(state, base) @ held
-        above = _shifted(laid, self._up * float((raised[:3, 3] - laid[:3, 3]) @ self._up))
-        back = _shifted(laid, base[:3, :3] @ grasp.away + self._up * 0.03)
+    def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
+        """The way to the target and back from it."""
+        grasp, limb = self.grasp, self._reach.limb
+        laid = self._target.pose(state, base) @ held[limb]
+        above = shifted(laid, self._up * float((last[limb].palm[:3, 3] - laid[:3, 3]) @ self._up))
+        away = laid[:3, :3] @ grasp.palm[:3, :3].T @ grasp.away
+        back = shifted(laid, away + self._up * 0.03)
         _, carry, lower, let, retreat, rest = SECONDS
-        return [
-            self._leg(above, grasp.closed, carry, "carry"),
-            self._leg(laid, grasp.closed, lower, "lower"),
-            self._leg(laid, grasp.open, let, "release"),
-            self._leg(back, grasp.open, retreat, "retreat"),
-            self._leg(back, grasp.open, rest, "retreat"),
+        legs = [
+            self._held(above, grasp.closed, carry, "carry"),
+            self._held(laid, grasp.closed, lower, "lower"),
+            self._held(laid, grasp.open, let, "release"),
+            self._held(back, grasp.open, retreat, "retreat"),
+            self._held(back, grasp.open, rest, "retreat"),
         ]
-
-    def _leg(self, palm: np.ndarray, fingers: np.ndarray, seconds: float, name: str) -> Leg:
-        return Leg(palm, fingers, seconds, name, self._object, True)
-
-    def _target(self, state: State, base: np.ndarray) -> np.ndarray:
-        """T_base_object where it is let go, turned as it stands unless the goal says otherwise."""
-        found = base.copy()
-        if self._goal.quaternion is not None:
-            found[:3, :3] = self._base_from_world[:3, :3] @ quaternions.to_matrix(np.array(self._goal.quaternion))
-        if self._cavity is not None:
-            # At the height of the rim, so that the hand stays out.
-            found[:3, 3] = transforms.apply(state.objects[self._goal.into], _opening(self._cavity))
-            lowest = float((self._points @ found[:3, :3].T @ self._up).min())
-            found[:3, 3] += self._up * (SPARE_M - lowest)
-            return found
-        assert self._goal.place_m is not None
-        found[:3, 3] = (self._base_from_world @ [*self._goal.place_m, 1.0])[:3] + self._up * SPARE_M
-        return found
+        return {limb: legs}
 
 
-def _opening(cavity: Cavity) -> np.ndarray:
-    """Middle of a cavity at the height of its rim (3,), in its frame [m]."""
+class PlaceTogether(Taking):
+    """Takes the task's object between two hands, and sets it down at its target or in a container.
+
+    Args:
+        environment: The task; only its data are used.
+        reach: Kinematics of both limbs.
+        squeeze: Where the hands press.
+    """
+
+    def __init__(self, environment: Environment, reach: Reach, squeeze: Squeeze) -> None:
+        super().__init__(environment, reach)
+        self._target = Target(environment)
+        self.squeeze = squeeze
+
+    def taking(self, state: State) -> Plan:
+        """The hands at both sides, and up above start and target."""
+        base = state.objects[self._object]
+        height = float((self._target.pose(state, base)[:3, 3] - base[:3, 3]) @ self._up)
+        return self.squeeze.lifting(self._object, base, self._up, max(0.0, height) + OVER_M)
+
+    def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
+        """The way to the target, and apart."""
+        target = self._target.pose(state, base)
+        _, carry, lower, let, retreat, rest = SECONDS
+        plan = {}
+        for limb, side in self.squeeze.sides.items():
+            laid = target @ held[limb]
+            above = shifted(laid, self._up * float((last[limb].palm[:3, 3] - laid[:3, 3]) @ self._up))
+            apart = shifted(laid, target[:3, :3] @ side.away / 2)
+            back = shifted(apart, self._up * 2 * OVER_M)
+            plan[limb] = [
+                self._held(above, side.fingers, 1.5 * carry, "carry"),
+                self._held(laid, side.fingers, lower, "lower"),
+                self._held(apart, side.fingers, let, "release"),
+                self._held(back, side.fingers, 2 * retreat, "retreat"),
+                self._held(back, side.fingers, rest, "retreat"),
+            ]
+        return plan
+
+
+def _columns(cavity: Cavity) -> tuple[np.ndarray, float]:
+    """Middles (C, 2) of the columns of a cavity, in its frame, and the height of its rim [m]."""
     deep = cavity.rim_m - cavity.floor_m
-    weights = deep / deep.sum()
-    cell = np.array([float((weights * each).sum()) for each in np.indices(deep.shape)])
-    return np.array([*(cavity.corner_m + (cell + 0.5) * cavity.cell_m), float(cavity.rim_m[deep > 0].max())])
+    # Columns over a foot or a slope do not hold an object.
+    cells = np.argwhere(deep > 0.5 * deep.max())
+    return cavity.corner_m + (cells + 0.5) * cavity.cell_m, float(cavity.rim_m[deep > 0].max())
 
 
-def _shifted(pose: np.ndarray, way: np.ndarray) -> np.ndarray:
-    moved = pose.copy()
-    moved[:3, 3] += way
-    return moved
+def _outside(points: np.ndarray, columns: np.ndarray, cell_m: float) -> float:
+    """How far points (P, 2) are beyond the border of columns (C, 2) at most [m]; negative if all are inside."""
+    low, high = columns.min(axis=0) - cell_m / 2, columns.max(axis=0) + cell_m / 2
+    middle, half = (low + high) / 2, (high - low) / 2
+    filled = len(columns) * cell_m**2 / max(4.0 * float(half.prod()), 1e-9)
+    if filled > 0.9:
+        return float((np.abs(points - middle) - half).max())
+    # A round one: an ellipse within the same box.
+    return float(((np.linalg.norm((points - middle) / half, axis=1) - 1.0) * half.min()).max())

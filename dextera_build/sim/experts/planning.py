@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import itertools
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -13,17 +15,32 @@ from dextera_build.sim.control.operator import Command, State
 from dextera_build.sim.experts.articulate import Articulate
 from dextera_build.sim.experts.articulate import Push as Swing
 from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.grasps import candidates
-from dextera_build.sim.experts.lift import Grasp, Lift
-from dextera_build.sim.experts.place import Place
+from dextera_build.sim.experts.handover import Handover, meetings
+from dextera_build.sim.experts.lift import Lift
+from dextera_build.sim.experts.place import Place, PlaceTogether
 from dextera_build.sim.experts.push import Push, Stroke
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.rehearse import Candidate, Planned, Rehearsed, rehearse, taking_turns
+from dextera_build.sim.experts.reorient import Reorient
 from dextera_build.sim.experts.room import Room
+from dextera_build.sim.experts.squeeze import LiftTogether, Squeeze, in_object, squeezes
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 
 Progress = Callable[[int, int, str], None]
+T = TypeVar("T")
+ENOUGH = 24
+"""Free paths among which the most comfortable are sought."""
+LOOKED, FEW = 300, 6
+"""Candidates after which this many free paths are enough, too."""
+SOME = 12
+"""Grasps of the giver that are combined with those of the receiver."""
+PAIRS = 20
+"""Pairs of grasps that are rehearsed at most."""
+HANDS_APART_M = 0.10
+"""Smallest distance of two palms at one object [m]."""
 
 
 class Practised:
@@ -42,7 +59,7 @@ class Practised:
     def begin(self, state: State) -> None:
         """Choose the first free path from `state`; if none is free, the best one reports the reason."""
         for one in self.rehearsed:
-            if self._room.comfort(one.candidate.operator.legs(state), state) is not None:
+            if self._room.comfort(one.candidate.operator.phases(state), state) is not None:
                 self._now = one.candidate.operator
                 break
         else:
@@ -55,7 +72,7 @@ class Practised:
 
 
 def practise(driver: Driver, progress: Progress = lambda done, total, what: None) -> Practised:
-    """Find the scripted operator of the driver's task, with the nearest limb that can reach, or the one it names.
+    """Find the scripted operator of the driver's task, with the nearest limb that can reach, or those it names.
 
     Args:
         driver: Its environment is used and left in an arbitrary state.
@@ -67,42 +84,63 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
     environment = driver.environment
     task = environment.task
     environment.begin(starts.photographed(environment.bundle, environment.model))
-    found: list[Candidate] = []
-    expert = EXPERTS.get(task.primitive)
-    if expert is None:
-        raise RuleError(
-            f"there is no scripted operator of primitive `{task.primitive}`",
-            code="DXB-B253",
-            facts={"operators": listing(EXPERTS)},
-            hint="demonstrate the task by other means",
-        )
-    for limb in _limbs(environment):
-        _check_hand(environment.bundle.robot, limb, expert.against)
-        reach = Reach(environment.bundle.robot, limb)
+    candidates = 0
+    first = ""
+    for limbs, expert in teams(environment):
+        for limb in limbs:
+            _check_hand(environment.bundle.robot, limb, expert.against)
+        reach = Reach(environment.bundle.robot, *limbs)
         room = Room(environment, reach)
+        environment.begin(starts.photographed(environment.bundle, environment.model))
         found = expert.plan(environment, reach, room, driver.state())
-        if found:
-            break
-    if not found:
+        candidates, first = candidates + len(found), first or next((each.name for each in found), "")
+        rehearsed = rehearse(driver, found, progress) if found else []
+        if rehearsed:
+            return Practised(rehearsed, room)
+    if not candidates:
         raise RuleError(
             f"`{task.object}` is out of reach: no way to take hold of it that the arm can go",
             code="DXB-B250",
             hint="move the base, see `align.base`",
         )
-    rehearsed = rehearse(driver, found, progress)
-    if not rehearsed:
+    raise RuleError(
+        f"no rehearsal of `{task.name}` succeeded",
+        code="DXB-B251",
+        facts={"candidates": candidates, "first": first},
+        hint="look at the task's pictures: is the object free, and is the goal possible?",
+    )
+
+
+def teams(environment: Environment) -> list[tuple[tuple[str, ...], Expert]]:
+    """Limbs and the experts with which they may do the task, likeliest first.
+
+    Raises:
+        RuleError: There is no scripted operator of its primitive.
+    """
+    task, robot = environment.task, environment.bundle.robot
+    experts = [expert for expert in EXPERTS if expert.primitive == task.primitive]
+    if not experts:
         raise RuleError(
-            f"no rehearsal of `{task.name}` succeeded",
-            code="DXB-B251",
-            facts={"candidates": len(found), "first": found[0].name},
-            hint="look at the task's pictures: is the object free, and is the goal possible?",
+            f"there is no scripted operator of primitive `{task.primitive}`",
+            code="DXB-B253",
+            facts={"operators": listing(sorted({expert.primitive for expert in EXPERTS}))},
+            hint="demonstrate the task by other means",
         )
-    return Practised(rehearsed, room)
+    nearest = _limbs(environment)
+    found: list[tuple[tuple[str, ...], Expert]] = []
+    for expert in experts:
+        if expert.hands == 1 and len(task.limbs) < 2:
+            found += [((limb,), expert) for limb in nearest]
+        elif expert.hands == 2 and len(robot.limbs) > 1 and len(task.limbs) != 1:
+            found.append((tuple(nearest[:2]), expert))
+    return found
 
 
 def _limbs(environment: Environment) -> list[str]:
-    """The limbs that may do the task, the one whose palm is nearest to its object first."""
+    """The limbs that may do the task, the one whose palm is nearest to its object first; a goal may name them."""
     robot = environment.bundle.robot
+    if ordered := environment.primitive.ordered():
+        return list(ordered)
     named = environment.task.limbs or robot.limb_names
     thing = environment.object_poses()[list(environment.bundle.objects).index(environment.task.object), :3]
     palms = dict(zip(robot.limb_names, environment.palm_poses()[:, :3], strict=True))
@@ -119,23 +157,109 @@ def _places(environment: Environment, reach: Reach, room: Room, state: State) ->
     return _grasps(environment, reach, room, state, lambda grasp: Place(environment, reach, grasp))
 
 
+def _reorients(environment: Environment, reach: Reach, room: Room, state: State) -> list[Candidate]:
+    """Grasps of the task's object to hold it at its target pose."""
+    return _grasps(environment, reach, room, state, lambda grasp: Reorient(environment, reach, grasp))
+
+
 def _grasps(
     environment: Environment, reach: Reach, room: Room, state: State, made: Callable[[Grasp], Planned]
 ) -> list[Candidate]:
     """Collision-free grasps of the task's object from the photographed start, most comfortable first."""
-    points = environment.bundle.objects[environment.task.object].points.astype(np.float64)
-    found = []
-    for grasp in candidates(points, reach.grips, reach.fingers):
-        found.append(Candidate(grasp.name, grasp.way, made(grasp)))
+    found = (Candidate(each.name, each.way, made(each)) for each in _mixed(_grips(environment, reach)))
     return _comfortable(found, room, state)
 
 
+def _grips(environment: Environment, reach: Reach) -> list[Grasp]:
+    points = environment.bundle.objects[environment.task.object].points.astype(np.float64)
+    return list(candidates(points, reach.grips, reach.fingers))
+
+
+def _mixed(items: list[T]) -> list[T]:
+    """In an order that is always the same and has all kinds near its beginning."""
+    return [items[number] for number in np.random.default_rng(0).permutation(len(items))]
+
+
 def _comfortable(found: Iterable[Candidate], room: Room, state: State) -> list[Candidate]:
-    """The candidates with a free path, most comfortable first, the kinds taking turns."""
-    rated = [(room.comfort(each.operator.legs(state), state), each) for each in found]
-    free = [(comfort, each) for comfort, each in rated if comfort is not None]
+    """The first candidates with a free path, most comfortable first, the kinds taking turns."""
+    free: list[tuple[float, Candidate]] = []
+    for number, each in enumerate(found):
+        comfort = room.comfort(each.operator.phases(state), state)
+        free += [(comfort, each)] if comfort is not None else []
+        if len(free) >= (ENOUGH if number < LOOKED else FEW):
+            break
     comfortable = [each for _, each in sorted(free, key=lambda one: -one[0])]
     return taking_turns(comfortable, [each.way for each in comfortable])
+
+
+def _lifts_together(environment: Environment, reach: Reach, room: Room, state: State) -> list[Candidate]:
+    """Two hands that press on opposite sides of the task's object and lift it."""
+    return _together(environment, reach, room, state, lambda way: LiftTogether(environment, reach, way))
+
+
+def _places_together(environment: Environment, reach: Reach, room: Room, state: State) -> list[Candidate]:
+    """Two hands that carry the task's object between them."""
+    return _together(environment, reach, room, state, lambda way: PlaceTogether(environment, reach, way))
+
+
+def _together(
+    environment: Environment, reach: Reach, room: Room, state: State, made: Callable[[Squeeze], Planned]
+) -> list[Candidate]:
+    name = environment.task.object
+    points = environment.bundle.objects[name].points.astype(np.float64)
+    palms = {limb: palm for limb, (palm, _) in reach.hands(state).items()}
+    ways = _mixed(list(squeezes(points, reach, in_object(state.objects[name], palms))))
+    return _comfortable((Candidate(each.name, each.way, made(each)) for each in ways), room, state)
+
+
+def _handovers(environment: Environment, reach: Reach, room: Room, state: State) -> list[Candidate]:
+    """Pairs of grasps, and where the object changes hands, most comfortable first."""
+    name = environment.task.object
+    giver, receiver = (reach.one(limb) for limb in reach.limbs)
+    own = Room(environment, giver)
+    grips = _mixed(_grips(environment, giver))
+    free = (each for each in grips if _given(own, giver, each, name, state) is not None)
+    gives = list(itertools.islice(free, SOME))
+    takes = _mixed(_grips(environment, receiver))
+    palms = [palm for palm, _ in reach.hands(state).values()]
+    up = environment.bundle.base_pose.inverse().matrix[:3, 2]
+    found: list[tuple[float, Candidate]] = []
+    tried = _mixed(list(itertools.product(gives, list(meetings(state.objects[name], palms, up)))))
+    for given, meeting in tried:
+        solved = giver.arm.solve(meeting @ given.palm, giver.joints(state), posture=giver.arm.home)
+        if not solved.reached():
+            continue
+        there = _handed(state, giver, solved.joints, given.closed, name, meeting)
+        for received in (each for each in takes if _far_apart(given, each)):
+            operator = Handover(environment, reach, meeting, given, received)
+            comfort = room.comfort([operator.given_up(there)], there)
+            if comfort is not None:
+                way = f"{given.way} to {received.way}"
+                found.append((comfort, Candidate(f"{given.name}, then {received.name}", way, operator)))
+                break
+        if len(found) >= PAIRS:
+            break
+    ordered = [each for _, each in sorted(found, key=lambda one: -one[0])]
+    return taking_turns(ordered, [each.way for each in ordered])
+
+
+def _given(room: Room, giver: Reach, grasp: Grasp, name: str, state: State) -> float | None:
+    up = room.up
+    return room.comfort([{giver.limb: grasp.taking(name, state.objects[name], up)}], state)
+
+
+def _handed(
+    state: State, giver: Reach, joints: np.ndarray, fingers: np.ndarray, name: str, meeting: np.ndarray
+) -> State:
+    """The state in which the giver holds the object at the meeting place."""
+    moved = state.joints.copy()
+    moved[giver.places(giver.arm.joints)] = joints
+    return State(moved, {**state.objects, name: meeting}, state.displacement)
+
+
+def _far_apart(given: Grasp, received: Grasp) -> bool:
+    """Whether two hands in these grasps have room beside one another."""
+    return float(np.linalg.norm(given.palm[:3, 3] - received.palm[:3, 3])) > HANDS_APART_M
 
 
 def _slides(environment: Environment, reach: Reach, room: Room, state: State) -> list[Candidate]:
@@ -160,19 +284,27 @@ def _pushed(way: Stroke | Swing, operator: Planned) -> Candidate:
 class Expert:
     """A scripted operator of a primitive."""
 
+    primitive: str
+    """The primitive."""
     against: str
     """The grip that it needs, see `Grip.against`."""
     plan: Callable[[Environment, Reach, Room, State], list[Candidate]]
-    """Candidates of one limb from the photographed start, likeliest first."""
+    """Candidates of its limbs from the photographed start, likeliest first."""
+    hands: int = 1
+    """Number of limbs."""
 
 
-EXPERTS: Mapping[str, Expert] = {
-    "lift": Expert("thumb", _lifts),
-    "articulate": Expert("nothing", _swings),
-    "push": Expert("nothing", _slides),
-    "pick_and_place": Expert("thumb", _places),
-}
-"""Primitive -> its scripted operator."""
+EXPERTS: Sequence[Expert] = (
+    Expert("lift", "thumb", _lifts),
+    Expert("lift", "nothing", _lifts_together, hands=2),
+    Expert("articulate", "nothing", _swings),
+    Expert("push", "nothing", _slides),
+    Expert("pick_and_reorient", "thumb", _reorients),
+    Expert("pick_and_place", "thumb", _places),
+    Expert("pick_and_place", "nothing", _places_together, hands=2),
+    Expert("handover", "thumb", _handovers, hands=2),
+)
+"""Scripted operators, likeliest first."""
 
 
 def _check_hand(robot: RobotModel, limb: str, against: str) -> None:

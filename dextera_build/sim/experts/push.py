@@ -49,9 +49,7 @@ class Push(Pushing):
         super().__init__(environment, reach)
         task, bundle = environment.task, environment.bundle
         assert isinstance(task.goal, PushGoal)
-        base_from_world = bundle.base_pose.inverse().matrix
-        self._target = (base_from_world @ [*task.goal.place_m, 0.0, 1.0])[:3]
-        self._up = base_from_world[:3, 2].copy()
+        self._target = (self._base_from_world @ [*task.goal.place_m, 0.0, 1.0])[:3]
         self._points = bundle.objects[task.object].points.astype(np.float64)
         self.stroke = stroke
 
@@ -64,18 +62,18 @@ class Push(Pushing):
         ahead = way / max(far, 1e-9)
         surface = transforms.apply(pose, self._points)
         heights = surface @ self._up
-        low = float(heights.min() + max(stroke.low * np.ptp(heights), self._tip + 0.008))
+        low = float(heights.min() + max(stroke.low * np.ptp(heights), self._hand.tip_m + 0.008))
         behind = float((surface @ ahead).min() - pose[:3, 3] @ ahead)
         start = pose[:3, 3] + ahead * behind + self._up * (low - pose[:3, 3] @ self._up)
         turn = self._orientation(ahead)
 
         def palm(along: float, up: float = 0.0) -> np.ndarray:
-            return self._palm(turn, start + ahead * (along - self._tip) + self._up * up)
+            return self._hand.palm(turn, start + ahead * (along - self._hand.tip_m) + self._up * up)
 
         over, down, touch, rest = stroke.seconds
         legs = [
-            Leg(palm(-stroke.clear_m, stroke.above_m), self._fingers, over, "approach"),
-            Leg(palm(-stroke.clear_m), self._fingers, down, "reach", self._object),
+            Leg(palm(-stroke.clear_m, stroke.above_m), self._hand.fingers, over, "approach"),
+            Leg(palm(-stroke.clear_m), self._hand.fingers, down, "reach", self._object),
             self._pushes(palm(0.0), touch),
         ]
         # A minimum-jerk motion is 15/8 times as fast in its middle as on average.
@@ -86,4 +84,4 @@ class Push(Pushing):
     def _orientation(self, ahead: np.ndarray) -> np.ndarray:
         """The palm's rotation in the base: fingers down, tilted and turned, the palm towards the push."""
         facing = registration.rotation(self._up * self.stroke.turn_rad) @ ahead
-        return self._turn(facing, self._up, self.stroke.lean_rad)
+        return self._hand.turn(facing, self._up, self.stroke.lean_rad)

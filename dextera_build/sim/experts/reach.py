@@ -1,4 +1,4 @@
-"""Shared by scripted operators: the hand's pose, and whether the arm can follow a plan."""
+"""Shared by scripted operators: the hands' poses, and whether the arms can follow a plan."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.sim.control.hand import HandKinematics
 from dextera_build.sim.control.ik import ArmKinematics
 from dextera_build.sim.control.operator import Command, OutOfReach, State
-from dextera_build.sim.experts.motion import Leg, sample
+from dextera_build.sim.experts.motion import Hands, Plan, follow
 
 POSITION_M = 0.004
 """Position tolerance of a reachable pose [m]."""
@@ -19,51 +19,71 @@ ROTATION_RAD = 0.04
 
 
 class Reach:
-    """Kinematics of one limb of a robot for scripted operators.
+    """Kinematics of one or several limbs of a robot for scripted operators.
 
     Args:
         robot: The embodiment.
-        limb: Name of the limb.
+        limbs: Names of the limbs; where one limb is meant, the first.
     """
 
-    def __init__(self, robot: RobotModel, limb: str) -> None:
-        self.limb = limb
-        """Name of the limb."""
-        self.grips = robot.limbs[limb].grips
+    def __init__(self, robot: RobotModel, *limbs: str) -> None:
+        self.limbs = limbs
+        """Names of the limbs."""
+        self.limb = limbs[0]
+        """The first of them."""
+        self.grips = robot.limbs[self.limb].grips
         """Ways to use its hand."""
-        self.arm = ArmKinematics(robot, limb)
-        """Kinematics of the palm."""
-        self.fingers = HandKinematics(robot, limb)
-        """Kinematics of the fingertips."""
-        names = [joint.name for joint in robot.joints]
-        self._of_arm = np.array([names.index(name) for name in self.arm.joints])
-        self._of_hand = np.array([names.index(name) for name in self.fingers.joints], int)
+        self.fingers = HandKinematics(robot, self.limb)
+        """Kinematics of its fingertips."""
+        self.arm = ArmKinematics(robot, limbs)
+        """Kinematics of the palms of all limbs."""
+        self._robot = robot
+        self._names = [joint.name for joint in robot.joints]
+        self._of_arm = self.places(self.arm.joints)
+        self._parts = {limb: self if len(limbs) == 1 else Reach(robot, limb) for limb in limbs}
+
+    def one(self, limb: str) -> Reach:
+        """Kinematics of one of the limbs."""
+        return self._parts[limb]
+
+    def some(self, limbs: Sequence[str]) -> Reach:
+        """Kinematics of some of the limbs."""
+        if tuple(limbs) == self.limbs:
+            return self
+        return self._parts[limbs[0]] if len(limbs) == 1 else Reach(self._robot, *limbs)
+
+    def places(self, joints: Sequence[str]) -> np.ndarray:
+        """Places of joints in `State.joints`."""
+        return np.array([self._names.index(name) for name in joints], int)
 
     def joints(self, state: State) -> np.ndarray:
         """Arm joints (A,) [rad]."""
         return np.asarray(state.joints[self._of_arm])
 
-    def hand(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """T_base_palm (4, 4) and finger joints (H,) [rad]."""
-        return self.arm.pose(self.joints(state)), state.joints[self._of_hand]
+    def hands(self, state: State) -> Hands:
+        """Palms and finger joints of all limbs."""
+        palms = dict(zip(self.limbs, self.arm.poses(self.joints(state)), strict=True))
+        return {limb: (palms[limb], state.joints[self.places(one.fingers.joints)]) for limb, one in self._parts.items()}
 
-    def commands(self, legs: Sequence[Leg], state: State, control_hz: float) -> Iterator[Command]:
+    def commands(self, plan: Plan, state: State, control_hz: float) -> Iterator[Command]:
         """Commands at control rate along a plan from `state`."""
-        return sample(self.limb, *self.hand(state), legs, control_hz)
+        return follow(plan, self.hands(state), control_hz)
 
-    def check(self, legs: Sequence[Leg], state: State) -> float:
-        """Smallest distance to a joint limit along the plan [rad].
+    def check(self, phases: Sequence[Plan], state: State) -> None:
+        """Check that the arms reach the ends of all legs.
 
         Raises:
-            OutOfReach: The arm cannot reach the end of a leg.
+            OutOfReach: They cannot.
         """
-        arm, margin = self.joints(state), np.inf
-        for leg in legs:
-            found = self.arm.solve(leg.palm, arm, posture=self.arm.home)
-            if not found.reached(POSITION_M, ROTATION_RAD):
-                raise OutOfReach(
-                    f"goal out of reach: the hand misses it by {1000 * found.position_error_m:.0f} mm and "
-                    f"{np.degrees(found.rotation_error_rad):.0f} deg in `{leg.segment}`"
-                )
-            arm, margin = found.joints, min(margin, found.margin_rad)
-        return float(margin)
+        joints = state.joints.copy()
+        for plan in phases:
+            own = self.some(tuple(plan))
+            for legs in zip(*plan.values(), strict=True):
+                palms = np.array([leg.palm for leg in legs])
+                found = own.arm.solve(palms, joints[own._of_arm], posture=own.arm.home)
+                if not found.reached(POSITION_M, ROTATION_RAD):
+                    raise OutOfReach(
+                        f"goal out of reach: the hand misses it by {1000 * found.position_error_m:.0f} mm and "
+                        f"{np.degrees(found.rotation_error_rad):.0f} deg in `{legs[0].segment}`"
+                    )
+                joints[own._of_arm] = found.joints

@@ -13,20 +13,21 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Start
-from dextera_build.artifacts.goals import ArticulateGoal, LiftGoal
 from dextera_build.artifacts.task import TaskBundle, TaskSpec
 from dextera_build.errors import RuleError
 from dextera_build.geometry import poses, transforms
 from dextera_build.sim.control.operator import Operator, State
 from dextera_build.sim.experts.acting import acting
 from dextera_build.sim.experts.drive import Driver
-from dextera_build.sim.experts.motion import Leg
+from dextera_build.sim.experts.motion import Plan
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.seeds import seed_of
 
 TRIED = 24
 """Candidates tried once as photographed and once under hard conditions."""
+GOOD = 8
+"""Candidates that succeeded in both after which no more are tried."""
 FINAL = 5
 """Number of the steadiest candidates rehearsed from drawn starts."""
 STARTS = 6
@@ -43,8 +44,8 @@ T = TypeVar("T")
 class Planned(Operator, Protocol):
     """An operator with an inspectable plan."""
 
-    def legs(self, state: State) -> list[Leg]:
-        """The plan from `state`."""
+    def phases(self, state: State) -> list[Plan]:
+        """The plan from `state`, phase by phase."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,8 @@ def rehearse(
         found = _rehearsed(driver, candidate, [first, _hard(bundle, first)], patient=False)
         if found.passed:
             tried.append(found)
+        if sum(one.passed == one.of for one in tried) >= GOOD:
+            break
     tried.sort(key=lambda one: (-one.passed, one.stray))
     drawn = [start for number in range(STARTS) if (start := _drawn(driver, number)) is not None]
     final: list[Rehearsed] = []
@@ -116,12 +119,12 @@ def stray(episode: Episode, task: TaskSpec, names: Sequence[str], limbs: Sequenc
         limbs: Limbs of `Episode.hand`.
     """
     touching = [segment.first for segment in episode.segments if segment.contact]
-    # The object of other goals is meant to move, and success says where to.
-    if not touching or not isinstance(task.goal, LiftGoal | ArticulateGoal):
+    still = catalogue.KINDS[task.primitive].still
+    if not touching or not still:
         return 0.0
     objects = episode.objects[:, list(names).index(task.object)]
     first, last = poses.to_matrix(objects[touching[0]]), poses.to_matrix(objects[-1])
-    if isinstance(task.goal, LiftGoal):
+    if still == "in hand":
         # The palm is still relative to the object only at the end of the approach; undo earlier motion.
         palm = episode.hand[:, acting(episode, limbs)[0]]
         first = transforms.invert(poses.to_matrix(palm[_near(episode, touching[0])])) @ first

@@ -9,8 +9,9 @@ import mujoco
 import numpy as np
 
 from dextera_build.geometry import quaternions
-from dextera_build.sim.control.operator import Command, State
-from dextera_build.sim.experts.motion import Leg
+from dextera_build.sim.control.ik import Solution
+from dextera_build.sim.control.operator import Aim, Command, State
+from dextera_build.sim.experts.motion import Leg, Plan
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime.environment import Environment
@@ -30,7 +31,7 @@ class Room:
 
     Args:
         environment: The task; only its model is used.
-        reach: Kinematics of a limb of its robot; the other limbs stay at home.
+        reach: Kinematics of the limbs that may move; the others stay where they are.
     """
 
     def __init__(self, environment: Environment, reach: Reach) -> None:
@@ -40,54 +41,70 @@ class Room:
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, self._data, 0)
         self._base = environment.bundle.base_pose.matrix
+        self.up = environment.bundle.base_pose.inverse().matrix[:3, 2].copy()
+        """Vertical in the robot's base, (3,)."""
         roots = model.body_rootid[model.geom_bodyid]
         self._robot = roots == model.body(ROBOT + "base").id
         self._object = roots == model.body(environment.task.object).id
         # Contacts are reported from this distance.
         model.geom_margin[self._robot] = CLEAR_M
-        self._arm = self._addresses(reach.arm.joints)
-        self._fingers = self._addresses(reach.fingers.joints)
-        own = {*reach.arm.joints, *reach.fingers.joints}
-        self._led = [each for each in environment.bundle.robot.followers if each.leader in own]
+        self._joints = self._addresses([joint.name for joint in environment.bundle.robot.joints])
+        self._led = environment.bundle.robot.followers
 
-    def comfort(self, legs: Sequence[Leg], state: State) -> float | None:
-        """Comfort of the arm along a plan, higher is better; None if unreachable or in collision.
+    def comfort(self, phases: Sequence[Plan], state: State) -> float | None:
+        """Comfort of the arms along a plan, higher is better; None if unreachable or in collision.
+
+        After the first contact objects move with the hand, which only a rehearsal can check.
 
         Args:
-            legs: The plan.
+            phases: The plan.
             state: Poses of the robot and the objects.
         """
         self._place(state)
-        arm = self._reach.arm
+        plan = phases[0]
+        reach = self._reach.some(tuple(plan))
+        rows = list(zip(*plan.values(), strict=True))
+        first = next(number for number, legs in enumerate(rows) if any(leg.contact for leg in legs))
         seed: np.ndarray | None = None
         margin, far = np.inf, 0.0
-        first = next(number for number, leg in enumerate(legs) if leg.contact)
         # The most frequent failures first: the grasp, then the approach, then the end.
-        for leg in (legs[first], *reversed(legs[:first]), legs[-1]):
-            solved = arm.solve(leg.palm, seed, restarts=1 if seed is None else 0, posture=arm.home)
-            if not solved.reached():
+        for legs in (rows[first], *reversed(rows[:first]), rows[-1]):
+            solved = self._solved(reach, legs, seed)
+            if solved is None:
                 return None
-            if leg.contact and leg is legs[first] and not self._free(solved.joints, leg.fingers, touching=True):
+            if legs is rows[first] and not self._free(reach, solved.joints, legs, touching=True):
                 return None
             seed = solved.joints
-            margin, far = min(margin, solved.margin_rad), max(far, float(np.abs(seed - arm.home).max()))
-        return 3.0 * min(margin, ENOUGH_RAD) - far if self._clear(legs, state) else None
+            margin, far = min(margin, solved.margin_rad), max(far, float(np.abs(seed - reach.arm.home).max()))
+        for later in phases[1:]:
+            more = self._reach.some(tuple(later))
+            seed = seed if more is reach else None
+            for legs in (ends := list(zip(*later.values(), strict=True)))[:1] + ends[-1:]:
+                if self._solved(more, legs, seed) is None:
+                    return None
+        return 3.0 * min(margin, ENOUGH_RAD) - far if self._clear(reach, plan, first, state) else None
 
-    def _clear(self, legs: Sequence[Leg], state: State) -> bool:
-        """Whether the arm's path is free of collisions until the object moves."""
-        arm, joints = self._reach.arm, self._reach.joints(state)
-        # After the approach the object moves with the hand, which only a rehearsal can check.
-        near = next(number for number, leg in enumerate(legs) if leg.contact) + 1
-        commands: list[Command] = list(self._reach.commands(legs[:near], state, self._rate))
+    def _solved(self, reach: Reach, legs: Sequence[Leg], seed: np.ndarray | None) -> Solution | None:
+        """The arms' joints at the ends of legs, or None."""
+        palms = np.array([leg.palm for leg in legs])
+        solved = reach.arm.solve(palms, seed, restarts=1 if seed is None else 0, posture=reach.arm.home)
+        return solved if solved.reached() else None
+
+    def _clear(self, reach: Reach, plan: Plan, first: int, state: State) -> bool:
+        """Whether the arms' path is free of collisions until the object moves."""
+        joints = reach.joints(state)
+        begun = {limb: legs[: first + 1] for limb, legs in plan.items()}
+        commands: list[Command] = list(reach.commands(begun, state, self._rate))
         for number, command in enumerate(commands):
-            aim = command.aims[self._reach.limb]
-            joints = arm.track(aim.palm, joints, 1.0 / self._rate)
+            aims = [command.aims[limb] for limb in reach.limbs]
+            joints = reach.arm.track(np.array([aim.palm for aim in aims]), joints, 1.0 / self._rate)
             looked = number % EVERY == 0 or number == len(commands) - 1
-            if looked and not self._free(joints, aim.fingers, touching=command.contact):
+            if looked and not self._free(reach, joints, aims, touching=command.contact):
                 return False
         return True
 
     def _place(self, state: State) -> None:
+        self._data.qpos[self._joints] = state.joints
         for name, pose in state.objects.items():
             world = self._base @ pose
             place = self._data.joint(name).qpos
@@ -95,9 +112,12 @@ class Room:
         for name, position in state.displacement.items():
             self._data.joint(name).qpos[0] = position
 
-    def _free(self, joints: np.ndarray, fingers: np.ndarray, *, touching: bool) -> bool:
+    def _free(self, reach: Reach, joints: np.ndarray, aims: Sequence[Leg | Aim], *, touching: bool) -> bool:
+        """Whether nothing collides with the arms at `joints` (A,) and the fingers as in `aims`, by limb."""
         model, data = self._model, self._data
-        data.qpos[self._arm], data.qpos[self._fingers] = joints, fingers
+        data.qpos[self._joints[reach.places(reach.arm.joints)]] = joints
+        for limb, aim in zip(reach.limbs, aims, strict=True):
+            data.qpos[self._joints[reach.places(reach.one(limb).fingers.joints)]] = aim.fingers
         for each in self._led:
             leader = float(data.joint(ROBOT + each.leader).qpos[0])
             data.joint(ROBOT + each.name).qpos[0] = each.ratio * leader + each.offset

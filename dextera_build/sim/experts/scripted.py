@@ -1,15 +1,19 @@
-"""Shared by scripted operators: a plan is made at the start of an episode and followed to its end."""
+"""Shared by scripted operators: a plan is made at the start of an episode and followed to its end.
+
+Where an object is carried, the plan has a second phase, which is made again once it is seen how the object came to lie
+in the hand.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.operator import Command, State
-from dextera_build.sim.experts.motion import Leg
+from dextera_build.sim.experts.motion import Leg, Plan, follow
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.runtime.environment import Environment
 
@@ -19,31 +23,131 @@ class Scripted(ABC):
 
     Args:
         environment: The task; only its data are used.
-        reach: Kinematics of a limb.
+        reach: Kinematics of its limbs.
     """
 
     def __init__(self, environment: Environment, reach: Reach) -> None:
         self._object, self._rate = environment.task.object, environment.task.control_hz
         self._reach = reach
+        base_from_world = environment.bundle.base_pose.inverse().matrix
+        self._base_from_world = base_from_world
+        # The vertical in the base, (3,).
+        self._up = base_from_world[:3, 2].copy()
         self._commands: Iterator[Command] = iter(())
 
     def begin(self, state: State) -> None:
         """Plan from `state`."""
-        legs = self.legs(state)
-        self._reach.check(self._checked(legs), state)
-        self._commands = self._reach.commands(legs, state, self._rate)
+        phases = self.phases(state)
+        self._reach.check([self._checked(plan) for plan in phases], state)
+        self._commands = self._reach.some(tuple(phases[0])).commands(phases[0], state, self._rate)
 
     def command(self, state: State) -> Command | None:
         """The next step of the plan."""
         return next(self._commands, None)
 
+    def phases(self, state: State) -> list[Plan]:
+        """The plan from `state`, phase by phase."""
+        return [{self._reach.limb: self.legs(state)}]
+
     @abstractmethod
     def legs(self, state: State) -> list[Leg]:
-        """The plan from `state`."""
+        """The plan of one limb from `state`."""
 
-    def _checked(self, legs: list[Leg]) -> list[Leg]:
-        """The legs whose ends the arm must reach."""
-        return legs
+    def _checked(self, plan: Plan) -> Plan:
+        """The legs whose ends the arms must reach."""
+        return plan
+
+
+class Taking(Scripted):
+    """Takes the task's object, and goes on with it as it came to lie in the hand."""
+
+    def __init__(self, environment: Environment, reach: Reach) -> None:
+        super().__init__(environment, reach)
+        self._start, self._goes_on = np.eye(4), False
+        self._taken: Plan = {}
+
+    def begin(self, state: State) -> None:
+        """Plan from `state`."""
+        super().begin(state)
+        self._start, self._goes_on = state.objects[self._object], False
+        self._taken = self.taking(state)
+
+    def command(self, state: State) -> Command | None:
+        """The next step of the plan."""
+        command = next(self._commands, None)
+        if command is None and not self._goes_on:
+            self._goes_on = True
+            last = {limb: legs[-1] for limb, legs in self._taken.items()}
+            inverse = transforms.invert(state.objects[self._object])
+            held = {limb: inverse @ leg.palm for limb, leg in last.items()}
+            plan = self.going_on(state, self._start, last, held)
+            hands = {**self._reach.hands(state), **{limb: (leg.palm, leg.fingers) for limb, leg in last.items()}}
+            self._commands = follow(plan, hands, self._rate)
+            command = next(self._commands, None)
+        return command
+
+    def phases(self, state: State) -> list[Plan]:
+        """The plan from `state`, with the object in the hand as it shall be taken."""
+        taken, base = self.taking(state), state.objects[self._object]
+        last = {limb: legs[-1] for limb, legs in taken.items()}
+        inverse = transforms.invert(base)
+        held = {
+            limb: inverse @ next(leg.palm for leg in reversed(legs) if leg.segment == "grasp")
+            for limb, legs in taken.items()
+        }
+        return [taken, self.going_on(state, base, last, held)]
+
+    def legs(self, state: State) -> list[Leg]:
+        """The first phase of one limb."""
+        return list(self.taking(state)[self._reach.limb])
+
+    @abstractmethod
+    def taking(self, state: State) -> Plan:
+        """The way to the object and up with it, with a segment `grasp` at whose end it is held."""
+
+    @abstractmethod
+    def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
+        """The second phase.
+
+        Args:
+            state: Poses of the other objects.
+            base: T_base_object (4, 4) at the start.
+            last: Limb -> its last leg of the first phase.
+            held: Limb -> T_object_palm (4, 4) since.
+        """
+
+    def _held(self, palm: np.ndarray, fingers: np.ndarray, seconds: float, name: str, arc_m: float = 0.0) -> Leg:
+        """A leg with the object in the hand."""
+        return Leg(palm, fingers, seconds, name, self._object, True, arc_m)
+
+
+class Pushed:
+    """A hand that pushes with its fingertips, from its grip against nothing.
+
+    Args:
+        reach: Kinematics of its limb.
+    """
+
+    def __init__(self, reach: Reach) -> None:
+        grip = next(grip for grip in reach.grips.values() if grip.against == "nothing")
+        self.fingers = reach.fingers.posture(grip.open)
+        """(H,) finger joints [rad]."""
+        self.tip_m = grip.tip_radius_m
+        """Radius of a fingertip [m]."""
+        self._pad = reach.fingers.reach(self.fingers)
+        # Axes of the hand, in the palm's frame: along the fingers, out of the palm, and across.
+        along, out = np.array(grip.pointing), np.array(grip.facing)
+        self._axes = np.stack([along, out, np.cross(along, out)])
+
+    def palm(self, turn: np.ndarray, tip: np.ndarray) -> np.ndarray:
+        """Pose (4, 4) of the palm with rotation `turn` (3, 3) and the fingertips at `tip` (3,)."""
+        return transforms.rigid(turn, tip - turn @ self._pad)
+
+    def turn(self, facing: np.ndarray, up: np.ndarray, lean_rad: float) -> np.ndarray:
+        """Rotation (3, 3) of the palm: towards `facing` (3,), fingers down, tilted towards it by `lean_rad`."""
+        fingers = facing * np.sin(lean_rad) - up * np.cos(lean_rad)
+        out = facing * np.cos(lean_rad) + up * np.sin(lean_rad)
+        return np.asarray(np.stack([fingers, out, np.cross(fingers, out)], axis=1) @ self._axes)
 
 
 class Pushing(Scripted):
@@ -51,25 +155,10 @@ class Pushing(Scripted):
 
     def __init__(self, environment: Environment, reach: Reach) -> None:
         super().__init__(environment, reach)
-        grip = next(grip for grip in reach.grips.values() if grip.against == "nothing")
-        self._fingers = reach.fingers.posture(grip.open)
-        self._pad, self._tip = reach.fingers.reach(self._fingers), grip.tip_radius_m
-        # Axes of the hand, in the palm's frame: along the fingers, out of the palm, and across.
-        along, out = np.array(grip.pointing), np.array(grip.facing)
-        self._axes = np.stack([along, out, np.cross(along, out)])
+        self._hand = Pushed(reach)
 
-    def _checked(self, legs: list[Leg]) -> list[Leg]:
-        return [*legs[:3], *legs[3:-1:8], legs[-1]]
+    def _checked(self, plan: Plan) -> Plan:
+        return {limb: [*legs[:3], *legs[3:-1:8], legs[-1]] for limb, legs in plan.items()}
 
     def _pushes(self, palm: np.ndarray, seconds: float) -> Leg:
-        return Leg(palm, self._fingers, seconds, "push", self._object, True)
-
-    def _palm(self, turn: np.ndarray, tip: np.ndarray) -> np.ndarray:
-        """Pose (4, 4) of the palm with rotation `turn` (3, 3) and the fingertips at `tip` (3,)."""
-        return transforms.rigid(turn, tip - turn @ self._pad)
-
-    def _turn(self, facing: np.ndarray, up: np.ndarray, lean_rad: float) -> np.ndarray:
-        """Rotation (3, 3) of the palm: towards `facing` (3,), fingers down, tilted towards it by `lean_rad`."""
-        fingers = facing * np.sin(lean_rad) - up * np.cos(lean_rad)
-        out = facing * np.cos(lean_rad) + up * np.sin(lean_rad)
-        return np.asarray(np.stack([fingers, out, np.cross(fingers, out)], axis=1) @ self._axes)
+        return Leg(palm, self._hand.fingers, seconds, "push", self._object, True)

@@ -91,7 +91,7 @@ def _body(asset: Asset, link: str, name: str, origin: np.ndarray) -> BodyNode:
     inertial = physics.links[link]
     x, y, z = (np.asarray(inertial.centre) - origin).tolist()
     pose = _placed(transforms.rigid(np.eye(3), -origin))
-    contact = Contact(friction=physics.friction, restitution=physics.restitution)
+    contact = Contact(friction=physics.friction, restitution=physics.restitution, stiffness_n_m=physics.stiffness_n_m)
     pieces = (
         Geom(label=_piece(name, number), role="collision", shape=hull, pose=pose, contact=contact)
         for number, hull in enumerate(asset.collision.links[link].hulls)

@@ -24,6 +24,7 @@ from dextera_build.artifacts.scene_description import (
     BodyNode,
     Box,
     CameraNode,
+    Contact,
     Geom,
     JointNode,
     Light,
@@ -120,10 +121,17 @@ class _Writer:
         """Contacts of an object with itself, which no filter of bodies leaves out."""
         bodies = [body for thing in self.scene.objects for body in thing.links.values()]
         geoms = {geom.label: geom for body in bodies for geom in body.geoms}
+        masses = {
+            geom.label: thing.mass_kg
+            for thing in self.scene.objects
+            for body in thing.links.values()
+            for geom in body.geoms
+        }
         for first, second in self.scene.touch:
             contact = geoms[first].contact
-            more = {} if contact is None else {"solref": numbers(mjcf_contact.solref(contact.restitution))}
+            more = {}
             if contact is not None:
+                more["solref"] = numbers(_solref(contact, masses[first]))
                 slide, turn, roll = mjcf_contact.friction(contact.friction)
                 more["friction"] = numbers((slide, slide, turn, roll, roll))
             _add(self.contact, "pair", more, geom1=first, geom2=second, condim="4")
@@ -189,7 +197,7 @@ class _Writer:
             self._joint(body, f"{node.label}_{names.plain(joint.name)}", joint)
         self._mass(body, node)
         for geom in node.geoms:
-            self._geom(body, geom)
+            self._geom(body, geom, thing.mass_kg)
         for beyond in thing.joints:
             if beyond.parent == part:
                 self._link(body, thing, beyond.child, beyond, origin)
@@ -227,19 +235,20 @@ class _Writer:
             fullinertia=numbers(inertia.moments),
         )
 
-    def _geom(self, body: Element, geom: Geom) -> None:
+    def _geom(self, body: Element, geom: Geom, mass: float = 0.0) -> None:
+        """A geom of an object of `mass` [kg], or of the static scene."""
         if isinstance(geom.shape, Mesh):
             self._visual(body, geom, geom.shape)
         elif isinstance(geom.shape, Box):
             place = geom.pose.matrix
             more = {"pos": numbers(place[:3, 3]), "size": numbers(geom.shape.half_size), **_turn(place[:3, :3])}
-            _add(body, "geom", {"class": "collision"}, name=geom.label, type="box", **more, **_contact(geom))
+            _add(body, "geom", {"class": "collision"}, name=geom.label, type="box", **more, **_contact(geom, mass))
         else:
             vertices, faces = convex.surface(geom.vertices())
             self.files[f"assets/{geom.label}.obj"] = obj_text(Mesh(vertices=vertices, faces=faces)).encode()
             _add(self.asset, "mesh", name=geom.label, file=f"{geom.label}.obj")
             own = {"name": geom.label, "type": "mesh", "mesh": geom.label}
-            _add(body, "geom", {"class": "collision"}, **own, **_contact(geom))
+            _add(body, "geom", {"class": "collision"}, **own, **_contact(geom, mass))
 
     def _visual(self, body: Element, geom: Geom, mesh: Mesh) -> None:
         name, look = geom.label, geom.material
@@ -274,13 +283,17 @@ def _turn(turn: np.ndarray) -> dict[str, str]:
     return {"quat": numbers(quaternions.from_matrix(turn))}
 
 
-def _contact(geom: Geom) -> dict[str, str]:
+def _solref(contact: Contact, mass: float) -> tuple[float, float]:
+    return mjcf_contact.solref(contact.restitution, contact.stiffness_n_m, mass)
+
+
+def _contact(geom: Geom, mass: float) -> dict[str, str]:
     """Contact parameters of an object, which take precedence over those of the static scene."""
     if geom.contact is None:
         return {}
     return {
         "friction": numbers(mjcf_contact.friction(geom.contact.friction)),
-        "solref": numbers(mjcf_contact.solref(geom.contact.restitution)),
+        "solref": numbers(_solref(geom.contact, mass)),
         "priority": "1",
     }
 

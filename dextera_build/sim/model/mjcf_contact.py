@@ -7,6 +7,10 @@ frequency is 1 / (time constant * z) and is kept at `CONTACT_RATE` for every e, 
 others. Damping is limited to `MOST_DAMPED` (e = 0.11), because above 1.6 resting bodies chatter at a 2 ms step. A body
 that starts in slight penetration is pushed out slowly, not thrown.
 
+**Stiffness.** The natural frequency of an object of mass m on a surface of stiffness k is sqrt(k / m), so its impact
+takes pi / sqrt(k / m). Between `SOFTEST` and `STIFFEST` rad/s this is what MuJoCo gets; a stiffer surface would need a
+shorter step. At rest MuJoCo's contacts carry most of the weight without deflection, so a soft thing does not sink in.
+
 **Friction.** Sliding friction is the body's own. Object geoms have priority 1, the static scene 0, so the object's
 parameters take precedence over the table's; between two objects MuJoCo uses the larger friction. Torsional and rolling
 friction are lengths [m], from the radius of a small contact patch.
@@ -29,6 +33,9 @@ GRAVITY = 9.81
 """[m/s^2]."""
 CONTACT_RATE = 100.0
 """Natural frequency of contacts [rad/s]; stable by a wide margin at a 2 ms step."""
+SOFTEST, STIFFEST = 50.0, 200.0
+"""Limits of the natural frequency [rad/s]: softer bodies rest deeper than 0.4 mm, stiffer ones bounce too little at a
+step of 2 ms."""
 MOST_DAMPED = 1.2
 """Maximum damping ratio."""
 TORSION_M = 0.003
@@ -47,13 +54,20 @@ POSITIONS = 33
 """Number of positions between the limits at which the load is looked at."""
 
 
-def solref(restitution: float) -> tuple[float, float]:
-    """MuJoCo `solref` (time constant [s], damping ratio) for a coefficient of restitution in 0..1."""
+def solref(restitution: float, stiffness: float | None = None, mass: float = 0.0) -> tuple[float, float]:
+    """MuJoCo `solref` (time constant [s], damping ratio) for a coefficient of restitution in 0..1.
+
+    Args:
+        restitution: Of the object.
+        stiffness: Of its surface [N/m]; None: a natural frequency of `CONTACT_RATE`.
+        mass: Of the whole object [kg].
+    """
+    rate = CONTACT_RATE if stiffness is None else min(max(math.sqrt(stiffness / mass), SOFTEST), STIFFEST)
     low, high = 1e-3, MOST_DAMPED
     for _ in range(60):
         middle = (low + high) / 2
         low, high = (middle, high) if bounce(middle) > restitution else (low, middle)
-    return 1.0 / (CONTACT_RATE * high), high
+    return 1.0 / (rate * high), high
 
 
 def bounce(damping_ratio: float) -> float:
@@ -65,6 +79,19 @@ def bounce(damping_ratio: float) -> float:
     if z < 1.0:
         return math.exp(-z * (math.pi - 2.0 * math.asin(z)) / root)
     return math.exp(-z / root * math.log((z + root) / (z - root)))
+
+
+LEAST_BOUNCE = bounce(MOST_DAMPED)
+"""Coefficient of restitution of the most damped contact."""
+
+
+def spring(restitution: float, stiffness: float | None, mass: float) -> tuple[float, float] | None:
+    """Stiffness [N/m] and damping [N s/m] of a contact of an object of `mass` [kg]; None without a stiffness."""
+    if stiffness is None:
+        return None
+    time, ratio = solref(restitution, stiffness, mass)
+    rate = 1.0 / (time * ratio)
+    return mass * rate * rate, 2.0 * ratio * mass * rate
 
 
 def friction(sliding: float) -> tuple[float, float, float]:

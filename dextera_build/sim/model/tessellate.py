@@ -17,13 +17,14 @@ def surfaces(model: Any, data: Any) -> list[Surface]:
     """One surface per geom, in geom order, after `mj_forward`; planes and height fields give empty surfaces."""
     made = []
     for geom in range(model.ngeom):
-        vertices, faces = _geom(model, geom)
+        vertices, faces = surface(model, geom)
         rotation = data.geom_xmat[geom].reshape(3, 3)
         made.append(Surface(vertices @ rotation.T + data.geom_xpos[geom], faces))
     return made
 
 
-def _geom(model: Any, geom: int) -> tuple[np.ndarray, np.ndarray]:
+def surface(model: Any, geom: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) and triangles (F, 3) of one geom in its own frame [m]; of planes and height fields none."""
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = model.geom_dataid[geom]

@@ -60,6 +60,7 @@ class Articulate(Primitive[ArticulateGoal]):
 
     name = "articulate"
     parameters = Parameters
+    still = "on support"
     feels = False
     carries = False
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -99,6 +99,8 @@ class Primitive(ABC, Generic[G]):
     """Whether its condition or its value needs the grasp state."""
     carries: ClassVar[bool] = True
     """Whether hands bear the object's weight, so that a heavy one is harder than a light one."""
+    still: ClassVar[Literal["", "in hand", "on support"]] = ""
+    """Against what its object should not move; empty: it is meant to move, and success says where to."""
     hands: ClassVar[int] = 1
     """Number of hands without which it cannot be done."""
 
@@ -142,6 +144,10 @@ class Primitive(ABC, Generic[G]):
 
     def others(self) -> tuple[str, ...]:
         """Bodies that the goal names beside the task's object."""
+        return ()
+
+    def ordered(self) -> tuple[str, ...]:
+        """Limbs to which the goal gives different parts, in the order of the parts."""
         return ()
 
     def pushed(self, start: TaskState, now: TaskState) -> tuple[str, float] | None:

@@ -87,6 +87,10 @@ class Handover(Primitive[HandoverGoal]):
             return found + HOLD + MOVE * (0.5 if giver.fingers else 1.0) + DONE * float(success)
         return found + HOLD * float(giver.valid) + 0.25 * MOVE * float(giver.valid and receiver.fingers > 0)
 
+    def ordered(self) -> tuple[str, ...]:
+        """Giver and receiver."""
+        return self.goal.giver, self.goal.receiver
+
     def _hands(self, now: TaskState) -> tuple[GraspState, GraspState]:
         none = GraspState()
         return now.grasps.get(self.goal.giver, none), now.grasps.get(self.goal.receiver, none)

@@ -35,6 +35,7 @@ class Lift(Primitive[LiftGoal]):
 
     name = "lift"
     parameters = Parameters
+    still = "in hand"
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
         """Whether it is up there, in the hands that the task names."""

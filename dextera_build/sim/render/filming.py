@@ -35,13 +35,19 @@ class Replica:
         self._sizes = Sizes(bundle.objects, self.model)
         self._base = bundle.base_pose.matrix
         self._joints = self._addresses([ROBOT + name for name in episodes.joint_names])
+        self._followers = [
+            (address, episodes.joint_names.index(each.leader), each)
+            for each in bundle.robot.followers
+            if each.leader in episodes.joint_names
+            for address in self._addresses([ROBOT + each.name])
+        ]
         self._displacements = self._addresses(list(episodes.displacement_names))
         self._objects = self._addresses(list(episodes.object_names))
 
     def positions(self, episode: Episode) -> np.ndarray:
         """MuJoCo positions (T, Q) of every step; unrecorded positions keep their initial values.
 
-        The model's objects get the sizes of this episode.
+        Followers are where their leaders put them. The model's objects get the sizes of this episode.
 
         Raises:
             RuleError: The episode's start belongs to another model.
@@ -56,6 +62,8 @@ class Replica:
         self._sizes.put(episode.start.size_scale)
         found = np.tile(episode.start.qpos, (len(episode.joints), 1))
         found[:, self._joints] = episode.joints
+        for address, leader, each in self._followers:
+            found[:, address] = each.ratio * episode.joints[:, leader] + each.offset
         found[:, self._displacements] = episode.displacement
         for number, address in enumerate(self._objects):
             found[:, address : address + 7] = in_world(self._base, episode.objects[:, number])

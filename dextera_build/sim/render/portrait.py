@@ -14,6 +14,7 @@ from dextera_build.artifacts.task import TaskBundle
 from dextera_build.geometry import cameras
 from dextera_build.sim.model import model as models
 from dextera_build.sim.model import robot as robots
+from dextera_build.sim.model.sizes import FREE, HINGE
 from dextera_build.sim.render.rendering import render_rgb
 
 EYE = (0.35, -1.35, 0.95)
@@ -34,9 +35,7 @@ def at_home(bundle: TaskBundle) -> list[tuple[str, np.ndarray]]:
 def stand(model: Any, data: Any, width: int, height: int) -> tuple[Camera, np.ndarray]:
     """A camera and its T_world_camera with the robot and all movable objects in view."""
     free = [
-        data.xpos[model.jnt_bodyid[joint]]
-        for joint in range(model.njnt)
-        if model.jnt_type[joint] in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE)
+        data.xpos[model.jnt_bodyid[joint]] for joint in range(model.njnt) if int(model.jnt_type[joint]) in (FREE, HINGE)
     ]
     points = np.array(free) if free else np.zeros((1, 3))
     middle = (points.min(axis=0) + points.max(axis=0)) / 2

@@ -151,6 +151,11 @@ class Environment:
         reason = "" if success or not late else self._why()
         return Outcome(success, success or late, reason, target)
 
+    def send(self, targets: np.ndarray) -> np.ndarray:
+        """What a `RobotCell` does: `step`, whose result is in `outcome`."""
+        self.outcome = self.step(targets)
+        return self.outcome.executed
+
     def observe(self, frames: Frames | None = None) -> DeployableObservation:
         """The current observation of a policy."""
         return deployable(self.measure(frames), self.previous_action, self.goal)

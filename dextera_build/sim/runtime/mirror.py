@@ -8,6 +8,7 @@ it. The judge is the same as in simulation (`dextera_build.sim.primitives`).
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -21,11 +22,26 @@ from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.primitives.grasp import SUPPORT, Hands
 from dextera_build.sim.primitives.state import GraspState, TaskState, opposed
 from dextera_build.sim.primitives.success import Judge
+from dextera_build.sim.render.robot_pixels import pose_robot
 
 NEAR_M = 0.008
 """Distance of two surfaces at which they are taken to touch [m]: errors of a calibration and a tracker together."""
 WINDOW_S = 0.4
 """Time over which speeds are differences of positions [s]: longer than a frame and its delay together."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """The hands of a robot at one time."""
+
+    palms: dict[str, np.ndarray]
+    """Limb -> T_base_palm (4, 4)."""
+    objects: dict[str, str]
+    """Object -> the limb that has fingers on both sides of it."""
+
+    def carried(self, later: Hold) -> dict[str, np.ndarray]:
+        """Object -> how it moved until `later` if it went with its hand, T_later_now (4, 4) in the base frame."""
+        return {name: later.palms[limb] @ transforms.invert(self.palms[limb]) for name, limb in self.objects.items()}
 
 
 class Mirror:
@@ -47,6 +63,7 @@ class Mirror:
         self._data = mujoco.MjData(self._model)
         self._hands = Hands(self._model, twin.robot, ROBOT)
         self._others = catalogue.of(twin.task, twin.objects).others()
+        self._base_from_world = transforms.invert(twin.base_pose.matrix)
         self._bodies = {name: int(self._model.body(name).id) for name in twin.objects}
         self._earlier: deque[tuple[float, dict[str, float], np.ndarray]] = deque()
         self._judge: Judge | None = None
@@ -85,12 +102,40 @@ class Mirror:
             grasps=self._grasps(self._bodies[thing], slips),
         )
 
+    def hold(self, measured: Measurement) -> Hold:
+        """Where the hands are, and what is between their fingers."""
+        self._put(measured)
+        palms = {
+            name: self._base_from_world @ self._site(palm)
+            for name, palm in zip(self._hands.names, self._hands.palms, strict=True)
+            if palm >= 0
+        }
+        still = np.zeros(len(self._hands.names))
+        objects = {}
+        for thing, body in self._bodies.items():
+            holding = [name for name, grasp in self._grasps(body, still).items() if grasp.valid and name in palms]
+            if holding:
+                objects[thing] = holding[0]
+        return Hold(palms, objects)
+
+    def palms(self, joints: np.ndarray) -> np.ndarray:
+        """Positions (L, 3) of the palms in the base at joint positions (A,) [m]; the base for one without a palm."""
+        pose_robot(self._twin.robot, self._data, joints)
+        mujoco.mj_kinematics(self._model, self._data)
+        found = np.zeros((len(self._hands.palms), 3))
+        for row, palm in zip(found, self._hands.palms, strict=True):
+            if palm >= 0:
+                row[:] = transforms.apply(self._base_from_world, self._data.site_xpos[[palm]])[0]
+        return found
+
+    def _site(self, number: int) -> np.ndarray:
+        data = self._data
+        return transforms.rigid(data.site_xmat[number].reshape(3, 3).copy(), data.site_xpos[number].copy())
+
     def _put(self, measured: Measurement) -> None:
         """Put robot and objects where they were measured."""
         data, twin = self._data, self._twin
-        read = zip((joint.name for joint in twin.robot.joints), map(float, measured.joints), strict=True)
-        for name, place in twin.robot.followed({**twin.robot.home, **dict(read)}).items():
-            data.joint(ROBOT + name).qpos[0] = place
+        pose_robot(twin.robot, data, measured.joints)
         base = twin.base_pose.matrix
         for name, pose in zip(twin.objects, measured.objects, strict=True):
             root = self._model.body_jntadr[self._bodies[name]]

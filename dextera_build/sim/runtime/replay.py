@@ -13,7 +13,7 @@ from dextera_build.policy.observation import Measurement
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.reconstruction import Tracker, reconstruct
 from dextera_build.sim.runtime.recorder import Recorder
-from dextera_build.sim.runtime.rollout import Sensing, begin, open_loop
+from dextera_build.sim.runtime.rollout import SimulatedCell, begin, open_loop
 from dextera_build.sim.runtime.seeds import seed_of
 
 Synthesise = Callable[[Start, int], Episode]
@@ -55,7 +55,7 @@ class Replay:
         *,
         tries: int,
         tracker: Tracker | None = None,
-        cell: Sensing | None = None,
+        cell: SimulatedCell | None = None,
         linger_s: float = 1.0,
     ) -> None:
         self._twin, self._world = twin, world

@@ -8,7 +8,8 @@ from typing import Protocol
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Start
-from dextera_build.policy.observation import PICTURE, DeployableObservation, Frame, Frames, Measurement, deployable
+from dextera_build.policy.cell import RobotCell
+from dextera_build.policy.observation import PICTURE, DeployableObservation, Frame, deployable
 from dextera_build.policy.running import PolicyFault
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.recorder import Recorder
@@ -31,18 +32,15 @@ class Acting(Protocol):
         """
 
 
-class Sensing(Protocol):
-    """What measures a robot cell, other than the simulator itself."""
+class SimulatedCell(RobotCell, Protocol):
+    """A cell in a simulated world, which can be set to any start."""
 
     def begin(self, start: Start) -> str:
         """Begin an episode of the environment that is measured; why that is not possible, or empty."""
 
-    def measure(self, frames: Frames | None = None) -> Measurement:
-        """What is known at this control period, with the given frames of other cameras."""
-
 
 def closed_loop(
-    environment: Environment, policy: Acting, start: Start, look: Look | None = None, cell: Sensing | None = None
+    environment: Environment, policy: Acting, start: Start, look: Look | None = None, cell: SimulatedCell | None = None
 ) -> Episode:
     """Run `policy` from `start`; without a usable action the episode fails with the reason.
 
@@ -51,28 +49,28 @@ def closed_loop(
         policy: Receives only deployable observations.
         start: Start of the episode.
         look: Camera of an image policy; called once per control period.
-        cell: Measures instead of the simulator. The episode and its verdict hold the truth all the same.
+        cell: Measures and sends instead of the simulator. The episode and its verdict hold the truth all the same.
     """
     refused = begin(environment, start, cell)
     policy.reset()
     recorder = Recorder(environment)
     if refused:
         return recorder.episode("policy", success=False, reason=refused)
-    measure = environment.measure if cell is None else cell.measure
+    driven: RobotCell = environment if cell is None else cell
     while True:
         try:
-            seen = measure({PICTURE: Frame(rgb=look())} if look else None)
+            seen = driven.measure({PICTURE: Frame(rgb=look())} if look else None)
             action = policy.act(deployable(seen, environment.previous_action, environment.goal))
+            recorder.before(action)
+            recorder.after(driven.send(action))
         except PolicyFault as fault:
             return recorder.episode("policy", success=False, reason=fault.message)
-        recorder.before(action)
-        outcome = environment.step(action)
-        recorder.after(outcome.executed)
+        outcome = environment.outcome
         if outcome.over:
             return recorder.episode("policy", success=outcome.success, reason=outcome.reason)
 
 
-def begin(environment: Environment, start: Start, cell: Sensing | None) -> str:
+def begin(environment: Environment, start: Start, cell: SimulatedCell | None) -> str:
     """Begin an episode, measured by a cell if there is one; why that is not possible, or empty."""
     if cell is not None:
         return cell.begin(start)

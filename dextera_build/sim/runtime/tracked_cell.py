@@ -24,12 +24,14 @@ from dextera_build.geometry import poses, transforms
 from dextera_build.geometry.tracking.model import Model
 from dextera_build.geometry.tracking.thing import Tracked
 from dextera_build.geometry.tracking.tracker import Tracker
+from dextera_build.policy.cell import Guard
 from dextera_build.policy.observation import Frames, Measurement
 from dextera_build.sim.render.rendering import Eye
+from dextera_build.sim.render.robot_pixels import RobotPixels
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
-from dextera_build.sim.runtime.mirror import Mirror
+from dextera_build.sim.runtime.mirror import Hold, Mirror
 
 NOT_FOUND = "the tracker did not find the object"
 PHOTOGRAPHED = 5
@@ -53,7 +55,8 @@ class TrackedCell:
         environment: The true world.
         cell: Its camera and tracker.
         names: Objects to track; the poses of others stay those of the photograph.
-        twin: The task in the twin, to judge trials by what is measured; None: they are not judged so.
+        twin: The task in the twin: it shows which pixels are the robot's and what a hand carries, and judges trials by
+            what is measured; None: nothing is known of the robot in the picture, and trials are not judged so.
 
     Raises:
         RuleError: The cell has no asset of an object.
@@ -67,7 +70,7 @@ class TrackedCell:
     ) -> None:
         self.environment, self.cell = environment, cell
         bundle = environment.bundle
-        check(cell, bundle.objects)
+        check(cell, bundle.objects, twin)
         self._names = tuple(name for name in bundle.objects if name in {*names, bundle.task.object})
         bodies = {name: cell.assets[name].body for name in self._names}
         self._models = {name: Model.of(body, body.residual_m) for name, body in bodies.items()}
@@ -75,7 +78,8 @@ class TrackedCell:
         self._photographed = {name: base @ cell.assets[name].pose.matrix for name in bundle.objects}
         self._row = {name: number for number, name in enumerate(bundle.objects)}
         self._columns = _columns({name: len(thing.joints) for name, thing in bundle.objects.items()})
-        self._mirror = None if twin is None else Mirror(twin)
+        self._twin, self._mirror = twin, None if twin is None else Mirror(twin)
+        self._guard = Guard(cell.limits, bundle.robot, environment.task.control_hz, self._palms)
         self._held = ExitStack()
         self._reset(0)
 
@@ -84,6 +88,8 @@ class TrackedCell:
         environment, cell = self.environment, self.cell
         pose = environment.bundle.base_pose.matrix @ cell.eye.matrix
         self._eye = self._held.enter_context(Eye(environment.model, cell.camera, pose, samples=1))
+        if self._twin is not None:
+            self._robot = self._held.enter_context(RobotPixels(self._twin, cell.camera, cell.mount.matrix))
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -110,7 +116,8 @@ class TrackedCell:
             return NOT_FOUND
         # The robot waits at rest, so that all of this has arrived.
         self._arrive(np.inf)
-        self._begun = self._clock
+        self._begun = self._heard = self._clock
+        self._guard.begin(self.environment.previous_action)
         if self._mirror is not None:
             self._mirror.begin(self._known())
             self._done = False
@@ -118,7 +125,7 @@ class TrackedCell:
 
     def measure(self, frames: Frames | None = None) -> Measurement:
         """Readings of the encoders, the last poses that arrived from the tracker, and the given frames."""
-        now = self._begun + self.environment.steps * self.environment.period_s
+        now = self._now
         if now >= self._clock - 1e-9:
             self._compare(self._step(self._picture(), now))
         self._arrive(now)
@@ -126,6 +133,22 @@ class TrackedCell:
         if self._mirror is not None and not self._done:
             self._done = self._mirror.judge(known, now - self._begun)
         return known
+
+    def send(self, targets: np.ndarray) -> np.ndarray:
+        """Send joint targets (A,) [rad] that keep to the limits of the cell; see `RobotCell`."""
+        environment, now = self.environment, self._now
+        forces = environment.contact_forces() if self.cell.limits.force_n is not None else np.zeros((0, 3))
+        return environment.send(self._guard.passed(targets, forces, now - self._heard))
+
+    @property
+    def _now(self) -> float:
+        """Time of the cell's clock [s]."""
+        return float(self._begun + self.environment.steps * self.environment.period_s)
+
+    def _palms(self, joints: np.ndarray) -> np.ndarray:
+        """Positions (L, 3) of the palms in the base at joint positions (A,) [m]."""
+        assert self._mirror is not None
+        return self._mirror.palms(joints)
 
     def settle(self) -> None:
         """After a trial, hold the last targets until what is measured shows that the task is done, or `WAIT_S`."""
@@ -137,8 +160,7 @@ class TrackedCell:
             self.measure()
 
     def _known(self, frames: Frames | None = None) -> Measurement:
-        joints = self.environment.measure().joints
-        return Measurement(joints, self._poses.copy(), self._displacement.copy(), frames or {})
+        return Measurement(self._encoders(), self._poses.copy(), self._displacement.copy(), frames or {})
 
     @property
     def sighting(self) -> Sighting:
@@ -153,6 +175,10 @@ class TrackedCell:
             success=self._done,
         )
 
+    def _encoders(self) -> np.ndarray:
+        """Positions (A,) of the robot's joints [rad]."""
+        return self.environment.measure().joints
+
     def _reset(self, seed: int) -> None:
         self._random = np.random.default_rng([seed, self.cell.seed, 3])
         self._tracker = Tracker(self._models, self.cell.camera.matrix())
@@ -163,8 +189,10 @@ class TrackedCell:
         self._waiting: deque[tuple[float, Found]] = deque()
         self._clock = 0.0  # when the next frame is due [s]
         self._begun = 0.0  # when the trial began [s]
+        self._heard = 0.0  # when the last frame arrived [s]
         self._found_s: float | None = None
         self._done = None
+        self._hold: Hold | None = None
         self._frames, self._errors = 0, list[tuple[float, float, float]]()
 
     def _picture(self) -> tuple[np.ndarray, np.ndarray]:
@@ -194,14 +222,35 @@ class TrackedCell:
             return None
         depth = measure_depth(scene[1], scene[0], cell.camera.matrix(), cell.depth_noise, self._random)
         rgb = measure_colour(scene[0], cell.colour_noise, self._random)
-        found = self._tracker.step(rgb, depth, stamp, moved=np.eye(4))
+        robot = None if self._twin is None else self._robot.mask(self._encoders(), depth)
+        found = self._tracker.step(rgb, depth, stamp, moved=np.eye(4), robot=robot, carried=self._carried())
+        self._grip(found)
         self._waiting.append((stamp + cell.delay_s, found))
         return found
+
+    def _carried(self) -> dict[str, np.ndarray] | None:
+        """How objects moved since the last frame if they went with the hand that is around them, in the camera."""
+        if self._mirror is None or self._hold is None:
+            return None
+        mount = self.cell.mount.matrix
+        moved = self._hold.carried(self._mirror.hold(self._known()))
+        return {name: mount @ motion @ transforms.invert(mount) for name, motion in moved.items()}
+
+    def _grip(self, found: Found) -> None:
+        """Note what the hands have between their fingers in the frame that was just tracked."""
+        if self._mirror is None:
+            return
+        seen = self._known()
+        for name, tracked in found.items():
+            if tracked.pose is not None:
+                seen.objects[self._row[name]] = poses.from_matrix(self.cell.placed(tracked.pose))
+        self._hold = self._mirror.hold(seen)
 
     def _arrive(self, now: float) -> None:
         """Take over what the tracker has sent by now; while it has no pose, the last one holds."""
         while self._waiting and self._waiting[0][0] <= now + 1e-9:
-            for name, tracked in self._waiting.popleft()[1].items():
+            self._heard, found = self._waiting.popleft()
+            for name, tracked in found.items():
                 if tracked.pose is not None:
                     self._poses[self._row[name]] = poses.from_matrix(self.cell.placed(tracked.pose))
                     self._displacement[self._columns[name]] = tracked.joints
@@ -227,12 +276,18 @@ class TrackedCell:
         )
 
 
-def check(cell: Cell, names: Collection[str]) -> None:
-    """Refuse a cell whose tracker does not know all objects.
+def check(cell: Cell, names: Collection[str], twin: TaskBundle | None) -> None:
+    """Refuse a cell whose tracker does not know all objects, or that cannot keep to its limits.
 
     Raises:
-        RuleError: An asset is missing.
+        RuleError: An asset is missing, or the twin that a workspace needs.
     """
+    if twin is None and cell.limits.workspace_m is not None:
+        raise RuleError(
+            "a cell that limits the workspace must know its robot",
+            code="DXB-B247",
+            hint="give the task in the twin too: `twin: $task`",
+        )
     missing = sorted(set(names) - set(cell.assets))
     if missing:
         raise RuleError(

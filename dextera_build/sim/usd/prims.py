@@ -1,15 +1,16 @@
-"""Single USD prims of a scene: convex pieces, physics materials, the camera."""
+"""Single USD prims of a scene: convex pieces, physics materials, masses, joints, drives, labels, the camera."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.mesh_usd import add_triangles
-from dextera_build.artifacts.scene_description import Contact
 from dextera_build.geometry import quaternions
+from dextera_build.sim.usd import physx
 
 APERTURE = 0.36
 """Width of the nominal sensor in tenths of a metre, USD's unit; only ratios matter."""
@@ -34,15 +35,80 @@ def add_piece(stage: Any, path: str, vertices: np.ndarray, faces: np.ndarray) ->
     return mesh.GetPrim()
 
 
-def add_contact(stage: Any, path: str, contact: Contact) -> Any:
-    """Write a physics material at `path`."""
+def add_mass(prim: Any, mass: float, centre: Sequence[float], inertia: np.ndarray) -> None:
+    """Write mass [kg], centre of mass [m] and inertia (3, 3) about it [kg m^2] of a rigid body, in its frame."""
+    from pxr import Gf, UsdPhysics
+
+    moments, axes = np.linalg.eigh(inertia)
+    if np.linalg.det(axes) < 0:
+        axes[:, 0] = -axes[:, 0]
+    api = UsdPhysics.MassAPI.Apply(prim)
+    api.CreateMassAttr(mass)
+    api.CreateCenterOfMassAttr(Gf.Vec3f(*map(float, centre)))
+    api.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments.tolist()))
+    api.CreatePrincipalAxesAttr(Gf.Quatf(*quaternions.from_matrix(axes).tolist()))
+
+
+def connect(
+    joint: Any,
+    bodies: tuple[str, str],
+    poses: tuple[np.ndarray, np.ndarray],
+) -> None:
+    """Connect two prims by a joint, whose frame is at `poses` (4, 4) in them; an empty path is the world."""
+    from pxr import Gf, Sdf
+
+    relations = (joint.CreateBody0Rel, joint.CreateBody1Rel)
+    places = (joint.CreateLocalPos0Attr, joint.CreateLocalPos1Attr)
+    turns = (joint.CreateLocalRot0Attr, joint.CreateLocalRot1Attr)
+    for path, pose, relation, place_of, turn_of in zip(bodies, poses, relations, places, turns, strict=True):
+        if path:
+            relation().SetTargets([Sdf.Path(path)])
+        place_of(Gf.Vec3f(*pose[:3, 3].tolist()))
+        turn_of(Gf.Quatf(*quaternions.from_matrix(pose[:3, :3]).tolist()))
+
+
+def add_drive(
+    prim: Any, turns: bool, target: float, stiffness: float, damping: float, effort: float | None = None
+) -> None:
+    """Write a drive to a position, in rad, N m or m, N; without stiffness it is a damper."""
+    from pxr import UsdPhysics
+
+    drive = UsdPhysics.DriveAPI.Apply(prim, "angular" if turns else "linear")
+    drive.CreateTypeAttr("force")
+    drive.CreateTargetPositionAttr(target * physx.unit(turns))
+    drive.CreateStiffnessAttr(stiffness / physx.unit(turns))
+    drive.CreateDampingAttr(damping / physx.unit(turns))
+    if effort is not None:
+        drive.CreateMaxForceAttr(effort)
+
+
+def add_label(prim: Any, label: str) -> None:
+    """Name what a prim and everything below it shows; Isaac's annotators read it as `class`."""
+    from pxr import UsdSemantics
+
+    UsdSemantics.LabelsAPI.Apply(prim, "class").CreateLabelsAttr([label])
+
+
+def add_contact(
+    stage: Any, path: str, friction: float, restitution: float, spring: tuple[float, float] | None = None
+) -> Any:
+    """Write a physics material at `path`; of two that touch, the larger numbers count.
+
+    Args:
+        stage: The stage.
+        path: Of the material.
+        friction: Static and dynamic friction.
+        restitution: Coefficient of restitution.
+        spring: Stiffness [N/m] and damping [N s/m] of a soft surface; None: rigid.
+    """
     from pxr import UsdPhysics, UsdShade
 
     material = UsdShade.Material.Define(stage, path)
     api = UsdPhysics.MaterialAPI.Apply(material.GetPrim())
-    api.CreateStaticFrictionAttr(contact.friction)
-    api.CreateDynamicFrictionAttr(contact.friction)
-    api.CreateRestitutionAttr(contact.restitution)
+    api.CreateStaticFrictionAttr(friction)
+    api.CreateDynamicFrictionAttr(friction)
+    api.CreateRestitutionAttr(restitution)
+    physx.set_material(material.GetPrim(), spring)
     return material
 
 

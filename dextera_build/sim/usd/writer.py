@@ -3,21 +3,23 @@
     /World                      assembly
       PhysicsScene, Capture     gravity; the photograph's camera
       background                component: Surface (visual), Boxes (colliders)
-      <object>                  component
+      <object>                  component, labelled with its name
         <link>                  rigid body with mass; Visual, Collision/piece_N (guide, convex hulls)
         Joints/<joint>          between sibling links
         Looks                   surface and physics materials
+      <robot>                   articulation, see `sim.usd.robot`
 
 A held object is no rigid body if it is one piece; otherwise Joints/held fixes its root to the world.
 
 A link's body is placed as in MJCF: at its joint's origin with the object's axes, moved by the positions of the home
-keyframe; joint angle 0 is `JointNode` position 0. USD has no dry joint friction: a drive holds the home position with
-at most the friction torque of the MJCF joint. Lights are left to the viewer, as textures have that of the photograph.
+keyframe; joint angle 0 is `JointNode` position 0. UsdPhysics has no dry joint friction, so that it is written for PhysX
+(`sim.usd.physx`); the drive of such a joint is its viscous damping. The display name of a body or joint is its name in
+MJCF. Lights are left to the viewer, as textures have that of the photograph.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,23 +32,32 @@ from dextera_build.artifacts.mesh_usd import add_mesh, add_surface_material
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.scene_description import (
+    BodyNode,
     Contact,
     Geom,
-    Inertia,
     JointNode,
     Material,
     ObjectNode,
     SceneDescription,
 )
 from dextera_build.errors import RuleError
-from dextera_build.geometry import convex, quaternions, transforms
+from dextera_build.geometry import convex, transforms
 from dextera_build.geometry.cameras import GL_FROM_CV
 from dextera_build.sim.model import mjcf_contact, names
 from dextera_build.sim.model.description import describe
-from dextera_build.sim.usd.prims import add_camera, add_contact, add_piece, bind_contact, place
-
-SAG_RAD = 0.01
-"""Maximum deflection of a held joint by gravity from its observed position [rad]."""
+from dextera_build.sim.usd import physx
+from dextera_build.sim.usd.prims import (
+    add_camera,
+    add_contact,
+    add_drive,
+    add_label,
+    add_mass,
+    add_piece,
+    bind_contact,
+    connect,
+    place,
+)
+from dextera_build.sim.usd.robot import add_robot
 
 
 def scene(
@@ -68,17 +79,10 @@ def write(description: SceneDescription, held: Collection[str] = ()) -> Folder:
         held: Names of objects whose root cannot move.
 
     Raises:
-        RuleError: It has robots.
+        RuleError: A robot has the name of something else, or what USD has no place for.
     """
     from pxr import Gf, Kind, Usd, UsdGeom, UsdPhysics
 
-    if description.attachments:
-        raise RuleError(
-            "a scene with robots cannot be written as USD",
-            code="DXB-B215",
-            facts={"robots": ", ".join(each.prefix for each in description.attachments)},
-            hint="write the scene without them, or as MJCF",
-        )
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
@@ -95,23 +99,31 @@ def write(description: SceneDescription, held: Collection[str] = ()) -> Folder:
     _static(stage, description.static, files)
     for thing in description.objects:
         _object(stage, f"/World/{thing.label}", thing, files, thing.label in held)
+    _separate(stage, description)
+    for each in description.attachments:
+        path = f"/World/{each.prefix.removesuffix('/')}"
+        if stage.GetPrimAtPath(path):
+            raise RuleError(f"a robot and something else are called `{each.prefix}`", code="DXB-B215")
+        add_robot(stage, path, each)
     text: str = stage.GetRootLayer().ExportToString()
     return Folder(files={"scene.usda": text.encode(), **dict(sorted(files.items()))})
 
 
 def _static(stage: Any, geoms: tuple[Geom, ...], files: dict[str, bytes]) -> None:
-    from pxr import Kind, Usd, UsdGeom, UsdPhysics
+    from pxr import Kind, Usd, UsdGeom
 
     path = "/World/background"
     Usd.ModelAPI(UsdGeom.Xform.Define(stage, path)).SetKind(Kind.Tokens.component)
     for own, geom, mesh in _visuals(geoms, "Surface"):
         look = _look(stage, path, own.lower(), geom, mesh, files)
         _mesh(stage, f"{path}/{own}", geom, mesh, look)
+        add_label(stage.GetPrimAtPath(f"{path}/{own}"), geom.label)
     UsdGeom.Scope.Define(stage, f"{path}/Boxes")
+    contacts = _contacts(stage, path, geoms)
     for geom in geoms:
         if geom.role == "collision":
             own = names.plain(geom.label.removeprefix("static_"))
-            UsdPhysics.CollisionAPI.Apply(add_piece(stage, f"{path}/Boxes/{own}", *convex.surface(geom.vertices())))
+            _piece(stage, f"{path}/Boxes/{own}", geom, contacts)
 
 
 def _visuals(geoms: tuple[Geom, ...], name: str) -> Iterator[tuple[str, Geom, Mesh]]:
@@ -126,44 +138,97 @@ def _visuals(geoms: tuple[Geom, ...], name: str) -> Iterator[tuple[str, Geom, Me
 def _object(stage: Any, path: str, thing: ObjectNode, files: dict[str, bytes], held: bool) -> None:
     from pxr import Kind, Usd, UsdGeom, UsdPhysics
 
-    Usd.ModelAPI(UsdGeom.Xform.Define(stage, path)).SetKind(Kind.Tokens.component)
+    top = UsdGeom.Xform.Define(stage, path)
+    Usd.ModelAPI(top).SetKind(Kind.Tokens.component)
+    add_label(top.GetPrim(), thing.label)
     UsdGeom.Scope.Define(stage, f"{path}/Looks")
-    contacts = _contacts(stage, path, thing)
+    geoms = [geom for part in sorted(thing.links) for geom in thing.links[part].geoms]
+    contacts = _contacts(stage, path, geoms, thing.mass_kg)
     poses = thing.world_poses()
     for part in sorted(thing.links):
-        node, own = thing.links[part], f"{path}/{names.plain(part)}"
-        body = UsdGeom.Xform.Define(stage, own)
-        place(body, poses[part])
-        if thing.joints or not held:
-            UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
-            _mass(body.GetPrim(), node.inertia)
-        for name, geom, mesh in _visuals(node.geoms, "Visual"):
-            look = _look(stage, path, f"{names.plain(part)}{name.removeprefix('Visual')}", geom, mesh, files)
-            _mesh(stage, f"{own}/{name}", geom, mesh, look)
-        UsdGeom.Scope.Define(stage, f"{own}/Collision")
-        solid = [geom for geom in node.geoms if geom.role == "collision"]
-        for number, geom in enumerate(solid):
-            piece = add_piece(stage, f"{own}/Collision/piece_{number}", *convex.surface(geom.vertices()))
-            UsdPhysics.CollisionAPI.Apply(piece)
-            if geom.contact is not None:
-                bind_contact(piece, contacts[geom.contact])
+        _link(stage, path, part, thing.links[part], poses[part], files, contacts, bool(thing.joints) or not held)
     if thing.joints:
         UsdGeom.Scope.Define(stage, f"{path}/Joints")
         root = f"{path}/{names.plain(thing.root)}"
-        first = _fixed(stage, f"{path}/Joints/held", root, poses[thing.root]) if held else stage.GetPrimAtPath(root)
-        UsdPhysics.ArticulationRootAPI.Apply(first)
+        first = stage.GetPrimAtPath(root)
+        if held:
+            fixed = UsdPhysics.FixedJoint.Define(stage, f"{path}/Joints/held")
+            connect(fixed, ("", root), (poses[thing.root], np.eye(4)))
+            first = fixed.GetPrim()
+        physx.add_articulation(first)
     for joint in thing.joints:
-        _joint(stage, path, joint, thing.origin(joint.parent))
+        _joint(stage, path, joint, thing.origin(joint.parent), f"{thing.links[joint.child].label}_")
 
 
-def _contacts(stage: Any, path: str, thing: ObjectNode) -> dict[Contact, Any]:
-    """Physics materials `contact`, `contact_2`, ... of an object."""
-    geoms = [geom for part in sorted(thing.links) for geom in thing.links[part].geoms]
-    different = dict.fromkeys(geom.contact for geom in geoms if geom.contact is not None)
+def _link(
+    stage: Any,
+    path: str,
+    part: str,
+    node: BodyNode,
+    pose: np.ndarray,
+    files: dict[str, bytes],
+    contacts: dict[Contact | None, Any],
+    moves: bool,
+) -> None:
+    from pxr import UsdGeom, UsdPhysics
+
+    own = f"{path}/{names.plain(part)}"
+    body = UsdGeom.Xform.Define(stage, own)
+    place(body, pose)
+    if moves:
+        UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
+        body.GetPrim().SetDisplayName(node.label)
+        xx, yy, zz, xy, xz, yz = node.inertia.moments
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        add_mass(body.GetPrim(), node.inertia.mass_kg, node.inertia.centre, inertia)
+    for name, geom, mesh in _visuals(node.geoms, "Visual"):
+        look = _look(stage, path, f"{names.plain(part)}{name.removeprefix('Visual')}", geom, mesh, files)
+        _mesh(stage, f"{own}/{name}", geom, mesh, look)
+    UsdGeom.Scope.Define(stage, f"{own}/Collision")
+    solid = [geom for geom in node.geoms if geom.role == "collision"]
+    for number, geom in enumerate(solid):
+        _piece(stage, f"{own}/Collision/piece_{number}", geom, contacts)
+
+
+def _piece(stage: Any, path: str, geom: Geom, contacts: dict[Contact | None, Any]) -> None:
+    from pxr import UsdPhysics
+
+    piece = add_piece(stage, path, *convex.surface(geom.vertices()))
+    piece.SetDisplayName(geom.label)
+    UsdPhysics.CollisionAPI.Apply(piece)
+    bind_contact(piece, contacts[geom.contact])
+
+
+def _contacts(stage: Any, path: str, geoms: Sequence[Geom], mass: float = 0.0) -> dict[Contact | None, Any]:
+    """Physics materials `contact`, `contact_2`, ...; without a contact of its own, a surface leaves it to the other."""
+    different = dict.fromkeys(geom.contact for geom in geoms if geom.role == "collision")
     return {
-        contact: add_contact(stage, f"{path}/Looks/contact{f'_{number}' if number > 1 else ''}", contact)
+        contact: add_contact(
+            stage,
+            f"{path}/Looks/contact{f'_{number}' if number > 1 else ''}",
+            0.0 if contact is None else contact.friction,
+            0.0 if contact is None else contact.restitution,
+            None if contact is None else mjcf_contact.spring(contact.restitution, contact.stiffness_n_m, mass),
+        )
         for number, contact in enumerate(different, start=1)
     }
+
+
+def _separate(stage: Any, description: SceneDescription) -> None:
+    """Bodies that never touch one another; where some of their geoms do, all others are filtered one by one."""
+    from pxr import Sdf, UsdPhysics
+
+    shown = {prim.GetDisplayName(): prim for prim in stage.Traverse() if prim.GetDisplayName()}
+    parts = {body.label: body for thing in description.objects for body in thing.links.values()}
+    own = {label: [geom.label for geom in body.geoms if geom.role == "collision"] for label, body in parts.items()}
+    allowed = {frozenset(pair) for pair in description.touch}
+    for pair in description.exclude:
+        single = [(one, other) for one in own[pair[0]] for other in own[pair[1]]]
+        apart = [each for each in single if frozenset(each) not in allowed]
+        for one, other in [pair] if len(apart) == len(single) else apart:
+            if one in shown and other in shown:
+                api = UsdPhysics.FilteredPairsAPI.Apply(shown[one])
+                api.CreateFilteredPairsRel().AddTarget(Sdf.Path(shown[other].GetPath()))
 
 
 def _mesh(stage: Any, path: str, geom: Geom, mesh: Mesh, look: str) -> None:
@@ -184,54 +249,23 @@ def _look(stage: Any, path: str, own: str, geom: Geom, mesh: Mesh, files: dict[s
     return add_surface_material(stage, f"{path}/Looks/{own}", mesh.colour, texture, roughness)
 
 
-def _mass(prim: Any, inertia: Inertia) -> None:
-    from pxr import Gf, UsdPhysics
-
-    xx, yy, zz, xy, xz, yz = inertia.moments
-    moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
-    if np.linalg.det(axes) < 0:
-        axes[:, 0] = -axes[:, 0]
-    api = UsdPhysics.MassAPI.Apply(prim)
-    api.CreateMassAttr(inertia.mass_kg)
-    api.CreateCenterOfMassAttr(Gf.Vec3f(*inertia.centre))
-    api.CreateDiagonalInertiaAttr(Gf.Vec3f(*moments.tolist()))
-    api.CreatePrincipalAxesAttr(Gf.Quatf(*quaternions.from_matrix(axes).tolist()))
-
-
-def _fixed(stage: Any, path: str, root: str, pose: np.ndarray) -> Any:
-    """Write the joint that fixes a body to the world at its `pose` (4, 4), and return its prim."""
-    from pxr import Gf, Sdf, UsdPhysics
-
-    prim = UsdPhysics.FixedJoint.Define(stage, path)
-    prim.CreateBody1Rel().SetTargets([Sdf.Path(root)])
-    prim.CreateLocalPos0Attr(Gf.Vec3f(*pose[:3, 3].tolist()))
-    prim.CreateLocalRot0Attr(Gf.Quatf(*quaternions.from_matrix(pose[:3, :3]).tolist()))
-    prim.CreateLocalPos1Attr(Gf.Vec3f(0.0, 0.0, 0.0))
-    prim.CreateLocalRot1Attr(Gf.Quatf(1.0, 0.0, 0.0, 0.0))
-    return prim.GetPrim()
-
-
-def _joint(stage: Any, path: str, joint: JointNode, outer: np.ndarray) -> None:
+def _joint(stage: Any, path: str, joint: JointNode, outer: np.ndarray, prefix: str) -> None:
     """Write a joint with x along its axis; `outer` is the parent's origin in the object frame [m]."""
-    from pxr import Gf, Sdf, UsdPhysics
+    from pxr import UsdPhysics
 
     turns = joint.type == "revolute"
     kind = UsdPhysics.RevoluteJoint if turns else UsdPhysics.PrismaticJoint
     prim = kind.Define(stage, f"{path}/Joints/{names.plain(joint.name)}")
-    prim.CreateBody0Rel().SetTargets([Sdf.Path(f"{path}/{names.plain(joint.parent)}")])
-    prim.CreateBody1Rel().SetTargets([Sdf.Path(f"{path}/{names.plain(joint.child)}")])
-    turn = quaternions.from_matrix(transforms.rotation_between(np.array([1.0, 0.0, 0.0]), np.asarray(joint.axis)))
-    prim.CreateLocalPos0Attr(Gf.Vec3f(*(np.asarray(joint.origin) - outer).tolist()))
-    prim.CreateLocalPos1Attr(Gf.Vec3f(0.0, 0.0, 0.0))
-    prim.CreateLocalRot0Attr(Gf.Quatf(*turn.tolist()))
-    prim.CreateLocalRot1Attr(Gf.Quatf(*turn.tolist()))
+    prim.GetPrim().SetDisplayName(prefix + names.plain(joint.name))
+    along = transforms.rotation_between(np.array([1.0, 0.0, 0.0]), np.asarray(joint.axis))
+    bodies = (f"{path}/{names.plain(joint.parent)}", f"{path}/{names.plain(joint.child)}")
+    frames = (transforms.rigid(along, np.asarray(joint.origin) - outer), transforms.rigid(along, np.zeros(3)))
+    connect(prim, bodies, frames)
     prim.CreateAxisAttr("X")
-    unit = float(np.degrees(1.0)) if turns else 1.0
-    prim.CreateLowerLimitAttr(joint.lower * unit)
-    prim.CreateUpperLimitAttr(joint.upper * unit)
-    drive = UsdPhysics.DriveAPI.Apply(prim.GetPrim(), "angular" if turns else "linear")
-    drive.CreateTypeAttr("force")
-    drive.CreateTargetPositionAttr(joint.position * unit)
-    drive.CreateStiffnessAttr(joint.friction / SAG_RAD / unit)
-    drive.CreateDampingAttr(joint.damping / unit)
-    drive.CreateMaxForceAttr(joint.friction)
+    prim.CreateLowerLimitAttr(joint.lower * physx.unit(turns))
+    prim.CreateUpperLimitAttr(joint.upper * physx.unit(turns))
+    # What a filter leaves may touch, as in MJCF.
+    prim.CreateCollisionEnabledAttr(True)
+    add_drive(prim.GetPrim(), turns, joint.position, 0.0, joint.damping)
+    physx.set_joint(prim.GetPrim(), turns, joint.friction, 0.0)
+    physx.set_position(prim.GetPrim(), turns, joint.position)

@@ -13,6 +13,8 @@ from dextera_build.sim.model import model as models
 
 SAMPLE_S = 0.01
 """Time between two energy samples [s]."""
+SETTLED_S = 0.5
+"""Time in which bodies fall by a fraction of 1 mm; then the mechanical energy of a scene at rest is constant [s]."""
 LAST_S = 0.25
 """Final interval over which speeds are measured [s], long enough to ignore contacts trembling by micrometres."""
 
@@ -38,6 +40,7 @@ class Run:
 
     motions: tuple[Motion, ...]
     energy_j: np.ndarray  # (T,) kinetic energy, every `SAMPLE_S`
+    energy_change: float  # largest change of the mechanical energy after `SETTLED_S`, over m g h of all bodies
     diverged: bool  # whether the solver diverged
 
 
@@ -61,7 +64,8 @@ def let_go(scene: Folder, bodies: tuple[str, ...], seconds: float) -> Run:
     start = _poses(data, ids)
     joints = data.qpos.copy()
     depths = penetrations(model, data)
-    energy, poses = _run(model, data, ids, seconds)
+    weight_j = sum(_lift_j(model, data, body) for body in ids)
+    energy, potential, poses = _run(model, data, ids, seconds)
     late = _late_speeds(poses[-1 - round(LAST_S / SAMPLE_S) :])
     diverged = not np.isfinite(data.qpos).all() or any(
         data.warning[int(kind)].number
@@ -91,7 +95,9 @@ def let_go(scene: Folder, bodies: tuple[str, ...], seconds: float) -> Run:
                 turn_rad_s=float(late[row, 1]),
             )
         )
-    return Run(tuple(motions), energy, diverged)
+    total = (energy + potential)[min(round(SETTLED_S / SAMPLE_S), len(energy) - 1) :]
+    change = float(np.abs(total - total[0]).max()) / weight_j if weight_j else 0.0
+    return Run(tuple(motions), energy, change, diverged)
 
 
 def penetrations(model: Any, data: Any) -> dict[int, float]:
@@ -104,23 +110,38 @@ def penetrations(model: Any, data: Any) -> dict[int, float]:
     return found
 
 
-def _run(model: Any, data: Any, ids: list[int], seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """Kinetic energy (T,) [J] and poses (T, B, 4, 4), both every `SAMPLE_S`."""
+def _lift_j(model: Any, data: Any, root: int) -> float:
+    """M g h of a tree of bodies: the energy to lift its centre of mass from its lowest collision point [J]."""
+    own = np.flatnonzero((model.body_rootid[model.geom_bodyid] == root) & (model.geom_contype > 0))
+    if not len(own):
+        return 0.0
+    turns = np.abs(data.geom_xmat[own].reshape(-1, 3, 3))
+    places = data.geom_xpos[own, 2] + np.einsum(
+        "gi,gi->g", data.geom_xmat[own].reshape(-1, 3, 3)[:, 2], model.geom_aabb[own, :3]
+    )
+    lowest = float((places - np.einsum("gi,gi->g", turns[:, 2], model.geom_aabb[own, 3:])).min())
+    height = max(float(data.subtree_com[root, 2]) - lowest, 0.0)
+    return float(model.body_subtreemass[root]) * float(np.linalg.norm(model.opt.gravity)) * height
+
+
+def _run(model: Any, data: Any, ids: list[int], seconds: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Kinetic and potential energy (T,) [J], and poses (T, B, 4, 4), all every `SAMPLE_S`."""
     import mujoco
 
     every = max(1, round(SAMPLE_S / model.opt.timestep))
     samples = max(1, round(seconds / (every * model.opt.timestep)))
-    energy = np.zeros(samples)
+    energy, potential = np.zeros(samples), np.zeros(samples)
     poses = np.tile(np.eye(4), (samples, len(ids), 1, 1))
     for sample in range(samples):
         mujoco.mj_step(model, data, every)
         if not np.isfinite(data.qvel).all():
             break
         mujoco.mj_energyVel(model, data)
-        energy[sample] = data.energy[1]
+        mujoco.mj_energyPos(model, data)
+        potential[sample], energy[sample] = data.energy
         poses[sample] = np.reshape(_poses(data, ids), (-1, 4, 4))
     mujoco.mj_forward(model, data)
-    return energy, poses
+    return energy, potential, poses
 
 
 def _late_speeds(poses: np.ndarray) -> np.ndarray:

@@ -98,16 +98,20 @@ def segment(
             "`factorize.mesh` that needs no depth: `dxb ls backends`",
         )
         result = _cut_out(cutter, found, said, static, options.margin_px) if bad else result
-        for name, one in result.items.items():
-            if doubt := sparse(one):
-                ctx.warn(f"{name}: {doubt}")
-        odd = odd_scale({name: size(one) for name, one in result.items.items()})
-        if odd:
-            ctx.warn(f"{odd}: check `depth_scale_m` and the focal length of the capture")
+        _warn(ctx, result)
     lost = sorted(set(wanted) - set(result.names) - set(bad))
     ctx.say(f"{', '.join(result.names)}" + (f"; nothing of {', '.join(lost)}" if lost else ""))
     ctx.preview(outlines(photograph.rgb.pixels, result.map.labels), "instances")
     return result
+
+
+def _warn(ctx: Context, result: Segmentation) -> None:
+    """Say what of the measurements is doubtful."""
+    for name, one in result.items.items():
+        if doubt := sparse(one):
+            ctx.warn(f"{name}: {doubt}")
+    if odd := odd_scale({name: size(one) for name, one in result.items.items()}):
+        ctx.warn(f"{odd}: check `depth_scale_m` and the focal length of the capture")
 
 
 def _cut_out(

@@ -102,6 +102,34 @@ def test_a_hand_hides_points_and_does_not_pull_them():
     assert max(errors) > 2 * max(ours)
 
 
+def lifted(time: float) -> np.ndarray:
+    """Stands for 0.8 s, then goes up by 12 cm in 0.6 s."""
+    return standing(0.0, 0.0, 20.0, 0.2 * float(np.clip(time - 0.8, 0, 0.6)))
+
+
+def around(time: float) -> np.ndarray:
+    """A hand that covers the box from 0.5 s on, and goes up with it."""
+    share = min(time / 0.5, 1.0)
+    turn = things.turned((1, 0, 0), 30.0)
+    return transforms.rigid(np.eye(3), np.array([-0.25 + 0.26 * share, -0.15, 0.10 + lifted(time)[2, 3]])) @ turn
+
+
+@pytest.mark.parametrize("knows", [True, False])
+def test_what_a_hand_carries_is_where_the_hand_is(knows):
+    hand = Actor({"base": things.hand()}, around, tracked=False)
+    made = sequence(lifted, 1.4, hand=hand)
+    tracker = Tracker({"box": made.actors["box"].model()}, K)
+    tracker.start({"box": truth(made, 0.0)})
+    before_it = transforms.invert(made.camera(0.0))
+    for frame, _ in frames(made):
+        way = around(frame.stamp) @ transforms.invert(around(max(frame.stamp - 0.1, 0.0)))
+        carried = {"box": before_it @ way @ transforms.invert(before_it)} if frame.stamp > 0.6 else None
+        found = tracker.step(frame.rgb, frame.depth, frame.stamp, moved=np.eye(4), carried=carried if knows else None)
+    assert found["box"].visible < 0.3
+    away = np.inf if found["box"].pose is None else off(found["box"], truth(made, frame.stamp))
+    assert (away < 0.01) == knows
+
+
 def gone(time: float) -> np.ndarray:
     """Out of the picture after half a second, back after one."""
     out = float(np.clip((time - 0.4) / 0.2, 0, 1) - np.clip((time - 1.0) / 0.2, 0, 1))

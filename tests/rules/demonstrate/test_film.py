@@ -104,3 +104,17 @@ def test_it_exports_one_moving_picture_per_episode(film: Film, tmp_path: Path) -
         assert picture.n_frames == 12
         picture.seek(11)
         np.testing.assert_array_equal(np.asarray(picture.convert("RGB")), film.pixels("1")[11])
+
+
+def test_a_film_for_people_is_larger_and_shows_the_first_episodes(film: Film, tmp_path: Path) -> None:
+    large = RuleRunner(tmp_path).run(
+        "demonstrate.film",
+        options={"first": 1, "width_px": 128},
+        bundle=episodes.bundle(),
+        episodes=episodes.small(2, 12),
+        view=episodes.view(),
+    )
+    assert (list(large.frames), large.width, large.height) == (["0"], 128, 96)
+    # Both look the same way: the large one, made small, is the small one but for its edges.
+    small = large.pixels("0").reshape(12, 48, 2, 64, 2, 3).mean(axis=(2, 4))
+    assert np.median(np.abs(small - film.pixels("0"))) < 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import io
 import json
@@ -12,6 +13,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
@@ -26,10 +28,12 @@ from dextera_build.artifacts.ros import types as ros_types
 from dextera_build.artifacts.ros.cdr import Cdr
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions
+from dextera_build.sim.model import skins
 from dextera_build.testing import RuleRunner
 from tests import episodes
 
 STEPS = 7
+ONCE = ("/tf_static", "/robot_description", "/scene/objects", "/scene/static")
 READER = Path(__file__).with_name("rosbags_reader.py")
 
 
@@ -73,7 +77,7 @@ def stamp(message: Any) -> int:
 def test_every_step_is_there_at_its_time(topics: dict[str, list[tuple[int, Any]]]) -> None:
     expected = [50_000_000 * step for step in range(STEPS)]
     for topic, messages in topics.items():
-        assert [time for time, _ in messages] == ([0] if topic == "/tf_static" else expected), topic
+        assert [time for time, _ in messages] == ([0] if topic in ONCE else expected), topic
     assert [stamp(message) for _, message in topics["/joint_states"]] == expected
 
 
@@ -98,8 +102,9 @@ def test_frames_are_those_of_the_objects_base_and_camera(
 ) -> None:
     episode = made.items["1"]
     for step, (_, message) in enumerate(topics["/tf"]):
-        assert [edge.child_frame_id for edge in message.transforms] == ["box", "case"]
-        for edge, pose in zip(message.transforms, episode.objects[step], strict=True):
+        links = ["link_1", "link_2", "link_3", "case_lid"]
+        assert [edge.child_frame_id for edge in message.transforms] == ["box", "case", *links]
+        for edge, pose in zip(message.transforms, episode.objects[step], strict=False):
             assert edge.header.frame_id == "base"
             np.testing.assert_allclose(matrix(edge.transform), of_pose(pose), atol=1e-6)
     ((_, still),) = topics["/tf_static"]
@@ -110,6 +115,65 @@ def test_frames_are_those_of_the_objects_base_and_camera(
     world_from_base, base_from_camera = (matrix(edge.transform) for edge in still.transforms)
     np.testing.assert_allclose(world_from_base, episodes.WORLD_FROM_BASE, atol=1e-12)
     np.testing.assert_allclose(world_from_base @ base_from_camera, episodes.view().camera_pose.matrix, atol=1e-12)
+
+
+def test_viewers_find_the_robot_and_the_objects(
+    folder: Folder, topics: dict[str, list[tuple[int, Any]]], made: Episodes
+) -> None:
+    ((_, description),) = topics["/robot_description"]
+    reader = make_reader(io.BytesIO(folder.files["episode-000001.mcap"]))
+    attached = {record.name: record.data for record in reader.iter_attachments()}
+    assert attached["robot.urdf"].decode() == description.data
+    robot = mujoco.MjModel.from_xml_string(description.data)
+    data, episode = mujoco.MjData(robot), made.items["1"]
+    for step in (0, STEPS - 1):
+        frames = {"base": np.eye(4)}
+        for edge in topics["/tf"][step][1].transforms:
+            frames[edge.child_frame_id] = frames[edge.header.frame_id] @ matrix(edge.transform)
+        for name, position in zip(made.joint_names, episode.joints[step], strict=True):
+            data.joint(name).qpos[0] = position
+        mujoco.mj_kinematics(robot, data)
+        for link in ("link_1", "link_2", "link_3"):
+            np.testing.assert_allclose(frames[link][:3, 3], data.body(link).xpos, atol=1e-6)
+        lid = np.linalg.inv(frames["case"]) @ frames["case_lid"]
+        angle = episode.displacement[step, 0]
+        np.testing.assert_allclose(lid[:3, 3], [0, 0.05, 0.012], atol=1e-12)
+        np.testing.assert_allclose(lid[1:3, 1], [np.cos(angle), -np.sin(angle)], atol=1e-6)
+    ((_, objects),) = topics["/scene/objects"]
+    box, _, lid = objects.markers
+    assert [(each.header.frame_id, each.type, each.frame_locked) for each in objects.markers] == [
+        (frame, 11, True) for frame in ("box", "case", "case_lid")
+    ]
+    corners = np.array([vector(point) for point in box.points])
+    assert len(corners) % 3 == 0
+    np.testing.assert_allclose(corners.max(axis=0), episodes.BOX_HALF_M, atol=1e-6)
+    assert (round(box.color.r, 3), box.color.a, list(box.colors)) == (0.8, 1.0, [])
+    np.testing.assert_allclose(np.array([vector(point) for point in lid.points])[:, 1].min(), -0.1, atol=1e-6)
+
+
+def test_shapes_with_a_texture_are_cut_into_patches_of_one_colour() -> None:
+    triangles = importlib.import_module("rules.demonstrate.mcap_scene").triangles
+    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0]], np.float32)
+    faces, uv = np.array([[0, 1, 2], [0, 2, 3]]), corners[[0, 1, 2, 0, 2, 3], :2] / 0.1
+    texture = np.zeros((2, 2, 3), np.uint8)
+    texture[0, 0] = 255  # above x < 0.05, y > 0.05
+    skin = skins.Skin(corners, faces, (1.0, 1.0, 1.0, 1.0), texture, uv)
+    marker = triangles("box", "box/0", skin, np.array([0.0, 0.0, 0.02]), 2.0)
+    cut = marker.points.reshape(-1, 3, 3)
+    assert np.linalg.norm(np.cross(cut[:, 1] - cut[:, 0], cut[:, 2] - cut[:, 0]), axis=1).sum() / 2 == pytest.approx(
+        0.04
+    )
+    np.testing.assert_allclose(marker.points[:, 2], -0.04)
+    middle = cut.mean(axis=1)
+    np.testing.assert_array_equal(marker.colours[::3, 0], (middle[:, 0] < 0.1) & (middle[:, 1] > 0.1))
+
+
+def test_a_link_and_an_object_of_one_name_are_refused(made: Episodes, tmp_path: Path) -> None:
+    bundle = episodes.bundle()
+    scene = bundle.model.files["scene.xml"].replace(b'name="case_lid"', b'name="link_1"')
+    clashing = bundle.model_copy(update={"model": Folder(files={"scene.xml": scene})})
+    with pytest.raises(RuleError, match="name of a link of the robot"):
+        RuleRunner(tmp_path).run("demonstrate.mcap", bundle=clashing, episodes=made)
 
 
 def test_forces_targets_and_pictures_come_back(topics: dict[str, list[tuple[int, Any]]], made: Episodes) -> None:
@@ -155,7 +219,9 @@ def test_the_file_says_what_it_is_and_how_to_begin_again(folder: Folder, made: E
     assert facts["task"] == "LiftBox"
     assert facts["seed"] == str(made.items["0"].start.seed)
     assert (facts["outcome"], facts["reason"], facts["origin"]) == ("success", "", "operator")
-    attached = {record.name: json.loads(record.data) for record in reader.iter_attachments()}
+    attached = {
+        record.name: json.loads(record.data) for record in reader.iter_attachments() if record.name.endswith(".json")
+    }
     assert attached["start.json"]["qpos"] == made.items["0"].start.qpos.tolist()
     assert attached["start.json"]["friction"] == {"box": 0.6, "case": 0.5}
     assert attached["task.json"]["goal"]["height_m"] == 0.1
@@ -267,4 +333,4 @@ def test_rosbags_reads_it_too(folder: Folder, made: Episodes, tmp_path: Path, re
     np.testing.assert_array_equal(found["/joint_trajectory"], episode.action)
     np.testing.assert_array_equal(found["/wrench/tip_right"], episode.contact[:, 1])
     np.testing.assert_allclose(found["/tf"], np.roll(episode.objects[:, 0, 3:], -1, axis=1))
-    assert found["qos"] == {"/tf_static": "TRANSIENT_LOCAL"}
+    assert found["qos"] == dict.fromkeys(ONCE, "TRANSIENT_LOCAL")

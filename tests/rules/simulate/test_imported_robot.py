@@ -234,6 +234,18 @@ FAULTS = [
     ({"active": ["wrist"]}, ARM, "no joint that moves by itself is called `wrist`", "joints"),
     ({"home_rad": {"elbow": 3.0}}, ARM, "home of joint `elbow` lies outside its limits", "limits"),
     ({"home_rad": {"elbw": 0.0}}, ARM, "no joint is called `elbw`", "joints"),
+    (
+        {"followers": {"shoulder": {"leader": "elbw", "ratio": 1.0}}},
+        ARM,
+        "no joint is called `elbw`",
+        "joints",
+    ),
+    (
+        {"followers": {"shoulder": {"leader": "elbow", "ratio": 1.0}, "elbow": {"leader": "shoulder", "ratio": 1.0}}},
+        ARM,
+        "follows itself in the end",
+        "leader",
+    ),
     ({"hand": ["gripper"]}, ARM, "no link is called `gripper`", "links"),
     ({"frames": {"flange": {"link": "tool"}}}, ARM, "frame `flange` is on `tool`, but no link or site", "links"),
     ({"apart": [("upper", "tool1")]}, ARM, "no link is called `tool1`", "links"),

@@ -10,13 +10,14 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.pose import Pose
 from dextera_build.errors import RuleError
-from dextera_build.rule import Context, Options
+from dextera_build.rule import Context
 from rules.simulate import steady_mujoco, usd_openusd, usd_stub
 from rules.simulate.scene import scene
 from rules.simulate.steady import SteadyOptions, steady
 from rules.simulate.usd import usd
-from tests import factories
+from tests import factories, task_bundles
 
 
 def build(backend: object, path: Path) -> tuple[Folder, Context]:
@@ -40,7 +41,7 @@ def test_an_invalid_stage_is_not_published(tmp_path: Path) -> None:
         write = staticmethod(usd_stub.write)
 
         @staticmethod
-        def problems(ctx: Context, folder: Folder, options: Options) -> list[str]:
+        def problems(*given: object) -> list[str]:
             return ["Rule: something is wrong (/World)"]
 
     with pytest.raises(RuleError, match="the USD is not valid: Rule: something is wrong"):
@@ -65,6 +66,21 @@ def test_what_the_scene_holds_is_not_free_in_the_stage(tmp_path: Path) -> None:
     assert {path.split("/")[2] for path in rigid} - {"far"} == set(steadied.bodies)
     assert moving(free)[1] == set()
     assert {path.split("/")[2] for path in moving(free)[0]} == {"a", "b", "far"}
+
+
+def test_a_robot_stands_in_the_stage(tmp_path: Path) -> None:
+    assets = Collection[Asset](items={"box": factories.box_asset()})
+    given = (assets, factories.background(), factories.support(), factories.camera())
+    robot = task_bundles.robot()
+    base = Pose(parent="world", child="base", matrix=factories.pose(0.4, -0.3, 0.0, yaw=0.8))
+    context = Context(backend=usd_openusd, scratch=tmp_path)
+    made = usd(context, *given, robot=robot, base=base)
+    assert "a robot of 5 joints" in context.outcome.line
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.ImportFromString(made.files["scene.usda"].decode())
+    assert layer.GetPrimAtPath("/World/robot/palm").GetInfo("displayName") == "robot/palm"
+    with pytest.raises(RuleError, match="the robot has no place in the scene"):
+        usd(context, *given, robot=robot)
 
 
 def moving(folder: Folder) -> tuple[set[str], set[str]]:

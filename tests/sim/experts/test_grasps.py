@@ -22,11 +22,17 @@ def hand(robot: RobotModel) -> HandKinematics:
     return HandKinematics(robot, "arm")
 
 
-def can(radius: float, height: float) -> np.ndarray:
+def tube(radius: float, height: float) -> np.ndarray:
     """Points on the side of an upright cylinder."""
     random = np.random.default_rng(0)
     turn, up = random.uniform(0, 2 * np.pi, 600), random.uniform(0, height, 600)
     return np.stack([radius * np.cos(turn), radius * np.sin(turn), up], axis=1)
+
+
+def can(radius: float, height: float) -> np.ndarray:
+    """Points on side and lid of an upright cylinder."""
+    lid = tube(1.0, height) * [radius, radius, 0.0] * np.sqrt(np.linspace(0, 1, 600))[:, None] + [0.0, 0.0, height]
+    return np.concatenate([tube(radius, height), lid])
 
 
 def test_a_pinch_has_the_object_between_thumb_and_fingers(robot: RobotModel, hand: HandKinematics) -> None:
@@ -41,6 +47,18 @@ def test_a_pinch_has_the_object_between_thumb_and_fingers(robot: RobotModel, han
         assert cosine < -0.9, grasp.name
         assert 0.0 < thumb[2] < 0.12
         assert 0.0 < fingers[2] < 0.12
+
+
+def test_the_wall_of_a_vessel_is_pinched_from_inside_and_outside(robot: RobotModel, hand: HandKinematics) -> None:
+    pinch = {"pinch": robot.limbs["arm"].grips["pinch"]}
+    assert not [grasp for grasp in candidates(can(0.07, 0.06), pinch, hand) if "wall" in grasp.name]
+    found = [grasp for grasp in candidates(tube(0.07, 0.06), pinch, hand) if "wall" in grasp.name]
+    assert found
+    for grasp in found:
+        thumb = transforms.apply(grasp.palm, hand.tip("tip_thumb", grasp.open))
+        fingers = transforms.apply(grasp.palm, hand.reach(grasp.open))
+        inner, outer = sorted(np.linalg.norm([thumb[:2], fingers[:2]], axis=1))
+        assert inner < 0.07 < outer, grasp.name
 
 
 def test_nothing_wider_than_the_hand_is_pinched(robot: RobotModel, hand: HandKinematics) -> None:

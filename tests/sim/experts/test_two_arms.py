@@ -42,13 +42,24 @@ def test_the_nearest_hand_comes_first_unless_the_task_names_one(robot: RobotMode
     assert planning._limbs(Environment(task(robot, side, (other,)))) == [other]
 
 
-def test_a_primitive_without_a_script_says_which_have_one(robot: RobotModel) -> None:
+def test_a_primitive_without_a_script_says_which_have_one(robot: RobotModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planning, "EXPERTS", [each for each in planning.EXPERTS if each.primitive != "lift"])
+    with pytest.raises(RuleError, match="no scripted operator of primitive `lift`") as caught:
+        planning.practise(Driver(Environment(task(robot, "left"))))
+    assert "handover, " in str(caught.value.facts["operators"])
+
+
+def test_who_does_a_task_follows_from_its_limbs_and_its_goal(robot: RobotModel) -> None:
+    def hands(bundle: TaskBundle) -> list[tuple[str, ...]]:
+        return [limbs for limbs, _ in planning.teams(Environment(bundle))]
+
+    assert hands(task(robot, "left")) == [("left",), ("right",), ("left", "right")]
+    assert hands(task(robot, "left", ("right",))) == [("right",)]
+    assert hands(task(robot, "left", ("left", "right"))) == [("left", "right")]
+    goal = HandoverGoal(giver="right", receiver="left")
     bundle = task(robot, "left")
-    goal = HandoverGoal(giver="left", receiver="right")
-    bundle = bundle.model_copy(update={"task": bundle.task.model_copy(update={"goal": goal})})
-    with pytest.raises(RuleError, match="no scripted operator of primitive `handover`") as caught:
-        planning.practise(Driver(Environment(bundle)))
-    assert "lift, " in str(caught.value.facts["operators"])
+    given = bundle.model_copy(update={"task": bundle.task.model_copy(update={"goal": goal})})
+    assert hands(given) == [("right", "left")]
 
 
 @pytest.mark.slow
@@ -63,7 +74,7 @@ def test_either_hand_lifts_a_box_and_the_other_stays(robot: RobotModel, side: st
         Lift(driver.environment, reach, grasp)
         for grasp in candidates(points, {"pinch": reach.grips["pinch"]}, reach.fingers)
     )
-    lift = next(each for each in lifts if room.comfort(each.legs(state), state) is not None)
+    lift = next(each for each in lifts if room.comfort(each.phases(state), state) is not None)
     episode = driver.run(lift, starts.photographed(bundle, driver.environment.model), origin="operator")
     assert episode.success, episode.reason
     assert {limb for segment in episode.segments for limb in segment.limbs} == {side}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.cell import Cell
+from dextera_build.artifacts.cell import Cell, Limits
 from dextera_build.artifacts.noise import DepthNoise
 from dextera_build.artifacts.pose import Pose
 from dextera_build.errors import RuleError
@@ -151,3 +151,18 @@ def test_a_trial_is_judged_by_what_was_measured_too(environment):
         idle = closed_loop(environment, Idle(), environment.draw(0), cell=watching)
         watching.settle()
         assert (idle.success, watching.sighting.success) == (False, False)
+
+
+def test_the_guard_keeps_a_policy_to_the_limits_of_the_cell(environment):
+    slow = cells.cell(limits=Limits(speed=0.1))
+    with TrackedCell(environment, slow, ()) as watching:
+        crept = closed_loop(environment, Pushing(), environment.draw(0), cell=watching)
+    free, steps = pushed(environment, cells.cell())[1], len(crept.executed)
+    assert np.abs(np.diff(crept.executed, axis=0)).max() <= 0.11 * np.abs(np.diff(free.executed, axis=0)).max()
+    assert steps > len(free.executed)
+
+
+def test_a_workspace_needs_the_twin(environment):
+    limits = Limits(workspace_m=((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
+    with pytest.raises(RuleError, match="must know its robot"):
+        TrackedCell(environment, cells.cell(limits=limits), ())

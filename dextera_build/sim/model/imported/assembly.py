@@ -251,6 +251,8 @@ def _set_groups(spec: Any, named: set[str]) -> None:
             geom.group = VISUAL if not touches else SEEN if drawn else COLLISION
             if touches:
                 geom.contype = geom.conaffinity = 1
+                # A friction that somebody stated is that of a skin: with priority, the larger one of a contact counts.
+                geom.priority = int(geom.friction[0] != 1.0)
 
 
 def _corners(model: Any, geom: int) -> np.ndarray:

@@ -1,0 +1,210 @@
+"""What `dxb view` shows of a recipe or a node: the scene, the task, the episodes, or one artifact."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.identity import parse
+from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.trials import Trials
+from dextera_build.engine.graph import parse_address
+from dextera_build.errors import DxbError, RuleError, UsageError, listing
+from dextera_build.explain import behind
+from dextera_build.session import Session
+
+Fill = Callable[[Any], Iterator[float]]
+"""Fills a viewer, and gives the times of the further states of a recording [s]; each item moves the scene on."""
+PARTS = ("Background", "Support", "Capture")
+"""Artifacts that a twin's scene needs."""
+
+
+def of(session: Session, node: str, episode: str | None = None) -> Fill:
+    """What to show of a node, or of a recipe if `node` is empty.
+
+    Args:
+        session: The recipe.
+        node: Its node, or "".
+        episode: Index of the episode to begin with.
+
+    Raises:
+        UsageError: The recipe has nothing to show, or there is no such episode.
+    """
+    if not node:
+        return _recipe(session)
+    artifact = session.artifact(node)
+    if isinstance(artifact, TaskBundle):
+        return _task(session, node, artifact)
+    if isinstance(artifact, Episodes | Trials):
+        return _episodes(session, node, artifact, episode)
+    if isinstance(artifact, Scene):
+        return _written(session, node, artifact)
+    return _plain(artifact, node)
+
+
+def _plain(artifact: Any, node: str) -> Fill:
+    from dextera_build.view.show import show
+
+    def fill(viewer: Any) -> Iterator[float]:
+        show(artifact, viewer, f"/{node}")
+        return iter(())
+
+    return fill
+
+
+def _written(session: Session, node: str, scene: Scene) -> Fill:
+    from dextera_build.view.task import show_model
+
+    materials = _materials(session, node)
+
+    def fill(viewer: Any) -> Iterator[float]:
+        show_model(viewer, f"/{node}", scene, materials)
+        return iter(())
+
+    return fill
+
+
+def _task(session: Session, node: str, bundle: TaskBundle) -> Fill:
+    from dextera_build.view.task import TaskView
+
+    materials = _materials(session, node)
+
+    def fill(viewer: Any) -> Iterator[float]:
+        TaskView(viewer, f"/{node}", bundle, materials)
+        return iter(())
+
+    return fill
+
+
+def _episodes(session: Session, node: str, artifact: Episodes | Trials, episode: str | None) -> Fill:
+    from dextera_build.view.replay import ReplayView, titles
+
+    episodes = artifact.examples if isinstance(artifact, Trials) else artifact
+    bundle = _world(session, node, artifact)
+    materials = _materials(session, node)
+    known = titles(episodes)
+    chosen = next((title for title in known if episode in (None, title.partition(" ")[0])), None)
+    if chosen is None:
+        raise UsageError(
+            f"`{session.recipe}:{node}` has no episode `{episode}`" if known else f"`{node}` holds no episode",
+            code="DXB-U324",
+            facts={"episodes": listing((title.partition(" ")[0] for title in known), most=30)},
+        )
+
+    def fill(viewer: Any) -> Iterator[float]:
+        view = ReplayView(viewer, f"/{node}", bundle, episodes, materials)
+        view.choose(chosen)
+        return view.recording()
+
+    return fill
+
+
+def _world(session: Session, node: str, artifact: Episodes | Trials) -> TaskBundle:
+    """The task that the episodes were made in: the nearest one behind the node, in the trials' kind of world."""
+    bundles = [made for _, made in behind.found(session, node, TaskBundle) if isinstance(made, TaskBundle)]
+    if isinstance(artifact, Trials):
+        bundles = [made for made in bundles if made.kind == artifact.world]
+    if not bundles:
+        raise RuleError(
+            f"the task that the episodes of `{node}` were made in is not in the store",
+            code="DXB-B404",
+            hint=f"`dxb build '{session.recipe}:{node}'`",
+        )
+    return bundles[0]
+
+
+def _materials(session: Session, node: str) -> dict[str, str]:
+    """Root body -> row of the material table, from the assets behind a node."""
+    from dextera_build.sim.model.names import body_names
+
+    assets = {
+        label: asset.physics.material
+        for address, asset in behind.found(session, node, Asset)
+        if isinstance(asset, Asset) and (label := (parse_address(address.rpartition(":")[2]).labels or ("",))[-1])
+    }
+    bodies = body_names(assets)
+    return {bodies[label]: material for label, material in assets.items()}
+
+
+def _recipe(session: Session) -> Fill:
+    """The recipe's task, or else the twin's scene from the parts that the last build made."""
+    nodes = _by_type(session)
+    for node in nodes.get("TaskBundle", []):
+        # Nodes of other recipes bear their names; what a recipe makes itself is what it is about.
+        if ":" not in node and isinstance(bundle := session.artifact(node), TaskBundle):
+            return _task(session, node, bundle)
+    if missing := [kind for kind in PARTS if kind not in nodes]:
+        raise UsageError(
+            f"`{session.recipe}` has no scene to show yet",
+            code="DXB-U113",
+            facts={"missing": ", ".join(missing)},
+            hint=f"`dxb build {session.recipe}`, or name a node: `dxb view {session.recipe}:NODE`",
+        )
+    return _scene(session, nodes)
+
+
+def _scene(session: Session, nodes: dict[str, list[str]]) -> Fill:
+    from dextera_build.view.scene import show_scene
+
+    loaded: dict[str, Any] = {kind: session.artifact(nodes[kind][-1]) for kind in PARTS}
+    addresses = {(parse_address(node).labels or (node,))[-1]: node for node in nodes.get("Asset", [])}
+    assets: dict[str, Any] = {label: session.artifact(node) for label, node in addresses.items()}
+    photograph = loaded["Capture"].photograph
+
+    def fill(viewer: Any) -> Iterator[float]:
+        show_scene(
+            viewer,
+            assets,
+            loaded["Background"],
+            loaded["Support"],
+            photograph.camera,
+            photo=photograph.rgb,
+            addresses=addresses,
+            bind=_binder(session, nodes, photograph),
+        )
+        return iter(())
+
+    return fill
+
+
+def _binder(session: Session, nodes: dict[str, list[str]], photograph: Photograph) -> Callable[[str, str], str] | None:
+    """What binds a name to an object by its innermost pixel, as `dxb bind` does; None without segmented objects."""
+    if "Segmentation" not in nodes:
+        return None
+    objects: Any = session.artifact(nodes["Segmentation"][-1])
+
+    def bind(label: str, name: str) -> str:
+        from dextera_build.build.bind import Naming
+        from dextera_build.geometry import pictures
+        from dextera_build.recipe.bindings import Binding
+
+        if label not in objects.names:
+            return f"`{label}` is no object of the photograph"
+        at = pictures.innermost(objects.map.labels == objects.names.index(label) + 1)
+        try:
+            naming = Naming(session.project, session.recipe)
+            if not naming.prepare(lambda _: None).ok:
+                return f"the objects cannot be built; see `dxb build {session.recipe}`"
+            naming.bind(name, Binding((int(at[0]), int(at[1]))), on=pictures.digest_of(photograph.rgb.pixels))
+        except DxbError as error:
+            return error.message
+        return f"`{name}` is bound in dxb.lock; `dxb build {session.recipe}` renames it"
+
+    return bind
+
+
+def _by_type(session: Session) -> dict[str, list[str]]:
+    """Artifact type -> the recipe's own nodes of the last build that returned one."""
+    found: dict[str, list[str]] = {}
+    for node in session.last_nodes:
+        try:
+            header = json.loads(session.store.blobs.get(session.output(node)))
+        except DxbError:
+            continue  # no longer in the store
+        found.setdefault(parse(header["artifact"])[0], []).append(node)
+    return found

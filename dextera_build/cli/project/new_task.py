@@ -1,0 +1,59 @@
+"""`dxb new task`: a recipe with tasks for the objects of a twin."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from pathlib import Path
+
+from dextera_build.cli import options
+from dextera_build.cli.table import writing
+from dextera_build.errors import UsageError
+
+_ROBOT = "robot/kuka_leap"
+_ASSET = re.compile(r"body\[(.+)\]\.asset")
+"""Nodes of the objects of a twin, and their labels."""
+
+
+def run(args: argparse.Namespace) -> int:
+    """Build what is stale of the twin, write the recipe, and print its path."""
+    if not args.name:
+        raise UsageError(
+            "a task takes the recipe of its twin", code="DXB-U217", hint="`dxb new task twin/laptop_scene`"
+        )
+    from dextera_build.build import task_file, values
+    from dextera_build.cli.consoles import console
+
+    session, node = options.session(args, args.name, makes=True)
+    if node:
+        raise UsageError(f"`{args.name}` is a node", code="DXB-U217", hint=f"`dxb new task {session.recipe}`")
+    name = session.recipe.rpartition("/")[2]
+    out = Path(args.out) if args.out else session.project.root / "recipes" / "task" / f"{name}_tasks.yaml"
+    if out.exists():
+        raise UsageError(f"`{out}` exists already", code="DXB-U191", hint="`-o FILE` writes to another file")
+    recipe = session.project.recipe(session.recipe)
+    missing = [each for each in ("scene", "body", "ground") if recipe is None or each not in recipe.nodes]
+    if missing:
+        raise UsageError(
+            f"`{session.recipe}` is no twin: it has no node `{missing[0]}`",
+            code="DXB-U214",
+            hint="name a recipe that extends twin/from_photo",
+        )
+    with console(session.project.console, sys.stderr, verbose=False) as shown:
+        result = values.run(session, ("body.asset",), shown)
+    if not result.ok:
+        return 1
+    labels = {each: match.group(1) for each in result.nodes if (match := _ASSET.fullmatch(each))}
+    assets = {label: values.value(session, result, each) for each, label in labels.items()}
+    if not assets:
+        raise UsageError(f"`{session.recipe}` has no objects", code="DXB-U214", hint="look at `dxb view`")
+    robot = args.object or _ROBOT
+    with writing(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(task_file.text(session.recipe, robot, assets))
+    print(session.project.shown(out.absolute()))
+    for proposal in task_file.proposals(assets):
+        print(f"  {proposal.name}: {proposal.primitive} `{proposal.object}`")
+    print("  keep what you want, and check what is marked as a guess", file=sys.stderr)
+    return 0

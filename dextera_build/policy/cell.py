@@ -1,0 +1,115 @@
+"""A robot at work, whoever plays it: a simulator, a simulated cell with a tracker, or a node that drives hardware.
+
+What measures and sends is a `RobotCell`; its `Guard` keeps every one of them to the same limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from dextera_build.artifacts.cell import Limits
+from dextera_build.artifacts.robot import RobotModel
+from dextera_build.errors import listing
+from dextera_build.policy.observation import Frames, Measurement
+from dextera_build.policy.running import PolicyFault
+
+
+class RobotCell(Protocol):
+    """What a policy, an operator or a replay drives; once per control period it measures, then it sends."""
+
+    def measure(self, frames: Frames | None = None) -> Measurement:
+        """What is known at this control period, with the given frames of other cameras."""
+
+    def send(self, targets: np.ndarray) -> np.ndarray:
+        """Send joint targets (A,) [rad] for one control period; those that were sent, within limits.
+
+        Raises:
+            Stopped: A limit of the cell is exceeded, and nothing was sent.
+        """
+
+
+class Stopped(PolicyFault):
+    """The guard has stopped the robot, which holds the targets that were sent last."""
+
+
+class Guard:
+    """Lets targets pass that keep to a cell's limits.
+
+    Targets are limited to the range of each joint and to its speed; everything else stops the robot, until `begin`.
+
+    Args:
+        limits: Of the cell.
+        robot: The embodiment.
+        rate_hz: Control rate [Hz].
+        palms: Joint positions (A,) to positions (L, 3) of the palms in the base frame [m], by `RobotModel.limb_names`.
+    """
+
+    def __init__(
+        self, limits: Limits, robot: RobotModel, rate_hz: float, palms: Callable[[np.ndarray], np.ndarray]
+    ) -> None:
+        self._limits, self._palms, self._limbs = limits, palms, robot.limb_names
+        self._names = [joint.name for joint in robot.joints]
+        self._lower, self._upper, speed = (
+            np.array([getattr(joint, name) for joint in robot.joints]) for name in ("lower", "upper", "velocity")
+        )
+        self._step = limits.speed * speed / rate_hz
+        self._tips = robot.tips
+        self._last = np.zeros(len(self._names))
+        self._why = ""
+
+    def begin(self, targets: np.ndarray) -> None:
+        """Begin with the targets (A,) that hold now [rad]."""
+        self._last, self._why = np.array(targets, np.float64), ""
+
+    def passed(self, targets: np.ndarray, forces: np.ndarray, silent_s: float) -> np.ndarray:
+        """The targets (A,) that may be sent.
+
+        Args:
+            targets: What is to be sent (A,) [rad].
+            forces: On the fingertips (F, 3) [N].
+            silent_s: Time since the last frame arrived [s].
+
+        Raises:
+            Stopped: A limit is exceeded, now or since `begin`.
+        """
+        found = np.asarray(targets, np.float64)
+        self._why = self._why or self._finite(found) or self._watched(forces, silent_s)
+        if not self._why:
+            near = np.clip(found, self._last - self._step, self._last + self._step)
+            found = np.clip(near, self._lower, self._upper)
+            self._why = self._outside(found)
+        if self._why:
+            raise Stopped(f"the guard stopped the robot: {self._why}", code="DXB-B249")
+        self._last = found
+        return found
+
+    def _finite(self, targets: np.ndarray) -> str:
+        if targets.shape != self._last.shape:
+            return f"{targets.size} targets for {len(self._names)} joints"
+        bad = [name for name, target in zip(self._names, targets, strict=True) if not np.isfinite(target)]
+        return f"the target of {listing(bad)} is not a finite number" if bad else ""
+
+    def _watched(self, forces: np.ndarray, silent_s: float) -> str:
+        if silent_s > self._limits.silence_s:
+            return f"no frame arrived for more than {self._limits.silence_s:g} s"
+        most = self._limits.force_n
+        if most is None or not len(forces):
+            return ""
+        strongest = int(np.linalg.norm(forces, axis=1).argmax())
+        within = float(np.linalg.norm(forces[strongest])) <= most
+        return "" if within else f"`{self._tips[strongest]}` presses with more than {most:g} N"
+
+    def _outside(self, targets: np.ndarray) -> str:
+        if self._limits.workspace_m is None:
+            return ""
+        low, high = np.array(self._limits.workspace_m)
+        for limb, place in zip(self._limbs, self._palms(targets), strict=True):
+            for axis, at, least, most in zip("xyz", place, low, high, strict=True):
+                if not least <= at <= most:
+                    return (
+                        f"the palm of `{limb}` would leave the workspace: {axis} is not within {least:g} to {most:g} m"
+                    )
+        return ""

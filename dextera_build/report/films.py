@@ -1,0 +1,62 @@
+"""Films of episodes as H.264 in a data URI; what encodes them is an extra, and without it the report shows pictures."""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from dextera_build.errors import DxbError
+from dextera_build.report.sources import Store, blob
+
+QP = 26
+"""Quantisation of films in reports."""
+MOST_STEPS = 1200
+"""Longer films are cut: a minute at 20 Hz."""
+
+
+class Films:
+    """Films of a store; each is encoded once.
+
+    Args:
+        store: Where their frames are.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._made: dict[tuple[str, float], str] = {}
+
+    def uri(self, fields: dict[str, Any], rate_hz: float) -> tuple[str, str]:
+        """Index and data URI of the first episode of a `Film`, by its header; two empty texts if there is none."""
+        frames = fields.get("frames")
+        found = frames.get("$map", {}) if isinstance(frames, dict) else {}
+        index = min(found, key=lambda name: (len(name), name), default="")
+        if not index:
+            return "", ""
+        digest = str(found[index]["$bytes"][0])
+        if (digest, rate_hz) not in self._made:
+            packed = blob(self._store, digest)
+            size = int(fields["width"]), int(fields["height"])
+            self._made[digest, rate_hz] = "" if packed is None else _encoded(packed, *size, rate_hz)
+        return (index, self._made[digest, rate_hz]) if self._made[digest, rate_hz] else ("", "")
+
+
+def _encoded(packed: bytes, width: int, height: int, rate_hz: float) -> str:
+    from itertools import islice
+
+    from dextera_build.artifacts.episode import Film
+    from dextera_build.artifacts.h264 import Encoder
+
+    even = width // 2 * 2, height // 2 * 2
+    encoder = Encoder(*even, rate=Fraction(rate_hz).limit_denominator(1000), qp=QP, keyframe_every=20)
+    film = Film(frames={"0": packed}, width=width, height=height)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "film.mp4"
+        try:
+            encoder.write(path, (frame[: even[1], : even[0]] for frame in islice(film.each("0"), MOST_STEPS)))
+        except (DxbError, ImportError):  # damaged, or PyAV is not installed
+            return ""
+        data = path.read_bytes()
+    return f"data:video/mp4;base64,{base64.b64encode(data).decode()}"

@@ -1,0 +1,106 @@
+"""Scripted operator of primitive `handover`: one hand brings the object before both, the other takes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from dextera_build.artifacts.goals import HandoverGoal
+from dextera_build.geometry import registration
+from dextera_build.sim.control.operator import State
+from dextera_build.sim.experts.grasp import Grasp
+from dextera_build.sim.experts.motion import Leg, Plan, shifted
+from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.scripted import Taking
+from dextera_build.sim.runtime.environment import Environment
+
+RISES_M = (0.16, 0.24)
+"""Heights of the meeting place above the start [m]."""
+TURNS = np.radians([0, 45, -45, 90, -90])
+"""Turns of the object about the vertical on the way to the meeting place."""
+SECONDS = (0.8, 1.8, 0.8, 0.9, 0.8)
+"""Durations: lift, bring, open, retreat, hold [s]."""
+
+
+class Handover(Taking):
+    """The giver takes the object to a meeting place, the receiver grasps it there, and the giver lets go.
+
+    Args:
+        environment: The task; only its data are used.
+        reach: Kinematics of giver and receiver, in this order.
+        meeting: T_base_object (4, 4) where the object changes hands.
+        given: The giver's grasp.
+        received: The receiver's grasp.
+    """
+
+    def __init__(
+        self, environment: Environment, reach: Reach, meeting: np.ndarray, given: Grasp, received: Grasp
+    ) -> None:
+        super().__init__(environment, reach)
+        assert isinstance(environment.task.goal, HandoverGoal)
+        self._giver, self._receiver = reach.limbs
+        self.meeting, self.given, self.received = meeting, given, received
+
+    def taking(self, state: State) -> Plan:
+        """The giver's grasp, and the way to the meeting place."""
+        grasp, base = self.given, state.objects[self._object]
+        raised = shifted(base @ grasp.palm, self._up * RISES_M[0] / 2)
+        legs = grasp.taking(self._object, base, self._up)
+        lift, bring, *_ = SECONDS
+        met = self.meeting @ grasp.palm
+        return {
+            self._giver: [
+                *legs,
+                self._held(raised, grasp.closed, lift, "lift"),
+                self._held(met, grasp.closed, bring, "bring"),
+            ]
+        }
+
+    def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
+        """The receiver's grasp, and the giver's retreat."""
+        given, received, palm = self.given, self.received, last[self._giver].palm
+        now = palm @ np.linalg.inv(held[self._giver])
+        legs = received.taking(self._object, now, self._up)
+        taken = legs[-1]
+        back = shifted(palm, palm[:3, :3] @ given.palm[:3, :3].T @ given.away)
+        _, _, opens, retreat, hold = SECONDS
+        stays = [self._held(palm, given.closed, leg.seconds, leg.segment) for leg in legs]
+        return {
+            self._giver: [
+                *stays,
+                self._held(palm, given.open, opens, "release"),
+                self._held(back, given.open, retreat, "retreat"),
+                self._held(back, given.open, hold, "retreat"),
+            ],
+            self._receiver: [*legs, *(self._held(taken.palm, received.closed, s, n) for s, n in _rest())],
+        }
+
+    def given_up(self, state: State) -> Plan:
+        """The receiver's way into its grasp, with the object at the meeting place."""
+        phases = self.phases(state)
+        return {self._receiver: phases[1][self._receiver][:4]}
+
+
+def _rest() -> Sequence[tuple[float, str]]:
+    _, _, opens, retreat, hold = SECONDS
+    return (opens, "release"), (retreat, "retreat"), (hold, "retreat")
+
+
+def meetings(base: np.ndarray, palms: Sequence[np.ndarray], up: np.ndarray) -> Iterator[np.ndarray]:
+    """Poses (4, 4) in the base at which an object may change hands.
+
+    Args:
+        base: T_base_object (4, 4) at the start.
+        palms: Poses (4, 4) of both palms at home.
+        up: (3,) vertical in the base.
+    """
+    middle = np.mean([palm[:3, 3] for palm in palms], axis=0)
+    way = middle - base[:3, 3]
+    way -= up * (way @ up)
+    for rise in RISES_M:
+        for part in (1.0, 0.7):
+            for turn in TURNS:
+                met = shifted(base, way * part + up * rise)
+                met[:3, :3] = registration.rotation(up * turn) @ base[:3, :3]
+                yield met

@@ -1,0 +1,47 @@
+"""One file to share: the scene, and the episode that is shown, as viser's recording or as a page that plays it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from dextera_build.errors import UsageError
+
+SUFFIXES = (".html", ".viser")
+"""`.html` is the recording with viser's player in it, and needs nothing but a browser."""
+
+
+def check(path: Path) -> None:
+    """Refuse files of other kinds.
+
+    Raises:
+        UsageError: The name ends in none of `SUFFIXES`.
+    """
+    if path.suffix not in SUFFIXES:
+        raise UsageError(
+            f"`{path.name}` is not a file that the viewer writes",
+            code="DXB-U323",
+            facts={"endings": ", ".join(SUFFIXES)},
+            hint="`.html` opens in any browser, offline; `.viser` is the recording alone, for viser's player",
+        )
+
+
+def write(server: Any, path: Path, steps: Iterable[float] = ()) -> Path:
+    """Write the server's scene to `path` and return it.
+
+    Args:
+        server: From `view.server.start`.
+        path: A file with one of `SUFFIXES`.
+        steps: Moves the scene on with every item, which is the time that the state before it lasts [s].
+    """
+    check(path)
+    recorder = server.get_scene_serializer()
+    for seconds in steps:
+        recorder.insert_sleep(seconds)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    data = recorder.as_html().encode() if path.suffix == ".html" else recorder.serialize()
+    draft = path.with_name(f".{path.name}.part")
+    draft.write_bytes(data)
+    draft.replace(path)
+    return path

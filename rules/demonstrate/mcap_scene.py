@@ -1,0 +1,149 @@
+"""What viewers of recordings need to draw a task: the robot as URDF, shapes of the objects, and frames of all links."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.ros import markers, messages
+from dextera_build.artifacts.ros.markers import Marker
+from dextera_build.artifacts.ros.recording import Recording
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.geometry import poses
+from dextera_build.sim.model import links, skins, urdf
+from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.model.model import compile_folder
+
+Edge = tuple[str, str, np.ndarray]
+"""Parent, child, and the child's pose in it: (7,), or (T, 7) of all steps."""
+PACKAGE = "package://robot/"
+"""Begins paths of meshes in `/robot_description`; the files are attachments of the recording."""
+PATCH_M, MOST_FACES = 0.02, 8000
+"""Triangles have one colour each: edges of those with a texture are no longer than this, up to so many [m]."""
+HIGH_M = 1.0
+"""Boxes that reach higher are walls, which would hide the scene [m]."""
+BOX = 6
+"""`mjtGeom.mjGEOM_BOX`."""
+
+
+class Drawn:
+    """The links and shapes of a task, the same in all recordings of it.
+
+    Args:
+        bundle: The task.
+
+    Raises:
+        RuleError: MuJoCo cannot load the model.
+    """
+
+    def __init__(self, bundle: TaskBundle) -> None:
+        self._robot, self._model = bundle.robot, compile_folder(bundle.model)
+        self._arm = links.tree(self._model, ROBOT + urdf.BASE, prefix=ROBOT)
+        self._things = {root: links.tree(self._model, root) for root in bundle.objects}
+        self.urdf = urdf.write(bundle.robot)
+        """`robot.urdf`, and its meshes."""
+
+    @property
+    def clashes(self) -> set[str]:
+        """Names that a link of the robot and one of the objects have in common."""
+        return set(self._arm.shifts) & {link for tree in self._things.values() for link in tree.shifts}
+
+    def fixed(self, episode: Episode) -> list[Edge]:
+        """Edges that never move."""
+        return [
+            (edge.parent, edge.child, poses.from_matrix(edge.origin))
+            for tree in self._trees(episode)
+            for edge in tree.edges
+            if edge.type == "fixed"
+        ]
+
+    def moving(self, episodes: Episodes, episode: Episode) -> list[Edge]:
+        """Edges that move, at all steps."""
+        known = dict(zip(episodes.joint_names, episode.joints.T.astype(np.float64), strict=True))
+        known |= dict(zip(episodes.displacement_names, episode.displacement.T.astype(np.float64), strict=True))
+        for follower in self._robot.followers:
+            known[follower.name] = follower.ratio * known[follower.leader] + follower.offset
+        return links.poses_at(self._trees(episode), known.get)
+
+    def send(self, recording: Recording, episode: Episode, quality: str) -> None:
+        """Write the robot's description and all shapes, once."""
+        text = self.urdf.files[urdf.MAIN].decode().replace('filename="meshes/', f'filename="{PACKAGE}meshes/')
+        recording.send("/robot_description", "std_msgs/String", 0, messages.text(text), quality)
+        recording.attach_files(self.urdf.files)
+        shapes = {"/scene/objects": self._objects(episode), "/scene/static": self._static()}
+        if len(self.urdf.files) > 1:  # viewers may not find meshes
+            shapes["/robot/visual"] = self._surfaces(self._arm, ROBOT, 1.0)
+        for topic, found in shapes.items():
+            message = markers.marker_array(0, found)
+            recording.send(topic, "visualization_msgs/MarkerArray", 0, message, quality)
+
+    def _trees(self, episode: Episode) -> list[links.Tree]:
+        sizes = episode.start.size_scale
+        return [self._arm, *(tree.sized(sizes.get(root, 1.0)) for root, tree in self._things.items())]
+
+    def _objects(self, episode: Episode) -> list[Marker]:
+        sizes = episode.start.size_scale
+        return [
+            marker for root, tree in self._things.items() for marker in self._surfaces(tree, "", sizes.get(root, 1.0))
+        ]
+
+    def _surfaces(self, tree: links.Tree, prefix: str, scale: float) -> list[Marker]:
+        return [
+            triangles(link, f"{link}/{number}", skin, shift, scale)
+            for link, shift in tree.shifts.items()
+            for number, skin in enumerate(skins.visible(self._model, int(self._model.body(prefix + link).id)))
+        ]
+
+    def _static(self) -> list[Marker]:
+        """Boxes that objects and robot can touch, half transparent, without walls."""
+        model: Any = self._model
+        return [
+            Marker(
+                "world",
+                model.geom(geom).name or f"static_{geom}",
+                markers.CUBE,
+                (0.6, 0.6, 0.6, 0.5),
+                np.concatenate([model.geom_pos[geom], model.geom_quat[geom]]),
+                2 * model.geom_size[geom],
+            )
+            for geom in range(int(model.body_geomnum[0]))
+            if model.geom_type[geom] == BOX
+            and (model.geom_contype[geom] or model.geom_conaffinity[geom])
+            and model.geom_pos[geom, 2] + model.geom_size[geom, 2] < HIGH_M
+        ]
+
+
+def triangles(frame: str, name: str, skin: skins.Skin, shift: np.ndarray, scale: float) -> Marker:
+    """A surface in a link whose origin is at `shift` (3,) [m] in the frame of the surface."""
+    corners = scale * (skin.vertices.astype(np.float64) - shift)[skin.faces]
+    colours = np.zeros((0, 4), np.float32)
+    if skin.texture is not None and skin.uv is not None:
+        corners, uv = _fine(corners, skin.uv.reshape(-1, 3, 2))
+        height, width = skin.texture.shape[:2]
+        u, v = uv.mean(axis=1).T
+        rows, columns = ((1 - v) % 1.0 * height).astype(int), (u % 1.0 * width).astype(int)
+        faces = np.ones((len(u), 4), np.float32)
+        faces[:, :3] = skin.texture[rows.clip(0, height - 1), columns.clip(0, width - 1)] / np.float32(255)
+        colours = faces.repeat(3, axis=0)
+    return Marker(frame, name, markers.TRIANGLES, skin.colour, points=corners.reshape(-1, 3), colours=colours)
+
+
+def _fine(corners: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (F, 3, 3) [m] and texture coordinates (F, 3, 2) of faces, large ones halved again and again."""
+    while len(corners) < MOST_FACES:
+        lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+        large = lengths.max(axis=1) > PATCH_M
+        if not large.any():
+            break
+        # The longest edge comes first.
+        order = (lengths[large].argmax(axis=1)[:, None] + np.arange(3)) % 3
+        corners, uv = (np.concatenate([each[~large], _halves(each[large], order)]) for each in (corners, uv))
+    return corners, uv
+
+
+def _halves(corners: np.ndarray, order: np.ndarray) -> np.ndarray:
+    a, b, c = np.moveaxis(np.take_along_axis(corners, order[:, :, None], axis=1), 1, 0)
+    middle = (a + b) / 2
+    return np.concatenate([np.stack(part, axis=1) for part in ((a, middle, c), (middle, b, c))])

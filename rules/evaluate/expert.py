@@ -1,0 +1,85 @@
+"""evaluate.expert: how often the scripted operator does a task, and what a policy that knows nothing gets."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from pydantic import NonNegativeInt, PositiveInt
+
+from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.table import Column, Table
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.rule import Context, Options, rule
+from dextera_build.statistics import wilson
+
+from .protocol import robot_name
+
+
+class ExpertOptions(Options):
+    """Options of evaluate.expert."""
+
+    measured: PositiveInt = 10
+    """Episodes whose returns are measured, of the expert and of a random policy from the same starts."""
+    seed: NonNegativeInt = 0
+    """Seed of the random policy."""
+
+
+class ExpertBackend(Protocol):
+    """What a backend of evaluate.expert defines."""
+
+    def returns(
+        self, ctx: Context, bundle: TaskBundle, episodes: Sequence[Episode], seed: int, options: Any
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Returns (N,) of the episodes, and of random actions from their starts."""
+        ...
+
+
+@rule(version=1, packages=("numpy",))
+def expert(
+    ctx: Context[ExpertBackend], bundle: TaskBundle, episodes: Episodes, *, options: ExpertOptions | None = None
+) -> Table:
+    """Return one row: success rate [%] over all attempts with its 95 % Wilson interval, returns, reasons of failures.
+
+    A return is the sum of the task's rewards over an episode, see `dextera_build.sim.primitives.stages`. The random
+    policy draws joint targets uniformly within their limits once per control period.
+    """
+    options = options or ExpertOptions()
+    done, count = len(episodes.items), episodes.attempts
+    low, high = wilson(done, count)
+    everything = {**episodes.items, **episodes.failures}
+    some = [everything[name] for name in sorted(everything)][: options.measured]
+    own, random = ctx.backend.returns(ctx, bundle, some, options.seed, ctx.backend_options)
+    reasons = Counter(episode.reason for episode in episodes.failures.values()).most_common()
+    told = "; ".join(f"{number} x {reason}" for reason, number in reasons)
+    ctx.metric("success", 100 * done / max(count, 1), "%")
+    ctx.metric("return of the expert", float(own.mean()), "")
+    ctx.metric("return of random actions", float(random.mean()), "")
+    ctx.say(
+        f"{done} of {count}, {100 * low:.0f}-{100 * high:.0f} %, return {own.mean():.1f}, random {random.mean():.1f}"
+    )
+    row = (
+        bundle.task.name,
+        robot_name(bundle),
+        bundle.task.primitive,
+        count,
+        *(float(value) for value in (100 * done / max(count, 1), 100 * low, 100 * high, own.mean(), random.mean())),
+        told,
+    )
+    rates = ("success", "low", "high")
+    return Table(
+        title="The scripted operator in the twin",
+        columns=(
+            *(Column(name=name) for name in ("task", "robot", "primitive", "attempts")),
+            *(Column(name=name, unit="%", digits=0) for name in rates),
+            *(Column(name=name, digits=2) for name in ("return", "random return")),
+            Column(name="failures"),
+        ),
+        rows=(row,),
+        notes=(
+            "Attempts from starts that no rehearsal has seen; low and high are the 95 % Wilson interval.",
+            f"Returns are means over at most {options.measured} attempts and random actions from the same starts.",
+        ),
+    )

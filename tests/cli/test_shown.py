@@ -1,0 +1,78 @@
+"""What `dxb view` finds behind a node: the world of its episodes, materials of objects, and the right episode."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from dextera_build.artifacts.base import Artifact
+from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.cli.look import shown
+from dextera_build.errors import RuleError, UsageError
+from tests import episodes, factories, series
+
+
+@pytest.fixture
+def session(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A recipe `task/lift` whose nodes were made from what a test puts into `behind`, nearest first."""
+    made = SimpleNamespace(recipe="task/lift", artifacts={}, behind=[])
+
+    def found(session: Any, node: str, kind: type[Artifact]) -> Iterator[tuple[str, Artifact]]:
+        yield from ((address, each) for address, each in made.behind if isinstance(each, kind))
+
+    monkeypatch.setattr(shown.behind, "found", found)
+    made.artifact = made.artifacts.__getitem__
+    return made
+
+
+def test_trials_are_shown_in_the_world_that_they_took_place_in(session: Any) -> None:
+    twin = episodes.bundle()
+    world = twin.model_copy(update={"kind": "reference"})
+    session.behind = [("task", twin), ("reference", world)]
+    assert shown._world(session, "sources", episodes.small(1, 3)) is twin
+    assert shown._world(session, "act", series.trials([True], world="reference")) is world
+    with pytest.raises(RuleError, match="is not in the store"):
+        shown._world(session, "act", series.trials([True], world="perturbed"))
+
+
+def test_materials_are_those_of_the_assets_by_the_names_of_bodies(session: Any) -> None:
+    box: Asset = factories.box_asset()
+    session.behind = [("twin/desk:body[Blue Mug].asset", box), ("twin/desk:body[lid].asset", box)]
+    material = box.physics.material
+    assert shown._materials(session, "task") == {"blue_mug": material, "lid": material}
+
+
+def test_an_episode_is_chosen_by_its_index(session: Any) -> None:
+    session.behind = [("task", episodes.bundle())]
+    session.artifacts["sources"] = episodes.small(2, 3)
+    assert callable(shown.of(session, "sources", "2"))  # the failure
+    with pytest.raises(UsageError, match="has no episode `7`") as caught:
+        shown.of(session, "sources", "7")
+    assert caught.value.facts == {"episodes": "0, 1, 2"}
+
+
+def test_a_task_without_a_robot_says_so(session: Any) -> None:
+    from dextera_build.artifacts.base import Folder
+    from dextera_build.view.task import TaskView
+
+    empty = Folder(files={"scene.xml": b"<mujoco/>"})
+    bundle: TaskBundle = episodes.bundle().model_copy(update={"model": empty})
+    with pytest.raises(RuleError, match="cannot run"):
+        TaskView(None, "/task", bundle, {})
+
+
+def test_a_task_recipe_shows_its_task_and_not_the_scene_that_it_reads(
+    session: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nodes = {kind: [f"twin/desk:{kind.lower()}"] for kind in (*shown.PARTS, "Asset")}
+    monkeypatch.setattr(shown, "_by_type", lambda _: {**nodes, "TaskBundle": ["task/other:task", "task"]})
+    session.artifacts["task"] = episodes.bundle()
+    assert shown.of(session, "").__qualname__.startswith("_task.")
+    monkeypatch.setattr(shown, "_by_type", lambda _: {"Capture": ["twin/desk:capture"]})
+    with pytest.raises(UsageError, match="no scene to show yet") as caught:
+        shown.of(session, "")
+    assert caught.value.facts == {"missing": "Background, Support"}
