@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import Field, PositiveFloat
 
 from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Artifact, Value
@@ -22,13 +21,13 @@ Corner = tuple[float, float, float]
 class Limits(Value):
     """What a robot in a cell must not do; its guard stops it."""
 
-    speed: float = Field(1.0, gt=0, le=1)
-    """Part of every joint's speed limit that targets may use."""
+    speed: float = 1.0
+    """Part of every joint's speed limit that targets may use, 0..1."""
     workspace_m: tuple[Corner, Corner] | None = None
     """Lowest and highest x, y, z of every palm in the base frame [m]; None: everywhere."""
-    force_n: PositiveFloat | None = None
+    force_n: float | None = None
     """Largest force on a fingertip [N]; None: any, as for hands that do not feel."""
-    silence_s: PositiveFloat = 1.0
+    silence_s: float = 1.0
     """Time without a frame of the camera after which the robot is stopped [s]."""
 
 

@@ -60,6 +60,9 @@ class Box(Value):
 class Geom(Artifact):
     """A shape that is fixed to a body, or to the world: either seen or touched."""
 
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.unchanged}
+
     label: Name
     """Unique in the scene."""
     role: Literal["visual", "collision"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cell import Cell, Limits
@@ -29,6 +29,13 @@ class ColourNoiseOptions(ColourNoise, Options):
 
 class LimitsOptions(Limits, Options):
     """What the cell's guard does not let happen."""
+
+    speed: float = Field(1.0, gt=0.0, le=1.0)
+    """Part of every joint's speed limit that targets may use."""
+    force_n: PositiveFloat | None = None
+    """Largest force on a fingertip [N]; None: any, as for hands that do not feel."""
+    silence_s: PositiveFloat = 1.0
+    """Time without a frame of the camera after which the robot is stopped [s]."""
 
 
 class CellOptions(Options):
