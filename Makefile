@@ -29,7 +29,7 @@ demo: setup ## Build twin/laptop_scene and write its report
 	$(BIN)/dxb build twin/laptop_scene
 	$(BIN)/dxb report
 
-test: setup ## Run the tests that take less than ten seconds each
+test: setup ## Run the tests that take less than four seconds each
 	$(BIN)/python -m pytest -n 2 -m 'not slow' $(ARGS)
 
 test-all: setup servers $(VENV)/.robots $(VENV)/.repair ## Run every test, those in a browser and those on published robot meshes included

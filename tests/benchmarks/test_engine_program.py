@@ -37,6 +37,7 @@ def test_what_is_measured_has_byte_code_and_no_settings(monkeypatch):
     assert "PATH" in seen
 
 
+@pytest.mark.slow
 def test_dxb_and_make_on_thirty_nodes(tmp_path):
     stem = tmp_path / "results"
     words = ["--tools", "dxb,make", "--shapes", "layered", "--sizes", "30", "--repeats", "1", "--out", str(stem)]
@@ -141,6 +142,7 @@ def test_a_build_over_the_limit_is_ended_with_all_that_it_started(tmp_path):
     assert "> 0 s" in table.cells(list(cells.values()), 0.3)
 
 
+@pytest.mark.slow
 def test_a_program_that_is_ended_leaves_nothing_and_says_what_it_has(tmp_path):
     words = [
         sys.executable,

@@ -186,6 +186,7 @@ def dripping():
     server.close()
 
 
+@pytest.mark.slow
 def test_an_answer_that_drips_is_given_up(store, dripping):
     def send(seconds):
         with urllib.request.urlopen(dripping, timeout=seconds) as answer:

@@ -75,6 +75,7 @@ def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(last_use, "SLACK_S", SLACK_S)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("hasty")
 def test_builds_lose_nothing_that_they_rely_on(tmp_path: Path) -> None:
     builders = [start(tmp_path, seed) for seed in range(BUILDERS)]

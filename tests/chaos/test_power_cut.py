@@ -80,6 +80,7 @@ QUICK = (Phase.explicit, Phase.reuse, Phase.generate)
 HOW = st.tuples(st.sampled_from(["kept", "kept", "lost", "short", "zeros"]), st.sampled_from([0.0, 0.3, 0.5, 0.9]))
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None, phases=QUICK)
 @given(fate=st.lists(HOW, min_size=60, max_size=60))
 def test_whatever_was_lost_the_next_build_is_right(fate: list[tuple[str, float]]) -> None:

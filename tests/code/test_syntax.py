@@ -42,6 +42,7 @@ print(json.dumps([[each.definitions, each.lines, each.imports, each.exports] for
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", ["3.12", "3.13"])
 def test_digests_are_the_same_on(version):
     python = another(version)

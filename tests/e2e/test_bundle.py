@@ -82,6 +82,7 @@ def test_a_build_after_an_import_runs_nothing(space, there):
     assert there.build("say/file").nodes("ran") == set()
 
 
+@pytest.mark.slow
 def test_bytes_that_did_not_come_are_made_when_they_are_asked_for(space, there):
     there.dxb("bundle", "import", bundle(space))
     why = there.dxb("why", "say/file:loud").out

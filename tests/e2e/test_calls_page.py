@@ -55,6 +55,7 @@ def page(space: Space, seer: Service, forge: JobService, monkeypatch: pytest.Mon
     return space
 
 
+@pytest.mark.slow
 def test_the_examples_of_the_page_run(page: Space, seer: Service, forge: JobService) -> None:
     seer.contents = ["a mug, I think"]
     forge.faults = {"POST": ["429"], "GET": ["cut"], "FETCH": ["500"]}

@@ -58,6 +58,7 @@ def written(space: Space, name: str, rows: slice, now: np.ndarray) -> None:
     space.write(f"{name}/capture.json", json.dumps(facts))
 
 
+@pytest.mark.slow
 def test_the_exit_code_says_whether_the_camera_moved(space: Space) -> None:
     written(space, "before", slice(0, 9), np.eye(4))
     written(space, "after", slice(9, 12), np.eye(4))

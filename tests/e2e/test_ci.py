@@ -35,6 +35,7 @@ def job(space: Space, programs: Path, store: str, *words: str, **env: str) -> An
     return Answer(done.returncode, done.stdout, done.stderr)
 
 
+@pytest.mark.slow
 def test_main_gives_and_a_pull_request_takes(space: Space, programs: Path) -> None:
     assert space.dxb("build", "say/words", "--lock", env={"DXB_CACHE": "own"}).code == 0
     reader = job(space, programs, "zero")

@@ -71,6 +71,7 @@ def test_an_error_in_the_file_names_its_real_path(space):
     assert "$scene" not in answer.err
 
 
+@pytest.mark.slow
 def test_an_edited_scene_rebuilds_what_was_edited(space):
     space.dxb("new", "scene", "twin/tabletop", *CAPTURE)
     space.edit("scene.yaml", "name: red_box", "name: tea")
@@ -92,6 +93,7 @@ def test_a_file_that_is_there_is_never_written_over(space):
     assert space.dxb("new", "scene", "twin/tabletop", *CAPTURE, "-o", "other.yaml").out == "other.yaml\n"
 
 
+@pytest.mark.slow
 def test_one_painted_mask_rebuilds_that_object_alone(space):
     answer = space.dxb("new", "mask", "twin/tabletop", "red_box", *CAPTURE)
     assert (answer.code, answer.out) == (0, "masks/red_box.png\n"), answer.err
@@ -111,6 +113,7 @@ def test_one_painted_mask_rebuilds_that_object_alone(space):
     assert line.startswith("red_box ")
 
 
+@pytest.mark.slow
 def test_a_mask_of_no_object_is_refused_with_the_objects(space):
     answer = space.dxb("new", "mask", "twin/tabletop", "red_bx", *CAPTURE)
     assert answer.code == 2

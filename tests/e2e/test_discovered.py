@@ -119,6 +119,7 @@ def test_what_was_read_makes_it_stale_and_why_names_it(robot: Space) -> None:
     assert robot.dxb("build", "robot", "--check").code == 0
 
 
+@pytest.mark.slow
 def test_files_that_come_and_go(robot: Space) -> None:
     robot.write("robots/meshes/b.stl", "b")
     assert "file\trobots/meshes/b.stl\tadded" in robot.dxb("why", "robot:text").out

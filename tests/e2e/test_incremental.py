@@ -100,6 +100,7 @@ def test_a_deleted_output_file_is_written_again(built):
     assert out.read_bytes() == b"ONE!!! TWO!!!"
 
 
+@pytest.mark.slow
 def test_an_output_file_that_was_changed_is_written_again_and_the_change_is_kept(built):
     out = built.root / built.dxb("build", "say/words").out.strip().partition("\t")[2]
     for aside in ("all~", "all~2"):

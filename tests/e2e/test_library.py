@@ -32,6 +32,7 @@ def rows(space: Space, *words: str) -> list[dict]:
     return found
 
 
+@pytest.mark.slow
 def test_it_lists_objects_and_backgrounds_with_their_facts(built):
     found = rows(built)
     assert {row["kind"] for row in found} == {"object", "background"}
@@ -89,6 +90,7 @@ def test_a_folder_of_other_files_is_left_alone(built, tmp_path):
     assert content(tmp_path).keys() == {"notes.txt"}
 
 
+@pytest.mark.slow
 def test_a_replaced_asset_is_shown_only_with_all(built):
     before = {row["digest"] for row in rows(built, "--kind", "object")}
     built.write("dxb.toml", 'cache = "cache"\nprofile = "stub"\n')

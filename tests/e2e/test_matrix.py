@@ -35,6 +35,7 @@ def test_another_value_builds_its_copy_alone(built):
     assert answer.nodes("ran") == {"sweep[times=3].loud", "sweep[times=3].louder", "all"}
 
 
+@pytest.mark.slow
 def test_copies_have_addresses_everywhere(built):
     assert built.build("say/sweep:sweep[times=2].loud").nodes("cached") == {"start", "sweep[times=2].loud"}
     (path,) = built.dxb("get", "say/sweep:sweep[times=2].loud", "-o", "there").out.split()

@@ -57,6 +57,7 @@ def placed(space: Space, out: str) -> list[int]:
     return [int((space.root / line.partition("\t")[2]).read_bytes()) for line in out.splitlines()]
 
 
+@pytest.mark.slow
 def test_builds_at_once_with_other_settings_never_mix_files(counts: Space) -> None:
     for kind in range(4):
         assert counts.dxb("build", "g", *settings(kind)).code == 0
@@ -73,6 +74,7 @@ def test_builds_at_once_with_other_settings_never_mix_files(counts: Space) -> No
     assert not list(counts.root.glob("cache/out/**/*~*"))
 
 
+@pytest.mark.slow
 def test_equal_builds_at_once_after_an_edit_succeed(counts: Space) -> None:
     for turn in range(2, 2 + max(3, ROUNDS // 8)):
         counts.write("data", str(turn))
@@ -113,6 +115,7 @@ def test_another_request_lies_beside_the_recipes_own(counts: Space) -> None:
     assert counts.dxb("build", "g:a0", "--profile", "cpu").out == own.out
 
 
+@pytest.mark.slow
 def test_get_show_and_report_answer_for_the_request_that_was_built_last(counts: Space) -> None:
     def got(*words: str) -> bytes:
         answer = counts.dxb("get", "g:a0", "-o", "got", *words)

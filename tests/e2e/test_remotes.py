@@ -58,6 +58,7 @@ def test_a_second_machine_runs_nothing(space: Space, served: str, kind: str) -> 
     assert results(space, "two") == results(space, "one")
 
 
+@pytest.mark.slow
 def test_bytes_come_only_where_somebody_reads_them(space: Space, served: str) -> None:
     machine(space, "one", "say/words", use=f"{served}:rw")
     machine(space, "two", "say/words", use=f"{served}:r")

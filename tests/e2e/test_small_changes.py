@@ -235,6 +235,7 @@ def test_what_says_something_else_is_seen(built: Space, file: str, old: str, new
     assert len(runs(built)) == 2
 
 
+@pytest.mark.slow
 def test_broken_local_state_is_passed_over(built: Space) -> None:
     file = built.root / "cache/local/state.db"
     built.write("two.txt", "new")
@@ -254,6 +255,7 @@ def test_broken_local_state_is_passed_over(built: Space) -> None:
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 def test_a_build_after_a_change_renews_the_pins_and_a_locked_one_looks_at_everything(built: Space) -> None:
     assert build(built, "--lock")[1] is not None
     pinned = (built.root / "dxb.lock").read_bytes()
@@ -298,6 +300,7 @@ def empty(ctx: Context, text: File) -> Folder:
 '''
 
 
+@pytest.mark.slow
 def test_outputs_come_back_as_they_were(built: Space) -> None:
     built.write("rules/toy/empty.py", EMPTY.lstrip())
     built.write("one.txt", "one.txt")

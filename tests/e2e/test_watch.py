@@ -116,6 +116,7 @@ def output(space):
     return (space.root / "cache/out/say/notes/slow/slow").read_bytes()
 
 
+@pytest.mark.slow
 def test_it_builds_again_for_what_was_read_and_for_nothing_else(notes, watch):
     watching = watch("say/notes")
     assert watching.round().endswith("(first build)")
@@ -145,6 +146,7 @@ def test_it_builds_again_for_what_was_read_and_for_nothing_else(notes, watch):
     assert watching.interrupt() == 0
 
 
+@pytest.mark.slow
 def test_an_error_is_shown_and_its_mend_awaited(notes, watch):
     watching = watch("say/notes")
     watching.round()
@@ -169,6 +171,7 @@ def test_a_failed_node_is_shown_and_its_mend_awaited(notes, watch):
     assert "1 ran" in watching.round()
 
 
+@pytest.mark.slow
 def test_pins_are_kept_up_to_date(notes, watch):
     assert notes.dxb("build", "--lock", "say/notes").code == 0
     before = (notes.root / "dxb.lock").read_text()
@@ -189,6 +192,7 @@ def test_a_missing_file_is_awaited(notes, watch):
     assert "2 ran" in watching.round()
 
 
+@pytest.mark.slow
 def test_a_change_during_a_build_is_not_missed(notes, watch):
     notes.edit("recipes/say/notes.yaml", "seconds: 0.0", "seconds: 1.5")
     watching = watch("say/notes")
@@ -235,6 +239,7 @@ def test_a_name_that_does_not_exist_ends_it(notes, watch):
     watching.until("no recipe is called `say/nots`")
 
 
+@pytest.mark.slow
 def test_it_builds_again_for_what_a_node_found_by_itself(notes, watch):
     notes.write("rules/toy/found.py", FOUND.lstrip())
     notes.write("recipes/say/found.yaml", "nodes: {all: {rule: toy.found}}\n")

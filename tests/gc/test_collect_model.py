@@ -115,6 +115,7 @@ def take(world: World, store: Store, *, dry: bool = False) -> Collection:
     return collect(store, held(*map(key_of, world.roots)), Limits(world.size, since), dry=dry)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(world=WORLDS)
 def test_a_collection_agrees_with_the_model(world: World) -> None:
@@ -138,6 +139,7 @@ def assert_whole_untouched(store: Store) -> None:
     assert inventory.read(store).broken == {}
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(world=WORLDS)
 def test_what_a_build_does_meanwhile_stays_whole(world: World) -> None:

@@ -25,6 +25,7 @@ def test_without_faults_the_correction_is_the_true_one() -> None:
     assert np.degrees(np.linalg.norm(error[3:])) < 0.05
 
 
+@pytest.mark.slow
 def test_a_biased_arm_does_not_push_the_hand() -> None:
     """The golden test of an arm model that is 2 % off, with 20 points of the arm for each of the hand."""
     off: dict[bool, list[float]] = {True: [], False: []}

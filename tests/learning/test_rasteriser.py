@@ -103,6 +103,7 @@ def by_autograd(given: Scene) -> Scene:
     return Scene(*(each.grad.numpy() for each in tensors))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
 def test_a_picture_is_that_of_the_dense_renderer(degree: int) -> None:
     given = scene(degree)

@@ -35,13 +35,13 @@ def play(seed: int, folder: Path, *, workers: bool = False) -> None:
         edit = project.edit()
 
 
-@pytest.mark.parametrize("seed", range(14))
+@pytest.mark.parametrize("seed", range(6))
 def test_a_build_after_any_edit_is_as_a_clean_one(seed: int, tmp_path: Path) -> None:
     """Promise: whatever was edited, appeared or vanished, a build gives what plain Python gives."""
     play(seed, tmp_path)
 
 
-@pytest.mark.parametrize("seed", range(100, 102))
+@pytest.mark.parametrize("seed", range(100, 101))
 def test_a_build_by_workers_after_any_edit_is_as_a_clean_one(seed: int, tmp_path: Path) -> None:
     """Promise: the same where workers run nodes."""
     play(seed, tmp_path, workers=True)

@@ -199,6 +199,7 @@ def test_every_bundled_model_can_be_read():
         assert model.licence
 
 
+@pytest.mark.slow
 def test_the_doctor_tells_of_weights_licence_and_memory_and_runs_the_self_test(voiced):
     def row(*flags: str) -> dict[str, object]:
         rows = json.loads(voiced.dxb("doctor", "--json", *flags).out)

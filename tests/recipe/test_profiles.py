@@ -95,6 +95,7 @@ def test_a_plan_without_its_inputs_shows_the_backends_and_lists_inputs_and_backe
     assert half.out.splitlines()[0] == "copy.loud\tunknown\ttoy.spoken\tquiet\t-\tprofile cpu"
 
 
+@pytest.mark.slow
 def test_the_plan_of_a_photograph_and_the_doctor_agree_on_what_the_models_need(space):
     answer = space.dxb("plan", "twin/from_photo", "--profile", "gpu", "--json")
     planned = {f"{row['rule']}={row['backend']}": row for row in json.loads(answer.out) if row["status"] == "missing"}

@@ -142,6 +142,7 @@ def test_a_task_needs_to_know_the_scale(space):
     assert known.code == 0, known.err[-3000:]
 
 
+@pytest.mark.slow
 def test_where_only_a_model_can_do_without_depth_the_error_says_so(space):
     answer = build(space, "twin/tabletop", without=("factorize.mesh=known",))
     assert answer.code == 1

@@ -260,6 +260,7 @@ def test_an_answer_without_a_type_needs_a_function_of_the_rule(toy, tmp_path):
     assert caught.value.code == "DXB-B382"
 
 
+@pytest.mark.slow
 def test_a_rule_that_no_recipe_calls_has_no_example(toy, tmp_path):
     (toy.root / "recipes/say/word.yaml").unlink()
     with pytest.raises(UsageError, match=r"no recipe calls `toy.say`") as caught:
@@ -305,6 +306,7 @@ def cube(ctx: Context) -> Mesh:
 '''
 
 
+@pytest.mark.slow
 def test_the_page_shows_what_is_written(space):
     """The commands of the section, what they print, the pieces of code it shows, and the tests that they write."""
     page = PAGE.read_text()

@@ -152,6 +152,7 @@ def test_what_leaves_is_lost_and_found_again_within_a_second():
             assert each["box"].why
 
 
+@pytest.mark.slow
 def test_what_stands_does_not_creep_and_its_noise_is_averaged():
     made = sequence(lambda time: standing(0.0, 0.0, 20), 3.0, rate=20.0)
     film = [frame for frame, _ in frames(made, still=True)]

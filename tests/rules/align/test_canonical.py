@@ -96,6 +96,7 @@ def named(folder, says: str) -> CanonicalFrame:
     return found
 
 
+@pytest.mark.slow
 def test_a_language_model_names_one_of_the_pictures(tmp_path):
     pytest.importorskip("transformers")
     frame = named(tmp_path, "3")

@@ -60,6 +60,7 @@ def test_a_scene_of_unknown_scale_is_aligned(runner: RuleRunner) -> None:
     assert runner.outcome.line.startswith("scale 2.7")
 
 
+@pytest.mark.slow
 def test_a_scene_of_one_gaussian_for_each_pixel_is_aligned_as_well(runner: RuleRunner) -> None:
     """In a small picture many of them lie in a pixel: it has to show their mean, not the nearest."""
     own, shot = painted.capture(painted.room(), np.eye(4)), painted.capture(painted.room(), AWAY)

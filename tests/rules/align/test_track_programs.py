@@ -70,6 +70,7 @@ def run(runner: RuleRunner, video: RgbdVideo, **more: object) -> Tracking:
     return runner.run("align.track", backend="foundation_pose", **given)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("masked", [False, True])
 def test_a_mesh_that_is_not_centred_is_tracked_in_metres(
     tmp_path: Path, video: RgbdVideo, film: list[tuple[RgbdFrame, np.ndarray]], masked: bool
@@ -85,6 +86,7 @@ def test_a_mesh_that_is_not_centred_is_tracked_in_metres(
         assert made == pytest.approx(path(stamp)[:3, 3] + middle, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_pose_that_the_depth_contradicts_is_lost(tmp_path: Path, video: RgbdVideo):
     """The program itself gives no status: it always has a pose."""
     wrong = trackers.FOUNDATION_POSE["estimater.py"].replace(
@@ -94,6 +96,7 @@ def test_a_pose_that_the_depth_contradicts_is_lost(tmp_path: Path, video: RgbdVi
     assert set(track.status) == {"lost"}
 
 
+@pytest.mark.slow
 def test_an_answer_for_other_frames_is_refused(tmp_path: Path, video: RgbdVideo):
     short = trackers.FOUNDATION_POSE["estimater.py"].replace("reshape(4, 4)\n", "reshape(2, 8)[:1]\n")
     with pytest.raises(RuleError):

@@ -279,6 +279,7 @@ def test_without_depth_there_is_a_room_too(tmp_path: Path) -> None:
     assert (made.mesh.vertices[:, 2] == 0).all()
 
 
+@pytest.mark.slow
 def test_a_real_kitchen_is_kept_in_views_that_it_was_not_made_from(tmp_path: Path) -> None:
     folder = CAPTURES / "kitchen_table"
     if not folder.exists():
@@ -309,6 +310,7 @@ def test_a_real_kitchen_is_kept_in_views_that_it_was_not_made_from(tmp_path: Pat
     assert min(cover) > 0.99
 
 
+@pytest.mark.slow
 def test_what_has_no_depth_shows_on_the_room_behind_it(tmp_path: Path) -> None:
     """The far part of a table and the room behind it are out of the depth camera's reach."""
     folder = CAPTURES / "clutter_test_51"

@@ -284,6 +284,7 @@ def test_a_segmentation_of_another_size_is_refused(tmp_path: Path) -> None:
         build(empty, table, np.zeros((10, 10), bool), tmp_path, static_stub)
 
 
+@pytest.mark.slow
 def test_a_real_table_loses_its_object(tmp_path: Path) -> None:
     folder = CAPTURES / "table_mustard"
     if not folder.exists():

@@ -36,6 +36,7 @@ def cleaned(tmp_path: Path, weights: Path, mask: np.ndarray | None = None, **opt
     return runner.run("background.static", backend="flux2", options={"flux2": options}, **inputs)
 
 
+@pytest.mark.slow
 def test_only_the_hole_is_painted_and_the_rest_is_that_of_planes(tmp_path: Path, weights: Path) -> None:
     painted, planes = cleaned(tmp_path, weights, steps=2, longest_px=128), cleaned(tmp_path, weights)
     empty, table = striped_table()
@@ -49,6 +50,7 @@ def test_only_the_hole_is_painted_and_the_rest_is_that_of_planes(tmp_path: Path,
     assert painted.boxes == planes.boxes
 
 
+@pytest.mark.slow
 def test_the_seed_and_the_prompt_decide(tmp_path: Path, weights: Path) -> None:
     first, again, other, asked = (
         cleaned(tmp_path, weights, steps=2, longest_px=64, **more).image.pixels

@@ -56,6 +56,7 @@ def test_what_fell_rests_on_the_table_and_on_one_another(tmp_path: Path, contact
         assert np.linalg.norm(again[name][:3, 3] - thing.pose.matrix[:3, 3]) < 2e-3
 
 
+@pytest.mark.slow
 def test_one_seed_gives_one_world_and_another_another(tmp_path: Path) -> None:
     first, same, other = (world(tmp_path, "apart", seed) for seed in (1, 1, 2))
     poses = [{name: thing.pose.matrix.tolist() for name, thing in drawn.objects.items()} for drawn in (first, same)]
@@ -144,6 +145,7 @@ def test_a_sweep_changes_one_quantity_and_keeps_the_scenes(tmp_path: Path) -> No
     assert {draw.axis for draw in swept.items.values()} == {"distance_m", "noise", "contact"}
 
 
+@pytest.mark.slow
 def test_a_worse_sensor_is_noisier_and_has_holes(tmp_path: Path) -> None:
     drawn = world(tmp_path, "apart", backend="stub")
     depths = {}
@@ -192,6 +194,7 @@ def test_a_file_that_is_no_mesh_is_named(tmp_path: Path) -> None:
         )
 
 
+@pytest.mark.slow
 def test_pieces_fill_a_thing_and_leave_its_cavity_open(tmp_path: Path) -> None:
     outside, inside = solids.box((0.1, 0.1, 0.1), (0, 0, 0.05)), solids.box((0.08, 0.08, 0.1), (0, 0, 0.07))
     cup = solids.difference(outside, inside)

@@ -38,6 +38,7 @@ def views(request: pytest.FixtureRequest, world: World, tmp_path_factory: pytest
     return PosedViews(Context(scratch=path), made)
 
 
+@pytest.mark.slow
 def test_the_first_view_is_the_captures_and_the_things_are_gone(
     world: World, views: PosedViews, tmp_path: Path
 ) -> None:

@@ -46,6 +46,7 @@ def pair(runner: RuleRunner, world: World, request: pytest.FixtureRequest) -> tu
     )
 
 
+@pytest.mark.slow
 def test_a_capture_holds_nothing_but_pictures_and_intrinsics(pair: tuple[Capture, Truth], world: World) -> None:
     assert set(type(pair[0]).model_fields) == {"photograph", "measured"}
     assert set(type(pair[0].photograph).model_fields) == {"rgb", "camera"}

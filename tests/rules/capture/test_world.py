@@ -149,6 +149,7 @@ def test_the_camera_looks_at_its_target(world: World) -> None:
     assert world.camera_pose.matrix[2, 1] < 0  # image down is world down
 
 
+@pytest.mark.slow
 def test_the_same_description_gives_the_same_digest(world: World, tmp_path: Path) -> None:
     runner = RuleRunner(tmp_path)
     assert runner.encode(runner.run("capture.world", options=WORLD)) == runner.encode(world)

@@ -69,6 +69,7 @@ def info(folder: Folder) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(lengths=LENGTHS, kilobytes=st.sampled_from([0.1, 1.0, 2.5, 1000.0]), per_chunk=st.integers(1, 3))
 def test_indices_run_on_over_all_files(lengths: list[int], kilobytes: float, per_chunk: int) -> None:
@@ -93,6 +94,7 @@ def test_indices_run_on_over_all_files(lengths: list[int], kilobytes: float, per
         )
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(lengths=LENGTHS, kilobytes=st.sampled_from([0.1, 1.0, 2.5]), per_chunk=st.integers(1, 3))
 def test_an_episode_lies_where_its_row_says(lengths: list[int], kilobytes: float, per_chunk: int) -> None:
@@ -116,6 +118,7 @@ def test_an_episode_lies_where_its_row_says(lengths: list[int], kilobytes: float
         assert row["length"] == len(span) == len(episode.joints)
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(lengths=LENGTHS, kilobytes=st.sampled_from([0.5, 2.0, 1000.0]), every=st.integers(1, 6))
 def test_a_video_has_the_episodes_frames_where_their_rows_say(lengths: list[int], kilobytes: float, every: int) -> None:

@@ -33,6 +33,7 @@ def killed_after(monkeypatch: pytest.MonkeyPatch, runner: RuleRunner, count: int
     return tried
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tracked", [False, True])
 def test_the_trials_that_were_done_are_not_made_again(tmp_path, monkeypatch, tracked):
     bundle = gate.bundle("reference", yaw_rad=0.5)

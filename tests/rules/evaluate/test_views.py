@@ -135,6 +135,7 @@ def test_gaussians_are_drawn_with_the_objects(twin: tuple[dict[str, object], Sce
         RuleRunner(tmp_path).run("evaluate.views", backend="gaussians", **given)
 
 
+@pytest.mark.slow
 def test_a_twin_that_is_moved_is_worse(twin: tuple[dict[str, object], Scene], tmp_path: Path) -> None:
     inputs, world = twin
     pose = world.camera_pose.matrix.copy()

@@ -52,6 +52,7 @@ def photographed() -> Capture:
     return tabletops.tabletop(*THINGS).capture
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_a_turned_camera_finds_the_same_things_in_the_same_world(runner, photographed, count):
     first, level, quiet = segmented(runner, photographed)
@@ -66,6 +67,7 @@ def test_a_turned_camera_finds_the_same_things_in_the_same_world(runner, photogr
     assert np.abs(moved - level.camera_pose.matrix).max() < 1e-6, "the world does not turn with the camera"
 
 
+@pytest.mark.slow
 def test_clicks_count_in_the_picture_as_it_was_taken(runner, photographed):
     first, _, _ = segmented(runner, photographed)
     capture = turned(photographed, 1)

@@ -52,6 +52,7 @@ def _frames(one: Episode, height: int, width: int) -> bytes:
     return Film.packed(frames)
 
 
+@pytest.mark.slow
 def test_it_learns_what_was_shown(tmp_path: Path) -> None:
     """A policy that saw 16 swings towards a box reaches boxes that stand elsewhere."""
     made = learn(tmp_path, episodes.small(16, 30), steps=500, width=32, batch=32)

@@ -142,6 +142,7 @@ def test_a_cell_that_does_not_know_an_object_is_refused(environment):
     assert caught.value.facts["known"] == "cup"
 
 
+@pytest.mark.slow
 def test_a_trial_is_judged_by_what_was_measured_too(environment):
     policy = Pushing()
     with TrackedCell(environment, cells.cell(), (), gate.bundle("twin")) as watching:
@@ -153,6 +154,7 @@ def test_a_trial_is_judged_by_what_was_measured_too(environment):
         assert (idle.success, watching.sighting.success) == (False, False)
 
 
+@pytest.mark.slow
 def test_the_guard_keeps_a_policy_to_the_limits_of_the_cell(environment):
     slow = cells.cell(limits=Limits(speed=0.1))
     with TrackedCell(environment, slow, ()) as watching:

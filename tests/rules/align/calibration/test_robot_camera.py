@@ -50,6 +50,7 @@ def hand_error(views: RobotViews, found: Calibration) -> float:
     return 1000 * float(np.linalg.norm(transforms.apply(right, places) - transforms.apply(ours, places), axis=1).mean())
 
 
+@pytest.mark.slow
 def test_a_coarse_calibration_is_refined(folder: Path, tmp_path: Path) -> None:
     taken, start, runner = views(folder), coarse(), RuleRunner(tmp_path)
     found = runner.run("align.robot_camera", views=taken, robot=worlds.robot(), calibration=start)

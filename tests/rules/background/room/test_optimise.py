@@ -53,6 +53,7 @@ def optimised(folder: Path, views: Views, **options: float) -> tuple[Room, dict[
     return room, runner.outcome.metrics
 
 
+@pytest.mark.slow
 def test_views_that_are_held_out_look_better_afterwards(tmp_path: Path, views: Views) -> None:
     room, metrics = optimised(tmp_path / "r", views, steps=25)
     before, after = metrics["held-out views before"][0], metrics["held-out views"][0]

@@ -50,6 +50,7 @@ def downwards() -> float:
     return float(np.degrees(np.arcsin(-POSE[2, 2])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lower", [0.0, 12.5])
 def test_the_photograph_is_found_in_the_generated_panorama(tmp_path: Path, monkeypatch, lower: float) -> None:
     """Level, as assumed, and painted lower than it is: then the pose of the panorama is not level."""
@@ -73,6 +74,7 @@ def test_the_photograph_is_found_in_the_generated_panorama(tmp_path: Path, monke
     assert np.quantile(errors, 0.9) < 25
 
 
+@pytest.mark.slow
 def test_a_panorama_that_does_not_show_the_photograph_marks_nothing(tmp_path: Path) -> None:
     panorama = widened(tmp_path)
     assert panorama.seen is None

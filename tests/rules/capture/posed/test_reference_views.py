@@ -67,6 +67,7 @@ def test_a_biased_arm_is_larger_than_its_model(tmp_path: Path) -> None:
     assert (wide.labels == 2).sum() == pytest.approx((plain.labels == 2).sum(), rel=0.1)
 
 
+@pytest.mark.slow
 def test_encoders_err_as_stated_and_seeds_differ(tmp_path: Path) -> None:
     exact = taken(tmp_path, errors={"encoder_sigma_deg": 0.0})
     noisy = taken(tmp_path, errors={"encoder_sigma_deg": 0.0, "zero_sigma_deg": 0.5})

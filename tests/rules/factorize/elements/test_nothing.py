@@ -72,6 +72,7 @@ def test_a_unit_that_is_ten_times_too_large_is_suspected(tmp_path):
     assert "depth_scale_m" in (caught.value.hint or "")
 
 
+@pytest.mark.slow
 def test_depth_that_is_noise_is_called_so(tmp_path):
     scene = tabletops.tabletop((BOX, factories.pose()))
     noise = np.random.default_rng(2).uniform(0.4, 1.2, scene.labels.labels.shape)

@@ -54,6 +54,7 @@ def articulated(tmp_path: Path, **options: Any) -> tuple[Body, RuleRunner]:
     return body, runner
 
 
+@pytest.mark.slow
 def test_links_and_joints_are_in_metres_in_the_frame_of_the_shape(tmp_path: Path) -> None:
     body, runner = articulated(tmp_path)
     assert runner.outcome.line == "1 hinge, 1 slide"
@@ -69,6 +70,7 @@ def test_links_and_joints_are_in_metres_in_the_frame_of_the_shape(tmp_path: Path
     assert (drawer.lower, drawer.upper) == pytest.approx((0.0, 0.25 * 0.5))
 
 
+@pytest.mark.slow
 def test_the_body_stands_as_the_shape_and_its_parts_move(tmp_path: Path) -> None:
     body, _ = articulated(tmp_path)
     whole, _ = kinematics.posed_surface(body)
@@ -79,6 +81,7 @@ def test_the_body_stands_as_the_shape_and_its_parts_move(tmp_path: Path) -> None
     assert pulled[:3, 3] == pytest.approx((0.0, -0.1, 0.0))
 
 
+@pytest.mark.slow
 def test_nothing_measured_is_used(tmp_path: Path) -> None:
     assert articulated(tmp_path)[0].asset_source == "rgb"
 

@@ -33,6 +33,7 @@ def captured(kind: str, before: dict[str, float], after: dict[str, float], headi
     return first, inputs_of(first, second, place, sight.Stand(shift @ place.pose, place.eye), 3)
 
 
+@pytest.mark.slow
 def test_a_lid_that_was_moved_has_its_hinge(runner):
     thing, inputs = captured("box_with_lid", {"hinge": 1.2}, {"hinge": 1.9})
     body = runner.run("factorize.articulate", **inputs)
@@ -51,6 +52,7 @@ def test_a_lid_that_was_moved_has_its_hinge(runner):
     assert all(link.mesh.is_closed for link in body.links.values())
 
 
+@pytest.mark.slow
 def test_a_drawer_that_was_moved_slides(runner):
     thing, inputs = captured(
         "drawers", {"slide_0": 0.0, "slide_1": 0.03}, {"slide_0": 0.0, "slide_1": 0.11}, heading=0.5
@@ -73,6 +75,7 @@ def test_what_did_not_move_is_rigid(runner):
     assert runner.outcome.line == "rigid, 1 link"
 
 
+@pytest.mark.slow
 def test_a_part_of_a_cut_mesh_is_where_it_was_seen(runner):
     _, inputs = captured("scissors", {"pin": 0.6}, {"pin": 1.0}, pitch=60.0)
     body = runner.run("factorize.articulate", **inputs)

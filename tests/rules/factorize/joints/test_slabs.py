@@ -33,6 +33,7 @@ def hinge(runner, kind: str, opening: float, side: float):
     return body, joint, judged(moved(thing.joints[0], body.pose.inverse().matrix @ place.pose), joint)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("opening", "side"), [(10, 20), (70, 45), (105, 90)])
 def test_a_laptop_from_its_front_and_side_has_its_hinge_within_2_degrees_and_3_mm(runner, opening, side):
     body, joint, found = hinge(runner, "laptop", opening, side)
@@ -44,6 +45,7 @@ def test_a_laptop_from_its_front_and_side_has_its_hinge_within_2_degrees_and_3_m
     assert body.asset_source == "rgbd"
 
 
+@pytest.mark.slow
 def test_a_laptop_from_behind_is_told_with_a_wider_interval(runner):
     _, joint, found = hinge(runner, "laptop", 105, 170)
     assert found.axis_deg < 2.0
@@ -52,6 +54,7 @@ def test_a_laptop_from_behind_is_told_with_a_wider_interval(runner):
     assert joint.origin_sigma_m > 0.003
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [20, 140])
 def test_a_box_with_an_open_lid_is_hollow_and_closes(runner, side):
     body, joint, found = hinge(runner, "box_with_lid", 60, side)

@@ -48,6 +48,7 @@ def cut(tmp_path: Path, capture: Capture, elements: Elements) -> Segmentation:
     return found
 
 
+@pytest.mark.slow
 def test_each_thing_of_the_reference_world_is_cut_out(tmp_path, shot):
     capture, truth = shot
     true = {name: truth.labels.labels == thing.label for name, thing in truth.objects.items()}

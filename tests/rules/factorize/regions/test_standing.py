@@ -15,6 +15,7 @@ from rules.factorize.regions.proposals import colour_lab
 from tests import factories, tabletops
 
 
+@pytest.mark.slow
 def test_the_foot_of_a_thing_is_not_beyond_the_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # Large pictures are divided in blocks, and those at a foot show both thing and table.
     monkeypatch.setattr(tabletops, "LENS", tabletops.LENS.scaled(2.0))

@@ -45,6 +45,7 @@ def apart(shape: Shape, body: Solid) -> float:
     return metrics.chamfer_and_f(*points, 0.01)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", NAMES)
 def test_a_carton_is_closed_stands_and_is_near_the_truth(tmp_path: Path, backend: str) -> None:
     shape = mesh(tmp_path, CARTON, backend)
@@ -54,6 +55,7 @@ def test_a_carton_is_closed_stands_and_is_near_the_truth(tmp_path: Path, backend
     assert apart(shape, CARTON) < {"bounding_box": 0.006, "convex_hull": 0.012, "poisson": 0.015}[backend]
 
 
+@pytest.mark.slow
 def test_only_the_surface_keeps_a_concave_outline(tmp_path: Path) -> None:
     volume = {
         name: Solid(made.mesh.vertices.astype(np.float64), made.mesh.faces).volume

@@ -144,6 +144,7 @@ def test_a_vessel_is_hollow_and_its_walls_leave_the_cavity_free(tmp_path, body, 
     assert walls.mean() > 0.97
 
 
+@pytest.mark.slow
 def test_a_handle_makes_a_loop(tmp_path):
     loop = solids.difference(
         can(0.025, 0.012).moved(

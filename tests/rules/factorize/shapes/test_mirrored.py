@@ -113,6 +113,7 @@ def test_the_body_equals_its_mirror_image(tmp_path: Path) -> None:
     assert metrics.chamfer_and_f(points * [1.0, -1.0, 1.0], again, 0.005)[0] == pytest.approx(same, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_hole_and_a_gap_of_the_mask_and_lost_depth(tmp_path: Path) -> None:
     body = synthetic.placed(lumps(), 0.0, 0.0, 10)
     seen = synthetic.view(body, synthetic.Eye())
