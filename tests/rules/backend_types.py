@@ -97,6 +97,9 @@ import rules.demonstrate.operate_stub
 import rules.demonstrate.synthesize
 import rules.demonstrate.synthesize_mujoco
 import rules.demonstrate.synthesize_stub
+import rules.evaluate.expert
+import rules.evaluate.expert_mujoco
+import rules.evaluate.expert_stub
 import rules.evaluate.overlay
 import rules.evaluate.overlay_mujoco
 import rules.evaluate.overlay_stub
@@ -306,3 +309,5 @@ align_matches_superpoint: rules.align.matches.MatchesBackend = rules.align.match
 align_scene_sift: rules.align.scene.scene.SceneBackend = rules.align.scene.scene_sift
 align_scene_stub: rules.align.scene.scene.SceneBackend = rules.align.scene.scene_stub
 align_scene_superpoint: rules.align.scene.scene.SceneBackend = rules.align.scene.scene_superpoint_lightglue
+evaluate_expert_mujoco: rules.evaluate.expert.ExpertBackend = rules.evaluate.expert_mujoco
+evaluate_expert_stub: rules.evaluate.expert.ExpertBackend = rules.evaluate.expert_stub

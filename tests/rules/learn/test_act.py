@@ -16,7 +16,7 @@ from dextera_build.artifacts.episode import Episode, Episodes, Film
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.errors import RuleError
 from dextera_build.learning import weights
-from dextera_build.policy.observation import Measurement, deployable
+from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
 from dextera_build.rule import Context
 from dextera_build.sim.runtime.policies import load
 from dextera_build.testing import RuleRunner
@@ -244,7 +244,7 @@ def test_where_objects_are_is_told_in_training_alone(tmp_path: Path) -> None:
     policy = load(made, BUNDLE, episodes.view(48, 32))
     joints, picture = data.items["0"].joints[0], np.zeros((32, 48, 3), np.uint8)
     tracked = [np.full((2, 7), fill) for fill in (0.5, np.nan)]
-    seen = [Measurement(joints, objects, np.zeros(1), picture) for objects in tracked]
+    seen = [Measurement(joints, objects, np.zeros(1), {PICTURE: Frame(rgb=picture)}) for objects in tracked]
     acted = [policy.act(deployable(one, joints, np.ones(1))) for one in seen]
     assert np.isfinite(acted).all()
 
