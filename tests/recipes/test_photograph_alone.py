@@ -51,6 +51,7 @@ nodes:
     {{rule: simulate.task, scene: $twin.scene, assets: $twin.body.asset, robot: $robot, base: $base, {options}}}
   reference: {{rule: simulate.perturbed, bundle: $task}}
   view: {{rule: simulate.view, scene: $twin.scene}}
+  cell: {{rule: simulate.cell, scene: $twin.scene, assets: $twin.body.asset, base: $base}}
 targets: {{default: [task]}}
 """
 
