@@ -75,6 +75,7 @@ def test_the_exit_code_says_whether_the_camera_moved(space: Space) -> None:
     assert (unsure.code, "unsure" in unsure.out) == (3, True), unsure.err
 
 
+@pytest.mark.slow
 def test_a_node_of_another_rule_is_refused(space: Space) -> None:
     answer = space.dxb("check", "calibration", "cell:views")
     assert answer.code == 2
