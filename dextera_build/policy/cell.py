@@ -1,4 +1,4 @@
-"""A robot at work, whoever plays it: a simulator, a simulated cell with a tracker, or a node that drives hardware.
+"""The interface of a robot cell, filled by the simulator, a simulated cell with a tracker, or a driver of hardware.
 
 What measures and sends is a `RobotCell`; its `Guard` keeps every one of them to the same limits.
 """

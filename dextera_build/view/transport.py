@@ -22,7 +22,7 @@ class Transport:
     def __init__(self, period_s: float, forward: Callable[[], bool], show: Callable[[], None]) -> None:
         self._period_s, self._forward, self._show = period_s, forward, show
         self.lock = threading.RLock()
-        """Held while a step is taken; whoever changes the state from elsewhere takes it."""
+        """Lock of the state: hold it to step, or to change the state from another thread."""
         self.speed = 1.0
         """Simulated time per real time that is asked for."""
         self.reached = 0.0

@@ -103,7 +103,7 @@ def test_a_hand_hides_points_and_does_not_pull_them():
 
 
 def lifted(time: float) -> np.ndarray:
-    """Stands for 0.8 s, then goes up by 12 cm in 0.6 s."""
+    """The box stands for 0.8 s, then rises by 12 cm in 0.6 s."""
     return standing(0.0, 0.0, 20.0, 0.2 * float(np.clip(time - 0.8, 0, 0.6)))
 
 
