@@ -33,7 +33,7 @@ Progress = Callable[[int, int, str], None]
 T = TypeVar("T")
 ENOUGH = 24
 """Free paths among which the most comfortable are sought."""
-LOOKED, FEW = 300, 6
+LOOKED, FEW = 800, 12
 """Candidates after which this many free paths are enough, too."""
 SOME = 12
 """Grasps of the giver that are combined with those of the receiver."""
