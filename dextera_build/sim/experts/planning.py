@@ -39,6 +39,10 @@ SOME = 12
 """Grasps of the giver that are combined with those of the receiver."""
 PAIRS = 20
 """Pairs of grasps that are rehearsed at most."""
+LEANS = (0.0, -0.4, 0.4, -0.8, 0.8)
+"""Tilts of pushing fingers from straight down [rad]."""
+ABOVE_M = (0.16, 0.07)
+"""Heights of the approach above the start of a push [m]."""
 HANDS_APART_M = 0.10
 """Smallest distance of two palms at one object [m]."""
 
@@ -267,14 +271,17 @@ def _slides(environment: Environment, reach: Reach, room: Room, state: State) ->
     """Pushes of the task's object along its support, most comfortable first."""
     turns = (0.0, 0.4, -0.4, 0.8, -0.8, np.pi / 2, -np.pi / 2, np.pi)
     pitches = (0.0, 0.5, -0.5, 1.0, -1.0)
-    ways = [Stroke(lean, turn, pitch) for pitch in pitches for turn in turns for lean in (0.0, -0.4, 0.4)]
+    ways = [
+        Stroke(lean, turn, pitch, above_m=above)
+        for pitch, turn, lean, above in itertools.product(pitches, turns, LEANS, ABOVE_M)
+    ]
     return _comfortable([_pushed(way, Push(environment, reach, way)) for way in ways], room, state)
 
 
 def _swings(environment: Environment, reach: Reach, room: Room, state: State) -> list[Candidate]:
     """Pushes of the task's joint that the arm can follow, simplest first."""
     pitches, turns = (0.0, 0.5, -0.5, 1.0, -1.0), (0.0, 0.3, -0.3, 0.6, -0.6)
-    ways = [Swing(lean, turn, pitch) for pitch in pitches for turn in turns for lean in (0.0, -0.4, 0.4)]
+    ways = [Swing(lean, turn, pitch) for pitch in pitches for turn in turns for lean in LEANS]
     found = [_pushed(way, Articulate(environment, reach, way)) for way in ways]
     return [each for each in found if _goes(each, reach, state)]
 

@@ -64,10 +64,10 @@ class Push(Pushing):
         ahead = way / max(far, 1e-9)
         surface = transforms.apply(pose, self._points)
         heights = surface @ self._up
-        low = float(heights.min() + max(stroke.low * np.ptp(heights), self._hand.tip_m + 0.008))
+        turn = self._orientation(ahead)
+        low = float(heights.min() + max(stroke.low * np.ptp(heights), self._hand.height(turn, self._up)))
         behind = float((surface @ ahead).min() - pose[:3, 3] @ ahead)
         start = pose[:3, 3] + ahead * behind + self._up * (low - pose[:3, 3] @ self._up)
-        turn = self._orientation(ahead)
 
         def palm(along: float, up: float = 0.0) -> np.ndarray:
             return self._hand.palm(turn, start + ahead * (along - self._hand.tip_m) + self._up * up)

@@ -22,6 +22,8 @@ TOUCH_M = 0.004
 """Allowed penetration between hand and task object during intended contact [m]."""
 CLEAR_M = 0.010
 """Clearance of the robot from everything else [m]."""
+RESTARTS = 3
+"""Further starts of the inverse kinematics for the first pose of a plan."""
 EVERY = 2
 """Control steps between collision checks along a plan."""
 
@@ -87,7 +89,7 @@ class Room:
     def _solved(self, reach: Reach, legs: Sequence[Leg], seed: np.ndarray | None) -> Solution | None:
         """The arms' joints at the ends of legs, or None."""
         palms = np.array([leg.palm for leg in legs])
-        solved = reach.arm.solve(palms, seed, restarts=1 if seed is None else 0, posture=reach.arm.home)
+        solved = reach.arm.solve(palms, seed, restarts=RESTARTS if seed is None else 0, posture=reach.arm.home)
         return solved if solved.reached() else None
 
     def _clear(self, reach: Reach, plan: Plan, first: int, state: State) -> bool:

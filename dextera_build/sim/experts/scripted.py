@@ -17,6 +17,9 @@ from dextera_build.sim.experts.motion import Leg, Plan, follow
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.runtime.environment import Environment
 
+SUPPORT_M = 0.012
+"""Clearance of pushing fingertips from the support [m]."""
+
 
 class Scripted(ABC):
     """Follows the plan that it makes of the first state.
@@ -134,7 +137,8 @@ class Pushed:
         """(H,) finger joints [rad]."""
         self.tip_m = grip.tip_radius_m
         """Radius of a fingertip [m]."""
-        self._pad = reach.fingers.reach(self.fingers)
+        self._tips = np.array([reach.fingers.tip(role, self.fingers) for role in reach.fingers.fingers])
+        self._pad = self._tips.mean(axis=0)
         # Axes of the hand, in the palm's frame: along the fingers, out of the palm, and across.
         along, out = np.array(grip.pointing), np.array(grip.facing)
         self._axes = np.stack([along, out, np.cross(along, out)])
@@ -142,6 +146,16 @@ class Pushed:
     def palm(self, turn: np.ndarray, tip: np.ndarray) -> np.ndarray:
         """Pose (4, 4) of the palm with rotation `turn` (3, 3) and the fingertips at `tip` (3,)."""
         return transforms.rigid(turn, tip - turn @ self._pad)
+
+    def height(self, turn: np.ndarray, up: np.ndarray) -> float:
+        """Least height [m] of the middle of the fingertips at which the lowest one clears the support.
+
+        Args:
+            turn: (3, 3) rotation of the palm.
+            up: (3,) vertical in the same frame.
+        """
+        lowest = float((((self._tips - self._pad) @ turn.T) @ up).min())
+        return self.tip_m + SUPPORT_M - lowest
 
     def turn(self, facing: np.ndarray, up: np.ndarray, lean_rad: float) -> np.ndarray:
         """Rotation (3, 3) of the palm: towards `facing` (3,), fingers down, tilted towards it by `lean_rad`."""

@@ -19,10 +19,10 @@ from dextera_build.sim.runtime.environment import Environment
 UP = np.array([0.0, 0.0, 1.0])
 CLEAR_M = 0.06
 """Distance from the object at which the hands wait beside it [m]."""
-PRESS_M = 0.04
+PRESS_M = 0.07
 """Way that the hands go on after touching [m]."""
-ABOVE_M = 0.14
-"""Height of the approach above that [m]."""
+ABOVE_M = (0.14, 0.06)
+"""Heights of the approach above that; hands with fingers down do not rise as far [m]."""
 BESIDE_M = 0.035
 """Half width of the strip across the object in which its width is measured [m]."""
 SECONDS = (1.4, 0.8, 0.7, 0.6, 1.6, 0.8)
@@ -51,6 +51,8 @@ class Squeeze:
     """Human-readable description."""
     way: str
     """Kind of squeeze."""
+    above_m: float
+    """Height of the approach above the places where the hands wait [m]."""
 
     def lifting(self, name: str, base: np.ndarray, up: np.ndarray, rise_m: float) -> dict[str, list[Leg]]:
         """The way to both sides, and up.
@@ -69,7 +71,7 @@ class Squeeze:
             wait = shifted(touch, away)
             pressed = shifted(touch, -away / np.linalg.norm(away) * PRESS_M)
             plan[limb] = [
-                Leg(shifted(wait, up * ABOVE_M), side.fingers, over, "approach", arc_m=0.05),
+                Leg(shifted(wait, up * self.above_m), side.fingers, over, "approach", arc_m=0.05),
                 Leg(wait, side.fingers, down, "reach", name),
                 Leg(touch, side.fingers, near, "grasp", name, True),
                 Leg(pressed, side.fingers, press, "grasp", name, True),
@@ -132,13 +134,16 @@ def squeezes(points: np.ndarray, reach: Reach, places: Mapping[str, np.ndarray])
                 }
                 label = f"both hands at {1000 * height:.0f} mm, across {np.degrees(turn):.0f} deg"
                 said = f"{label}, pitch {np.degrees(pitch):.0f} deg"
-                yield Squeeze(sides, said, f"across {np.degrees(turn) // 30:.0f}")
+                for above in ABOVE_M:
+                    yield Squeeze(sides, said, f"across {np.degrees(turn) // 30:.0f}", above)
 
 
 def _side(hand: Pushed, touch: np.ndarray, facing: np.ndarray, pitch: float) -> Side:
     """The hand that presses at `touch` (3,) towards `facing` (3,), fingers down, pitched about `facing`."""
     along = np.cos(pitch) * UP + np.sin(pitch) * np.cross(UP, facing)
-    palm = hand.palm(hand.turn(facing, along, 0.0), touch - facing * hand.tip_m)
+    turn = hand.turn(facing, along, 0.0)
+    raised = touch + UP * max(0.0, hand.height(turn, UP) - touch[2])
+    palm = hand.palm(turn, raised - facing * hand.tip_m)
     return Side(palm, -facing * CLEAR_M, hand.fingers)
 
 
