@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -22,7 +23,7 @@ from dextera_build.sim.experts.lift import Lift
 from dextera_build.sim.experts.place import Place, PlaceTogether
 from dextera_build.sim.experts.push import Push, Stroke
 from dextera_build.sim.experts.reach import Reach
-from dextera_build.sim.experts.rehearse import Candidate, Planned, Rehearsed, rehearse, taking_turns
+from dextera_build.sim.experts.rehearse import Candidate, Planned, Rehearsed, drawn, rehearse, taking_turns
 from dextera_build.sim.experts.reorient import Reorient
 from dextera_build.sim.experts.room import Room
 from dextera_build.sim.experts.squeeze import LiftTogether, Squeeze, in_object, squeezes
@@ -35,6 +36,8 @@ ENOUGH = 24
 """Free paths among which the most comfortable are sought."""
 LOOKED, FEW = 800, 12
 """Candidates after which this many free paths are enough, too."""
+PLANNED = 3
+"""Drawn starts from which candidates are sought, beside the photographed one."""
 SOME = 12
 """Grasps of the giver that are combined with those of the receiver."""
 PAIRS = 20
@@ -53,21 +56,23 @@ class Practised:
     Args:
         rehearsed: Candidates, best first.
         room: The task's collision checker.
+        plan: New candidates from a state, most comfortable first.
     """
 
-    def __init__(self, rehearsed: list[Rehearsed], room: Room) -> None:
+    def __init__(self, rehearsed: list[Rehearsed], room: Room, plan: Callable[[State], list[Candidate]]) -> None:
         self.rehearsed = rehearsed
-        self._room = room
+        self._room, self._plan = room, plan
         self._now = rehearsed[0].candidate.operator
 
     def begin(self, state: State) -> None:
-        """Choose the first free path from `state`; if none is free, the best one reports the reason."""
+        """Choose the first free path from `state`, or a new one; if none is free, the best one reports the reason."""
         for one in self.rehearsed:
             if self._room.comfort(one.candidate.operator.phases(state), state) is not None:
                 self._now = one.candidate.operator
                 break
         else:
-            self._now = self.rehearsed[0].candidate.operator
+            new = self._plan(state) or [self.rehearsed[0].candidate]
+            self._now = new[0].operator
         self._now.begin(state)
 
     def command(self, state: State) -> Command | None:
@@ -95,12 +100,11 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
             _check_hand(environment.bundle.robot, limb, expert.against)
         reach = Reach(environment.bundle.robot, *limbs)
         room = Room(environment, reach)
-        environment.begin(starts.photographed(environment.bundle, environment.model))
-        found = expert.plan(environment, reach, room, driver.state())
+        found = _found(driver, expert, reach, room)
         candidates, first = candidates + len(found), first or next((each.name for each in found), "")
         rehearsed = rehearse(driver, found, progress) if found else []
         if rehearsed:
-            return Practised(rehearsed, room)
+            return Practised(rehearsed, room, functools.partial(expert.plan, environment, reach, room))
     if not candidates:
         raise RuleError(
             f"`{task.object}` is out of reach: no way to take hold of it that the arm can go",
@@ -113,6 +117,20 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
         facts={"candidates": candidates, "first": first},
         hint="look at the task's pictures: is the object free, and is the goal possible?",
     )
+
+
+def _found(driver: Driver, expert: Expert, reach: Reach, room: Room) -> list[Candidate]:
+    """Candidates from several starts in turn: what the arm cannot reach from one of them, it may from another."""
+    environment = driver.environment
+    found: dict[str, Candidate] = {}
+    plans: list[list[Candidate]] = []
+    for start in [starts.photographed(environment.bundle, environment.model), *drawn(driver, PLANNED)]:
+        environment.begin(start)
+        plans.append([replace(each, start=start) for each in expert.plan(environment, reach, room, driver.state())])
+    for each in itertools.chain.from_iterable(itertools.zip_longest(*plans)):
+        if each is not None:
+            found.setdefault(each.name, each)
+    return list(found.values())
 
 
 def teams(environment: Environment) -> list[tuple[tuple[str, ...], Expert]]:
@@ -297,6 +315,7 @@ def _goes(candidate: Candidate, reach: Reach, state: State) -> bool:
 def _pushed(way: Stroke | Swing, operator: Planned) -> Candidate:
     lean, turn, pitch = np.degrees([way.lean_rad, way.turn_rad, way.pitch_rad])
     name = f"push, fingers leaning {lean:.0f} deg, turned {turn:.0f} deg, pitched {pitch:.0f} deg"
+    name += f", from {1000 * way.above_m:.0f} mm above"
     return Candidate(name, f"push {turn:.0f} {pitch:.0f}", operator)
 
 

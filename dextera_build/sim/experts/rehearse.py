@@ -5,6 +5,7 @@ A scripted operator is thus a function of the task alone, without object-specifi
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -24,11 +25,11 @@ from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.seeds import seed_of
 
-TRIED = 24
-"""Candidates tried once as photographed and once under hard conditions."""
-GOOD = 8
+TRIED = 32
+"""Candidates tried once where they were found and once under hard conditions."""
+GOOD = 12
 """Candidates that succeeded in both after which no more are tried."""
-FINAL = 5
+FINAL = 8
 """Number of the steadiest candidates rehearsed from drawn starts."""
 STARTS = 6
 """Number of drawn starts."""
@@ -58,6 +59,8 @@ class Candidate:
     """Kind of motion; candidates of one kind differ in detail."""
     operator: Planned
     """The operator to rehearse."""
+    start: Start | None = None
+    """Where its path was found to be free; None: as photographed."""
 
 
 @dataclass(frozen=True)
@@ -84,25 +87,26 @@ def rehearse(
         candidates: Candidates, likeliest first.
         progress: Receives the progress.
     """
-    bundle, model = driver.environment.bundle, driver.environment.model
-    first = starts.photographed(bundle, model)
+    bundle = driver.environment.bundle
+    photographed = starts.photographed(bundle, driver.environment.model)
     tried: list[Rehearsed] = []
     total = min(TRIED, len(candidates)) + FINAL
     for number, candidate in enumerate(candidates[:TRIED]):
         progress(number, total, candidate.name)
+        first = candidate.start or photographed
         found = _rehearsed(driver, candidate, [first, _hard(bundle, first)], patient=False)
         if found.passed:
             tried.append(found)
         if sum(one.passed == one.of for one in tried) >= GOOD:
             break
     tried.sort(key=lambda one: (-one.passed, one.stray))
-    drawn = [start for number in range(STARTS) if (start := _drawn(driver, number)) is not None]
+    begun = drawn(driver, STARTS)
     final: list[Rehearsed] = []
     # The best of every kind first: if one kind has no room, another may.
     finalists = taking_turns(tried, [one.candidate.way for one in tried])[:FINAL]
     for number, one in enumerate(finalists):
         progress(total - FINAL + number, total, one.candidate.name)
-        found = _rehearsed(driver, one.candidate, drawn, patient=True)
+        found = _rehearsed(driver, one.candidate, begun, patient=True)
         final.append(
             replace(one, stray=max(one.stray, found.stray), passed=one.passed + found.passed, of=one.of + found.of)
         )
@@ -163,12 +167,13 @@ def _rehearsed(driver: Driver, candidate: Candidate, drawn: Sequence[Start], *, 
     return Rehearsed(candidate, worst, passed, len(drawn))
 
 
-def _drawn(driver: Driver, number: int) -> Start | None:
-    environment = driver.environment
-    try:
-        return environment.draw(seed_of("rehearsal", number))
-    except RuleError:
-        return None
+def drawn(driver: Driver, most: int) -> list[Start]:
+    """Starts of rehearsals, always the same; fewer than `most` where a task is crowded."""
+    found = []
+    for number in range(most):
+        with contextlib.suppress(RuleError):
+            found.append(driver.environment.draw(seed_of("rehearsal", number)))
+    return found
 
 
 def _hard(bundle: TaskBundle, start: Start) -> Start:

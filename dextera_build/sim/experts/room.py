@@ -82,7 +82,7 @@ class Room:
             more = self._reach.some(tuple(later))
             seed = seed if more is reach else None
             for legs in (ends := list(zip(*later.values(), strict=True)))[:1] + ends[-1:]:
-                if self._solved(more, legs, seed) is None:
+                if self._solved(more, legs, seed) is None and self._solved(more, legs, None) is None:
                     return None
         return 3.0 * min(margin, ENOUGH_RAD) - far if self._clear(reach, plan, first, state) else None
 
