@@ -10,7 +10,7 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.grasps import candidates
 from dextera_build.sim.experts.place import Place
-from dextera_build.sim.experts.planning import EXPERTS
+from dextera_build.sim.experts.ways import EXPERTS
 from dextera_build.sim.experts.push import Push, Stroke
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.room import Room
