@@ -14,7 +14,7 @@ from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.scripted import Taking
-from dextera_build.sim.experts.squeeze import Squeeze
+from dextera_build.sim.experts.squeeze import PRESS_M, Squeeze
 from dextera_build.sim.runtime.environment import Environment
 
 OVER_M = 0.08
@@ -144,7 +144,8 @@ class PlaceTogether(Taking):
         for limb, side in self.squeeze.sides.items():
             laid = target @ held[limb]
             above = shifted(laid, self._up * float((last[limb].palm[:3, 3] - laid[:3, 3]) @ self._up))
-            apart = shifted(laid, target[:3, :3] @ side.away / 2)
+            away = target[:3, :3] @ side.away
+            apart = shifted(laid, away / 2 + away / np.linalg.norm(away) * PRESS_M)
             back = shifted(apart, self._up * 2 * OVER_M)
             plan[limb] = [
                 self._held(above, side.fingers, 1.5 * carry, "carry"),
