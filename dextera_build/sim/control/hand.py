@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.sim.model.robot import load
+
+STILL_M = 0.005
+"""Way of a fingertip below which it does not take part in a grip [m]."""
 
 
 class HandKinematics:
@@ -46,6 +49,11 @@ class HandKinematics:
         away = self._data.site(self._robot.frames[role]).xpos - palm.xpos
         return np.asarray(palm.xmat.reshape(3, 3).T @ away)
 
-    def reach(self, posture: np.ndarray) -> np.ndarray:
-        """Mean position (3,) [m] of the fingertips that oppose the thumb, in the palm's frame."""
-        return np.asarray(np.mean([self.tip(role, posture) for role in self.fingers], axis=0))
+    def reach(self, posture: np.ndarray, fingers: Sequence[str] = ()) -> np.ndarray:
+        """Mean position (3,) [m] of `fingers` in the palm's frame; empty: of all that oppose the thumb."""
+        return np.asarray(np.mean([self.tip(role, posture) for role in fingers or self.fingers], axis=0))
+
+    def pressing(self, opened: np.ndarray, closed: np.ndarray) -> tuple[str, ...]:
+        """Fingertips opposite the thumb that move from one posture (H,) to another; if none does, all."""
+        moved = {role: self.tip(role, closed) - self.tip(role, opened) for role in self.fingers}
+        return tuple(role for role, way in moved.items() if np.linalg.norm(way) > STILL_M) or self.fingers

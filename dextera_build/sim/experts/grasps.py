@@ -7,7 +7,7 @@ into the palm and closes the fingers around it.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -23,6 +23,8 @@ SLAB_M = 0.03
 """Half height and half width of the slab in which the object's width is measured [m]."""
 ROOM_M = 0.045
 """Gap between two walls in which fingers have room [m]."""
+RIMS_M = (0.012, 0.018, 0.028)
+"""Depths below the top at which walls are pinched [m]."""
 WALL_STRIP_M = 0.018
 """Half width of the strip across a vessel in which its walls are sought [m]."""
 LOW_M = 0.012
@@ -51,10 +53,11 @@ def candidates(points: np.ndarray, grips: dict[str, Grip], hand: HandKinematics)
 def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> Iterator[Grasp]:
     """Generate grasps between thumb and fingertips, from above and from the side, of the whole object or of a wall."""
     opened, closed = hand.posture(grip.open), hand.posture({**grip.open, **grip.closed})
-    travel = [_gap(hand, opened + part * (closed - opened)) for part in np.linspace(0.0, 1.0, 21)]
+    pressing = hand.pressing(opened, closed)
+    travel = [_gap(hand, opened + part * (closed - opened), pressing) for part in np.linspace(0.0, 1.0, 21)]
     top, facing = float(points[:, 2].max()), np.array(grip.facing)
     middles = {top / 2, *(max(top - deep, top / 2) for deep in (0.015, 0.03, 0.045))}
-    rims = {max(top - deep, LOW_M) for deep in (0.018, 0.028)}
+    rims = {max(top - deep, LOW_M) for deep in RIMS_M}
     heights = sorted(middles | rims)
     for height, turn in itertools.product(heights, np.arange(2 * AROUND) * np.pi / AROUND):
         across = np.array([np.cos(turn), np.sin(turn), 0.0])
@@ -64,7 +67,7 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
             touch = None if held is None else _part(travel, held[1] + 2 * grip.tip_radius_m)
             if held is None or touch is None:
                 continue
-            thumb, fingers = _tips(hand, opened + touch * (closed - opened))
+            thumb, fingers = _tips(hand, opened + touch * (closed - opened), pressing)
             # Thumb and fingers press along a horizontal line: a tilted line uses up friction.
             for tilt, spare in itertools.product((0.0, 0.35, -0.35, 0.7, -0.7, 1.05, -1.05), SPARES_M):
                 wide = _part(travel, held[1] + 2 * grip.tip_radius_m + spare) or 0.0
@@ -151,13 +154,13 @@ def _walls(points: np.ndarray, height: float, across: np.ndarray) -> list[tuple[
     return [(base + across * (run[0] + run[-1]) / 2, float(run[-1] - run[0])) for run in (runs[0], runs[-1])]
 
 
-def _tips(hand: HandKinematics, posture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _tips(hand: HandKinematics, posture: np.ndarray, pressing: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     assert hand.thumb is not None
-    return hand.tip(hand.thumb, posture), hand.reach(posture)
+    return hand.tip(hand.thumb, posture), hand.reach(posture, pressing)
 
 
-def _gap(hand: HandKinematics, posture: np.ndarray) -> float:
-    thumb, fingers = _tips(hand, posture)
+def _gap(hand: HandKinematics, posture: np.ndarray, pressing: Sequence[str]) -> float:
+    thumb, fingers = _tips(hand, posture, pressing)
     return float(np.linalg.norm(fingers - thumb))
 
 
