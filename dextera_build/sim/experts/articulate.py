@@ -34,7 +34,7 @@ class Push:
     """Depth inside the link at which the fingertips aim [m]."""
     above_m: float = 0.16
     """Height of the approach above the start of the push [m]."""
-    seconds: tuple[float, float, float, float, float] = (1.4, 0.7, 0.3, 1.0, 0.8)
+    seconds: tuple[float, float, float, float, float] = (1.4, 0.7, 0.4, 1.8, 0.8)
     """Durations: over, down behind, touch, push, press [s]."""
 
 
@@ -63,7 +63,9 @@ class Articulate(Pushing):
         place, along = self._mechanism.pushed_at(self._goal - now, push.share)
 
         def palm(position: float, gap: float, up: float = 0.0) -> np.ndarray:
-            tip = transforms.apply(self._mechanism.pose(position), place - along * (gap + self._hand.tip_m))
+            link = self._mechanism.pose(position)
+            before = self._hand.ahead(turn, link[:3, :3] @ along)
+            tip = transforms.apply(link, place - along * (gap + before))
             tip[2] += up
             return np.asarray(base @ self._hand.palm(turn, tip))
 

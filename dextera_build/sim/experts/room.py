@@ -22,6 +22,8 @@ TOUCH_M = 0.004
 """Allowed penetration between hand and task object during intended contact [m]."""
 CLEAR_M = 0.010
 """Clearance of the robot from everything else [m]."""
+LAG_M = 0.015
+"""Allowed lag of the palms behind their commands on the way [m]."""
 RESTARTS = 3
 """Further starts of the inverse kinematics for the first pose of a plan."""
 EVERY = 2
@@ -101,7 +103,9 @@ class Room:
             aims = [command.aims[limb] for limb in reach.limbs]
             joints = reach.arm.track(np.array([aim.palm for aim in aims]), joints, 1.0 / self._rate)
             looked = number % EVERY == 0 or number == len(commands) - 1
-            if looked and not self._free(reach, joints, aims, touching=command.contact):
+            if looked and not (
+                _follows(reach, joints, aims) and self._free(reach, joints, aims, touching=command.contact)
+            ):
                 return False
         return True
 
@@ -141,3 +145,9 @@ class Room:
 
     def _addresses(self, names: Sequence[str]) -> np.ndarray:
         return np.array([self._model.joint(ROBOT + name).qposadr[0] for name in names], int)
+
+
+def _follows(reach: Reach, joints: np.ndarray, aims: Sequence[Aim]) -> bool:
+    """Whether the arms at `joints` (A,) are where they are commanded to be."""
+    lag = reach.arm.poses(joints)[:, :3, 3] - np.array([aim.palm[:3, 3] for aim in aims])
+    return float(np.linalg.norm(lag, axis=1).max()) < LAG_M

@@ -157,6 +157,15 @@ class Pushed:
         lowest = float((((self._tips - self._pad) @ turn.T) @ up).min())
         return self.tip_m + SUPPORT_M - lowest
 
+    def ahead(self, turn: np.ndarray, way: np.ndarray) -> float:
+        """How far [m] the foremost fingertip is ahead of the middle of the fingertips.
+
+        Args:
+            turn: (3, 3) rotation of the palm.
+            way: (3,) direction of the push in the same frame.
+        """
+        return self.tip_m + float((((self._tips - self._pad) @ turn.T) @ way).max())
+
     def turn(self, facing: np.ndarray, up: np.ndarray, lean_rad: float) -> np.ndarray:
         """Rotation (3, 3) of the palm: towards `facing` (3,), fingers down, tilted towards it by `lean_rad`."""
         fingers = facing * np.sin(lean_rad) - up * np.cos(lean_rad)

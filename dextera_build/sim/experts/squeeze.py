@@ -148,7 +148,7 @@ def _side(hand: Pushed, touch: np.ndarray, facing: np.ndarray, pitch: float) -> 
     along = np.cos(pitch) * UP + np.sin(pitch) * np.cross(UP, facing)
     turn = hand.turn(facing, along, 0.0)
     raised = touch + UP * max(0.0, hand.height(turn, UP) - touch[2])
-    palm = hand.palm(turn, raised - facing * hand.tip_m)
+    palm = hand.palm(turn, raised - facing * hand.ahead(turn, facing))
     return Side(palm, -facing * CLEAR_M, hand.fingers)
 
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from dextera_build.sim.control.operator import OutOfReach, State
+from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.articulate import Articulate
 from dextera_build.sim.experts.articulate import Push as Swing
 from dextera_build.sim.experts.grasp import Grasp
@@ -34,7 +34,13 @@ SOME = 12
 """Grasps of the giver that are combined with those of the receiver."""
 PAIRS = 20
 """Pairs of grasps that are rehearsed at most."""
-LEANS = (0.0, -0.4, 0.4, -0.8, 0.8)
+TURNS = (0.0, 0.4, -0.4, 0.8, -0.8, np.pi / 2, -np.pi / 2, np.pi, np.pi - 0.6, np.pi + 0.6)
+"""Turns of a pushing hand about the vertical, from its palm ahead to its back ahead [rad]."""
+PITCHES = (0.0, 0.5, -0.5, 1.0, -1.0)
+"""Turns of a pushing hand about the direction of the push [rad]."""
+SHARES = (0.95, 0.8)
+"""Distances from the axis at which a link is pushed, see `Mechanism.pushed_at`."""
+LEANS = (0.0, -0.4, 0.4, -0.8, 0.8, -1.2)
 """Tilts of pushing fingers from straight down [rad]."""
 ABOVE_M = (0.16, 0.07)
 """Heights of the approach above the start of a push [m]."""
@@ -173,35 +179,28 @@ def _far_apart(given: Grasp, received: Grasp) -> bool:
 
 def _slides(search: Search) -> list[Candidate]:
     """Pushes of the task's object along its support, most comfortable first."""
-    turns = (0.0, 0.4, -0.4, 0.8, -0.8, np.pi / 2, -np.pi / 2, np.pi)
-    pitches = (0.0, 0.5, -0.5, 1.0, -1.0)
     ways = [
         Stroke(lean, turn, pitch, above_m=above)
-        for pitch, turn, lean, above in itertools.product(pitches, turns, LEANS, ABOVE_M)
+        for pitch, turn, lean, above in itertools.product(PITCHES, TURNS, LEANS, ABOVE_M)
     ]
-    return _comfortable(search, [_pushed(way, Push(search.environment, search.reach, way)) for way in ways])
+    found = (_pushed(way, Push(search.environment, search.reach, way)) for way in _mixed(ways))
+    return _comfortable(search, found)
 
 
 def _swings(search: Search) -> list[Candidate]:
-    """Pushes of the task's joint that the arm can follow, simplest first."""
-    pitches, turns = (0.0, 0.5, -0.5, 1.0, -1.0), (0.0, 0.3, -0.3, 0.6, -0.6)
-    ways = [Swing(lean, turn, pitch) for pitch in pitches for turn in turns for lean in LEANS]
-    found = [_pushed(way, Articulate(search.environment, search.reach, way)) for way in ways]
-    return [each for each in found if _goes(each, search.reach, search.state)]
-
-
-def _goes(candidate: Candidate, reach: Reach, state: State) -> bool:
-    try:
-        reach.check(candidate.operator.phases(state), state)
-    except OutOfReach:
-        return False
-    return True
+    """Pushes of the task's joint, most comfortable first."""
+    ways = [
+        Swing(lean, turn, pitch, share=share, above_m=above)
+        for pitch, turn, lean, share, above in itertools.product(PITCHES, TURNS, LEANS, SHARES, ABOVE_M)
+    ]
+    found = (_pushed(way, Articulate(search.environment, search.reach, way)) for way in _mixed(ways))
+    return _comfortable(search, found)
 
 
 def _pushed(way: Stroke | Swing, operator: Planned) -> Candidate:
     lean, turn, pitch = np.degrees([way.lean_rad, way.turn_rad, way.pitch_rad])
     name = f"push, fingers leaning {lean:.0f} deg, turned {turn:.0f} deg, pitched {pitch:.0f} deg"
-    name += f", from {1000 * way.above_m:.0f} mm above"
+    name += f", from {1000 * way.above_m:.0f} mm above" + (f" at {way.share:.0%}" if isinstance(way, Swing) else "")
     return Candidate(name, f"push {turn:.0f} {pitch:.0f}", operator)
 
 
