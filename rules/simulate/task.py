@@ -18,7 +18,7 @@ from dextera_build.errors import listing
 from dextera_build.rule import Context, Options, rule
 from dextera_build.sim.model import names
 from dextera_build.sim.primitives import catalogue
-from dextera_build.sim.primitives.base import Parameters, Setting, UnfitError
+from dextera_build.sim.primitives.base import Parameters, Setting, UnfitError, no_limb
 
 from . import task_objects
 
@@ -95,8 +95,12 @@ class TaskOptions(Options):
     """Number of points sampled on every object's surface."""
 
     @model_validator(mode="after")
-    def _of_one_primitive(self) -> TaskOptions:
+    def _possible(self) -> TaskOptions:
         parameters_of(self)
+        if len(set(self.limbs)) < len(self.limbs):
+            raise ValueError("`limbs` names one limb twice; name each once")
+        if self.hold_s >= self.timeout_s:
+            raise ValueError("`hold_s` leaves no time before `timeout_s`; set `timeout_s` above it")
         return self
 
 
@@ -111,6 +115,10 @@ class TaskBackend(Protocol):
         self, ctx: Context, scene: Folder, robot: RobotModel, world_from_base: np.ndarray, options: Any
     ) -> Folder:
         """Scene and robot as one MJCF."""
+        ...
+
+    def check(self, ctx: Context, bundle: TaskBundle, options: Any) -> None:
+        """Raise `UnfitError` for a task that the robot cannot do from where it stands."""
         ...
 
     def portraits(self, ctx: Context, bundle: TaskBundle, options: Any) -> list[tuple[str, np.ndarray]]:
@@ -130,9 +138,9 @@ def task(
 ) -> TaskBundle:
     """Return the task in the twin: scene and robot as one MJCF in the world frame [m, kg, rad], and its success test.
 
-    The backend offers `fitted(options, joints) -> options`, `compose(scene, robot, world_from_base) -> Folder` and
-    `portraits(bundle) -> list of (caption, pixels)`. Masses, sizes, friction and poses carry the twin's own uncertainty
-    (90 % interval, standard deviations, covariance), from which resets draw.
+    The backend offers `fitted(options, joints) -> options`, `compose(scene, robot, world_from_base) -> Folder`,
+    `check(bundle)` and `portraits(bundle) -> list of (caption, pixels)`. Masses, sizes, friction and poses carry the
+    twin's own uncertainty (90 % interval, standard deviations, covariance), from which resets draw.
     """
     if scene.scale == "unknown":
         ctx.fail(
@@ -157,6 +165,7 @@ def task(
         objects=listing(bodies, most=20),
         hint=f"set `object: {next(iter(bodies), '')}`",
     )
+    task_objects.check(ctx, scene, labels, assets)
     ctx.check(base.parent == "world", f"the robot's base is given in `{base.parent}`, not in the world")
     objects = {body: task_objects.described(assets, label, options.points) for label, body in labels.items()}
     if options.into in objects:
@@ -168,6 +177,10 @@ def task(
         task=_spec(ctx, options, bodies[options.object], objects, robot),
         objects=objects,
     )
+    try:
+        ctx.backend.check(ctx, bundle, ctx.backend_options)
+    except UnfitError as error:
+        ctx.fail(error.message, hint=error.hint, **error.facts)
     reach = float(np.linalg.norm(bodies[options.object].pose.matrix[:2, 3] - base.matrix[:2, 3]))
     ctx.metric("distance of base and object", reach, "m")
     ctx.say(
@@ -194,16 +207,15 @@ def parameters_of(options: TaskOptions) -> Parameters:
         return kind.parameters(**stated)
     except ValidationError as error:
         first = error.errors()[0]
-        what = ".".join(map(str, first["loc"][:1]))
-        raise ValueError(f"`{what}` of primitive `{options.primitive}`: {first['msg']}") from None
+        where = "".join(f"`{part}` of " for part in first["loc"][:1])
+        text = first["msg"].removeprefix("Value error, ")
+        raise ValueError(f"{where}primitive `{options.primitive}`: {text}") from None
 
 
 def _spec(
     ctx: Context, options: TaskOptions, asset: Asset, objects: dict[str, TaskObject], robot: RobotModel
 ) -> TaskSpec:
     kind = catalogue.KINDS[options.primitive]
-    for limb in options.limbs:
-        ctx.check(limb in robot.limbs, f"the robot has no limb `{limb}`", limbs=listing(robot.limb_names))
     if kind.hands > len(robot.limbs):
         ctx.fail(
             f"`{options.primitive}` takes {kind.hands} hands, but the robot has {len(robot.limbs)}",
@@ -214,6 +226,9 @@ def _spec(
     in_model = dict(zip((joint.name for joint in asset.body.joints), objects[options.object].joints, strict=True))
     joints = {label: (in_model[label], *limits) for label, limits in within.items()}
     try:
+        for limb in options.limbs:
+            if limb not in robot.limbs:
+                raise no_limb(limb, robot)
         goal = parameters_of(options).goal(Setting(options.name, options.object, objects, joints, robot))
     except UnfitError as error:
         ctx.fail(error.message, hint=error.hint, **error.facts)

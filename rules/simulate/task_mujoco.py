@@ -12,6 +12,7 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import compose as composer
+from dextera_build.sim.primitives import within_reach
 from dextera_build.sim.render.portrait import portrait
 from dextera_build.sim.runtime.environment import Environment
 
@@ -36,6 +37,11 @@ def fitted(ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, o
 def compose(ctx: Context, scene: Folder, robot: RobotModel, world_from_base: np.ndarray, options: Options) -> Folder:
     """Scene and robot as one MJCF."""
     return composer.with_robot(scene, robot, world_from_base)
+
+
+def check(ctx: Context, bundle: TaskBundle, options: Options) -> None:
+    """Raise `UnfitError` if the object or its target is farther away than the arms are long."""
+    within_reach.check(bundle)
 
 
 def portraits(ctx: Context, bundle: TaskBundle, options: Options) -> list[tuple[str, np.ndarray]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import gymnasium
 import mujoco
@@ -19,6 +19,7 @@ from gymnasium import spaces
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.packed import unpack
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.errors import listing
 from dextera_build.policy.layout import of_bundle
 from dextera_build.policy.observation import deployable
 from dextera_build.policy.terms import Sensor, Term
@@ -26,6 +27,7 @@ from dextera_build.sim.observe.eyes import Eyes, Picture
 from dextera_build.sim.observe.privileged import Insight
 from dextera_build.sim.observe.progress import Progress
 from dextera_build.sim.observe.sensors import Sensors
+from dextera_build.sim.observe.sensors import check as check_sensors
 from dextera_build.sim.render import portrait, rendering
 from dextera_build.sim.runtime.environment import Environment, Outcome
 from dextera_build.sim.training.spaces import of_terms, values
@@ -68,6 +70,9 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"`render_mode` is `rgb_array` or None, not `{render_mode}`")
+        if unknown := sorted(set(pictures) - set(get_args(Picture))):
+            raise ValueError(f"`pictures` are {listing(get_args(Picture))}, not `{unknown[0]}`")
+        check_sensors(sensors or {}, views or {})
         task = opened(bundle)
         self.environment = Environment(task, model)
         self.render_mode = render_mode
