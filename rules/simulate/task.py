@@ -142,12 +142,7 @@ def task(
     `check(bundle)` and `portraits(bundle) -> list of (caption, pixels)`. Masses, sizes, friction and poses carry the
     twin's own uncertainty (90 % interval, standard deviations, covariance), from which resets draw.
     """
-    if scene.scale == "unknown":
-        ctx.fail(
-            "the scale of this twin is unknown, so no task can be built on it",
-            hint="state one size (`object` and `size_m` of `align.scale`), lay a marker on the support (`marker` of "
-            "`align.support`), or measure depth",
-        )
+    _check_scale(ctx, scene)
     labels = {label: body for label, body in names.body_names(assets.items).items() if body not in scene.held}
     bodies = {body: assets.items[label] for label, body in labels.items()}
     if options.object in scene.held:
@@ -189,6 +184,15 @@ def task(
     for caption, picture in ctx.backend.portraits(ctx, bundle, ctx.backend_options):
         ctx.preview(picture, caption)
     return bundle
+
+
+def _check_scale(ctx: Context, scene: Scene) -> None:
+    if scene.scale == "unknown":
+        ctx.fail(
+            "the scale of this twin is unknown, so no task can be built on it",
+            hint="state one size (`object` and `size_m` of `align.scale`), lay a marker on the support (`marker` of "
+            "`align.support`), or measure depth",
+        )
 
 
 def parameters_of(options: TaskOptions) -> Parameters:

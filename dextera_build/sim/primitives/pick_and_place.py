@@ -50,12 +50,13 @@ class Parameters(poses.Parameters):
         if not self.into:
             place, quaternion = self.place(setting), self.quaternion(setting)
             return PlaceGoal(place_m=place, quaternion=quaternion, tolerance=self.tolerance())
-        others = listing([name for name in setting.objects if name != setting.object], most=20) or "none"
+        names = [name for name in setting.objects if name != setting.object]
+        others = listing(names, most=20)
         if self.into not in setting.objects or self.into == setting.object:
             raise UnfitError(
                 f"the scene has no container `{self.into}`",
                 objects=others,
-                hint=did_you_mean(self.into, setting.objects) or "set `into` to one of the other objects",
+                hint=did_you_mean(self.into, names) or "set `into` to one of the other objects",
             )
         if setting.objects[self.into].cavity is None:
             raise UnfitError(

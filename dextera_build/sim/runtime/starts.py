@@ -30,7 +30,8 @@ TOUCH_M = 0.001
 """Maximum penetration at a start [m]."""
 GAINS = 0.10
 """Half range of the factor on the robot's gains, times `Reset.dynamics`."""
-
+STATIC = "the static scene"
+"""Name of parts of the world's body that have none."""
 
 Fair = Callable[[Mapping[str, np.ndarray]], bool]
 """Whether an episode may begin with the bodies at these poses, body -> T_world_body (4, 4)."""
@@ -194,7 +195,7 @@ def _colliding(model: Any, data: Any) -> set[str]:
     for first, second in data.contact.geom[: data.ncon][data.contact.dist[: data.ncon] <= -TOUCH_M]:
         bodies = [int(model.geom_bodyid[geom]) for geom in (first, second)]
         names = [
-            model.body(body).name if body else model.geom(geom).name
+            model.body(body).name if body else model.geom(geom).name or STATIC
             for body, geom in zip(bodies, (first, second), strict=True)
         ]
         found.add(" and ".join(sorted(names)))

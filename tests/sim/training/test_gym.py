@@ -11,6 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
 from dextera_build.artifacts.task import Reset
+from dextera_build.errors import RuleError
 from dextera_build.geometry import transforms
 from dextera_build.policy.observation import PrivilegedObservation
 from dextera_build.policy.terms import Sensor
@@ -177,3 +178,10 @@ def test_an_episode_that_runs_again_is_measured_alike():
     assert not np.allclose(first[-1], exact, atol=1e-4)
     episode(seed=3)
     assert np.array_equal(first, episode(options={"start": start}))
+
+
+def test_pictures_and_sensors_that_do_not_exist_are_refused():
+    with pytest.raises(ValueError, match="`pictures` are cloud, depth, rgb, not `rbg`"):
+        gym.TaskEnv(task_bundles.lift(), pictures=("rbg",))
+    with pytest.raises(RuleError, match="`contact` is privileged, so that no sensor measures it"):
+        gym.TaskEnv(task_bundles.lift(), sensors={"contact": Sensor(sigma=0.1)})
