@@ -13,7 +13,7 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.scene import Scene
-from dextera_build.artifacts.task import Primitive, Reset, TaskBundle, TaskObject, TaskSpec
+from dextera_build.artifacts.task import ActionKind, Primitive, Reset, TaskBundle, TaskObject, TaskSpec
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Options, rule
 from dextera_build.sim.model import names
@@ -89,6 +89,9 @@ class TaskOptions(Options):
     """Time limit of an episode [s]."""
     control_hz: PositiveFloat = 20.0
     """Rate of observations and actions [Hz]."""
+    action: ActionKind = "joint"
+    """Kind of the actions that Gymnasium takes and data sets for LeRobot hold: joint targets, their changes, or changes
+    of the palms' poses with targets of the fingers."""
     reset: ResetOptions = ResetOptions()
     """Start distribution."""
     points: PositiveInt = 256
@@ -245,6 +248,7 @@ def _spec(
         hold_s=options.hold_s,
         timeout_s=options.timeout_s,
         control_hz=options.control_hz,
+        action=options.action,
         reset=Reset(
             position_m=reset.position_m,
             yaw_rad=float(np.radians(reset.yaw_deg)),

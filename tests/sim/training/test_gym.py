@@ -22,6 +22,23 @@ from tests import episodes, factories, task_bundles
 WIDE = Reset(position_m=0.03, yaw_rad=0.5, robot_rad=0.01)
 
 
+@pytest.mark.parametrize("action", ["delta", "end_effector"])
+def test_they_accept_it_with_every_kind_of_action(action):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        environment = gym.TaskEnv(task_bundles.lift(reset=WIDE), action=action)
+        check_env(environment, skip_render_check=True)
+        check_for_sb3(environment)
+
+
+def test_the_task_says_which_kind_an_environment_takes():
+    bundle = task_bundles.lift()
+    told = bundle.model_copy(update={"task": bundle.task.model_copy(update={"action": "delta"})})
+    assert gym.TaskEnv(bundle).actions.spec.kind == "joint"
+    assert gym.TaskEnv(told).actions.spec.kind == "delta"
+    assert gym.TaskEnv(told, action="joint").actions.spec.kind == "joint"
+
+
 @pytest.mark.parametrize("privileged", [False, True])
 @pytest.mark.parametrize("make", [task_bundles.lift, task_bundles.close])
 def test_gymnasium_and_stable_baselines_accept_it(make, privileged):
