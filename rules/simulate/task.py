@@ -15,6 +15,7 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.scene import Scene
 from dextera_build.artifacts.task import ActionKind, Primitive, Reset, TaskBundle, TaskObject, TaskSpec
 from dextera_build.errors import listing
+from dextera_build.policy import actions
 from dextera_build.rule import Context, Options, rule
 from dextera_build.sim.model import names
 from dextera_build.sim.primitives import catalogue
@@ -102,6 +103,8 @@ class TaskOptions(Options):
         parameters_of(self)
         if len(set(self.limbs)) < len(self.limbs):
             raise ValueError("`limbs` names one limb twice; name each once")
+        if self.limbs and self.primitive == "handover":
+            raise ValueError("`limbs` does not say who gives; name the hands of a handover by `giver` and `receiver`")
         if self.hold_s >= self.timeout_s:
             raise ValueError("`hold_s` leaves no time before `timeout_s`; set `timeout_s` above it")
         return self
@@ -240,7 +243,7 @@ def _spec(
     except UnfitError as error:
         ctx.fail(error.message, hint=error.hint, **error.facts)
     reset = options.reset
-    return TaskSpec(
+    spec = TaskSpec(
         name=options.name,
         object=options.object,
         goal=goal,
@@ -262,6 +265,8 @@ def _spec(
             visual=reset.visual,
         ),
     )
+    actions.of_task(spec, robot)  # refuses a kind that the robot lacks
+    return spec
 
 
 def _joint_labels(assets: Collection[Asset], label: str) -> list[str]:

@@ -236,12 +236,21 @@ def test_an_asset_that_the_scene_was_not_made_of_is_refused(make):
             "primitive `handover`: `giver` and `receiver` are both `left`",
         ),
         ({**LIFT, "limbs": ("arm", "arm")}, "`limbs` names one limb twice"),
+        ({**BARE, "primitive": "handover", "limbs": ("left", "right")}, "`limbs` does not say who gives"),
         ({**LIFT, "hold_s": 8.0}, "`hold_s` leaves no time before `timeout_s`"),
     ],
 )
 def test_options_that_make_no_task_are_refused_before_anything_is_built(make, options, message):
     with pytest.raises(ValidationError, match=message):
         make.runner.find("simulate.task").rule.options.model_validate(options)
+
+
+def test_a_kind_of_action_that_the_robot_lacks_is_refused(make):
+    assert make({**LIFT, "action": "end_effector"}).task.action == "end_effector"
+    robot = episodes.robot()
+    limbs = {name: limb.model_copy(update={"palm": ""}) for name, limb in robot.limbs.items()}
+    with pytest.raises(RuleError, match="move palms, but no limb of the robot has one"):
+        make({**LIFT, "action": "end_effector"}, robot=robot.model_copy(update={"limbs": limbs}))
 
 
 def test_a_push_has_its_target_in_the_world_and_policies_see_it_in_the_base(make):
