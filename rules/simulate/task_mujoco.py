@@ -25,6 +25,8 @@ BACKEND = Backend(
     packages=("mujoco",),
     extra="twin",
 )
+RATE = 0.05
+"""Largest difference of the rate from `control_hz`, as a fraction."""
 SHOWN = 3
 """Number of starts shown."""
 
@@ -47,8 +49,21 @@ def check(ctx: Context, bundle: TaskBundle, options: Options) -> None:
 def portraits(ctx: Context, bundle: TaskBundle, options: Options) -> list[tuple[str, np.ndarray]]:
     """Captions and pictures of the photograph's configuration and of some starts; fails if no start can be drawn."""
     environment = Environment(bundle)
+    _check_rate(ctx, environment)
     found = [("as photographed", portrait(environment.model, environment.data))]
     for seed in range(SHOWN):
         environment.reset(seed)
         found.append((f"start {seed}", portrait(environment.model, environment.data)))
     return found
+
+
+def _check_rate(ctx: Context, environment: Environment) -> None:
+    """Refuse a rate that differs from what whole steps of the simulation give."""
+    asked, step_s = environment.task.control_hz, environment.model.opt.timestep
+    steps = max(1.0, 1.0 / (asked * step_s))
+    ctx.check(
+        abs(environment.period_s * asked - 1.0) <= RATE,
+        f"the simulation cannot keep `control_hz: {asked:g}`",
+        steps=f"{1000 * step_s:g} ms each, {environment.substeps} of them are {1.0 / environment.period_s:.4g} Hz",
+        hint=f"set `control_hz: {1.0 / (np.ceil(steps) * step_s):.4g}`",
+    )

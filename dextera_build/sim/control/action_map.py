@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import importlib.util
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import ActionKind, TaskSpec
-from dextera_build.errors import MachineError, install_extra
+from dextera_build.errors import MachineError, install_extra, listing
 from dextera_build.geometry import registration, transforms
 from dextera_build.policy import actions
 from dextera_build.sim.model.forward import Kinematics
 
 if TYPE_CHECKING:
     from dextera_build.sim.control.operator import PoseControl
+
+
+SOLVER = ("mink", "daqp")
+"""Packages that inverse kinematics needs; extra `learn` has them, extra `env` does not."""
 
 
 class ActionMap:
@@ -51,15 +56,16 @@ class ActionMap:
         """
         if self.spec.kind != "end_effector" or self._control is not None:
             return
-        try:
-            from dextera_build.sim.control.operator import PoseControl
-        except ImportError as error:
+        missing = [name for name in SOLVER if importlib.util.find_spec(name) is None]
+        if missing:
             raise MachineError(
                 "actions of kind `end_effector` need inverse kinematics, which is not installed",
                 code="DXB-E430",
-                facts={"missing": str(error.name or error), "needs": "mink, daqp"},
+                facts={"missing": listing(missing)},
                 hint=f"{install_extra('learn')}; `joint` and `delta` need neither",
-            ) from None
+            )
+        from dextera_build.sim.control.operator import PoseControl
+
         self._control = PoseControl(self._robot, self.spec.rate_hz)
 
     def fault(self, action: np.ndarray) -> str:

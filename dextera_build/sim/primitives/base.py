@@ -42,9 +42,9 @@ class UnfitError(Exception):
 
 def no_limb(name: str, robot: RobotModel) -> UnfitError:
     """The error of a task that names a limb which its robot lacks."""
-    limbs = listing(robot.limb_names)
+    known = " or ".join(f"`{each}`" for each in robot.limb_names)
     several = "" if len(robot.limbs) > 1 else ", or choose a robot with more limbs, such as robot/openarm_revo1"
-    return UnfitError(f"the robot has no limb `{name}`", limbs=limbs, hint=f"name one of `{limbs}`{several}")
+    return UnfitError(f"the robot has no limb `{name}`", limbs=listing(robot.limb_names), hint=f"name {known}{several}")
 
 
 @dataclass(frozen=True)

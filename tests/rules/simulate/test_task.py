@@ -96,7 +96,7 @@ def test_a_twin_of_unknown_scale_is_refused(make):
             {**LIFT, "limbs": ("left", "right")},
             "the robot has no limb `left`",
             {"limbs": "arm"},
-            "name one of `arm`, or choose a robot with more limbs, such as robot/openarm_revo1",
+            "name `arm`, or choose a robot with more limbs, such as robot/openarm_revo1",
         ),
         (
             {**BARE, "primitive": "handover"},
@@ -251,6 +251,20 @@ def test_a_kind_of_action_that_the_robot_lacks_is_refused(make):
     limbs = {name: limb.model_copy(update={"palm": ""}) for name, limb in robot.limbs.items()}
     with pytest.raises(RuleError, match="move palms, but no limb of the robot has one"):
         make({**LIFT, "action": "end_effector"}, robot=robot.model_copy(update={"limbs": limbs}))
+
+
+@pytest.mark.parametrize(
+    ("asked", "steps", "hint"),
+    [
+        (5000.0, "2 ms each, 1 of them are 500 Hz", "set `control_hz: 500`"),
+        (200.0, "2 ms each, 2 of them are 250 Hz", "set `control_hz: 166.7`"),
+    ],
+)
+def test_a_rate_that_the_simulation_cannot_keep_is_refused(make, asked, steps, hint):
+    with pytest.raises(RuleError, match=f"the simulation cannot keep `control_hz: {asked:g}`") as caught:
+        make({**LIFT, "control_hz": asked})
+    assert caught.value.facts == {"steps": steps}
+    assert caught.value.hint == hint
 
 
 def test_a_push_has_its_target_in_the_world_and_policies_see_it_in_the_base(make):
