@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import Goal, LiftGoal, PlaceGoal, PushGoal, Tolerance
+from dextera_build.artifacts.goals import Goal, LiftGoal, PlaceGoal, Tolerance
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.sim.model import reach
 from dextera_build.sim.primitives import within_reach
 from dextera_build.sim.primitives.base import UnfitError
-from tests import episodes
+from tests import episodes, factories, openarm_tasks
+from tests.robots.robot_recipes import built
 
 NEAR = Tolerance(position_m=0.02, rotation_rad=0.2)
 REACH_M = 0.15 + 0.25 + float(np.hypot(0.2, 0.015))
@@ -54,10 +58,21 @@ def test_a_container_counts_where_it_stands() -> None:
         within_reach.check(bundle.model_copy(update={"objects": {**bundle.objects, "case": moved}}))
 
 
-def test_of_several_limbs_one_that_reaches_is_enough_unless_all_are_named() -> None:
-    push = PushGoal(place_m=place(REACH_M)[:2], yaw_rad=None, upright=(1.0, 0.0, 0.0, 0.0), tolerance=NEAR)
-    bundle = task(push)
-    robot = bundle.robot
-    stump = robot.limbs["arm"].model_copy(update={"arm": (), "hand": ()})
-    several = robot.model_copy(update={"limbs": {**robot.limbs, "stump": stump}})
-    within_reach.check(bundle.model_copy(update={"robot": several}))
+def test_of_several_limbs_one_that_reaches_is_enough_unless_all_are_named(tmp_path: Path) -> None:
+    robot = built("openarm_revo1", tmp_path)
+    box = factories.box_asset(place=factories.pose(0.05, 0.0), mass=0.2)
+    bounds = {limb: reach.of_limb(robot, limb) for limb in robot.limb_names}
+    assert bounds["left"] is not None
+    # Beside the left shoulder, which is 0.19 m from the right one: the ends of the two arms differ by as much.
+    x, y, z = (openarm_tasks.BASE @ [*bounds["left"].centre_m, 1.0])[:3].tolist()
+    place = x, y + bounds["left"].radius_m + 0.25, z
+
+    def checked(limbs: tuple[str, ...]) -> None:
+        goal = PlaceGoal(place_m=place, tolerance=NEAR)
+        within_reach.check(openarm_tasks.bundle(robot, goal, {"box": box}, "box", limbs=limbs))
+
+    checked(())
+    checked(("left",))
+    for limbs in (("right",), ("left", "right")):
+        with pytest.raises(UnfitError, match="out of reach of limb `right`"):
+            checked(limbs)
