@@ -123,12 +123,8 @@ class TaskBackend(Protocol):
         """Scene and robot as one MJCF."""
         ...
 
-    def check(self, ctx: Context, bundle: TaskBundle, options: Any) -> None:
-        """Raise `UnfitError` for a task that the robot cannot do from where it stands."""
-        ...
-
     def portraits(self, ctx: Context, bundle: TaskBundle, options: Any) -> list[tuple[str, np.ndarray]]:
-        """Captions and pictures (H, W, 3) uint8."""
+        """Captions and pictures (H, W, 3) uint8; fails for a task that cannot be begun or is out of reach."""
         ...
 
 
@@ -144,9 +140,9 @@ def task(
 ) -> TaskBundle:
     """Return the task in the twin: scene and robot as one MJCF in the world frame [m, kg, rad], and its success test.
 
-    The backend offers `fitted(options, joints) -> options`, `compose(scene, robot, world_from_base) -> Folder`,
-    `check(bundle)` and `portraits(bundle) -> list of (caption, pixels)`. Masses, sizes, friction and poses carry the
-    twin's own uncertainty (90 % interval, standard deviations, covariance), from which resets draw.
+    The backend offers `fitted(options, joints) -> options`, `compose(scene, robot, world_from_base) -> Folder` and
+    `portraits(bundle) -> list of (caption, pixels)`. Masses, sizes, friction and poses carry the twin's own uncertainty
+    (90 % interval, standard deviations, covariance), from which resets draw.
     """
     _check_scale(ctx, scene)
     labels = {label: body for label, body in names.body_names(assets.items).items() if body not in scene.held}
@@ -178,10 +174,6 @@ def task(
         task=_spec(ctx, options, bodies[options.object], objects, robot),
         objects=objects,
     )
-    try:
-        ctx.backend.check(ctx, bundle, ctx.backend_options)
-    except UnfitError as error:
-        ctx.fail(error.message, hint=error.hint, **error.facts)
     reach = float(np.linalg.norm(bodies[options.object].pose.matrix[:2, 3] - base.matrix[:2, 3]))
     ctx.metric("distance of base and object", reach, "m")
     ctx.say(

@@ -13,6 +13,7 @@ from dextera_build.artifacts.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import compose as composer
 from dextera_build.sim.primitives import within_reach
+from dextera_build.sim.primitives.base import UnfitError
 from dextera_build.sim.render.portrait import portrait
 from dextera_build.sim.runtime.environment import Environment
 
@@ -41,13 +42,16 @@ def compose(ctx: Context, scene: Folder, robot: RobotModel, world_from_base: np.
     return composer.with_robot(scene, robot, world_from_base)
 
 
-def check(ctx: Context, bundle: TaskBundle, options: Options) -> None:
-    """Raise `UnfitError` if the object or its target is farther away than the arms are long."""
-    within_reach.check(bundle)
-
-
 def portraits(ctx: Context, bundle: TaskBundle, options: Options) -> list[tuple[str, np.ndarray]]:
-    """Captions and pictures of the photograph's configuration and of some starts; fails if no start can be drawn."""
+    """Captions and pictures of the photograph's configuration and of some starts.
+
+    Fails if the object or its target is farther away than the arms are long, if the simulation cannot keep the rate, and
+    if no start can be drawn.
+    """
+    try:
+        within_reach.check(bundle)
+    except UnfitError as error:
+        ctx.fail(error.message, hint=error.hint, **error.facts)
     environment = Environment(bundle)
     _check_rate(ctx, environment)
     found = [("as photographed", portrait(environment.model, environment.data))]

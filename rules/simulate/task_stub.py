@@ -46,10 +46,6 @@ def compose(ctx: Context, scene: Folder, robot: RobotModel, world_from_base: np.
     return Folder(files={**scene.files, **robot.model.files})
 
 
-def check(ctx: Context, bundle: TaskBundle, options: Options) -> None:
-    """Refuse nothing: stubs put objects anywhere."""
-
-
 def portraits(ctx: Context, bundle: TaskBundle, options: Options) -> list[tuple[str, np.ndarray]]:
     """No pictures."""
     return []
