@@ -45,8 +45,8 @@ def compose(ctx: Context, scene: Folder, robot: RobotModel, world_from_base: np.
 def portraits(ctx: Context, bundle: TaskBundle, options: Options) -> list[tuple[str, np.ndarray]]:
     """Captions and pictures of the photograph's configuration and of some starts.
 
-    Fails if the object or its target is farther away than the arms are long, if the simulation cannot keep the rate, and
-    if no start can be drawn.
+    Fails if the object or its target is farther away than the arms are long, if the simulation cannot keep the rate,
+    and if no start can be drawn.
     """
     try:
         within_reach.check(bundle)
