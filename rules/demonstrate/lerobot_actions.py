@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.policy import actions, features
+
+if TYPE_CHECKING:
+    from dextera_build.sim.control.action_map import ActionMap
 
 
 class Actions:
@@ -25,13 +31,16 @@ class Actions:
         """The numbers at every step (T, N): joint targets are those recorded, other kinds follow from them."""
         if self.spec.kind == "joint":
             return episode.action
-        from dextera_build.sim.control.action_map import ActionMap
-
-        made = ActionMap(self._bundle.task, self._bundle.robot)
         sent = features.recorded(episode)["previous_action"].astype(np.float64)
         pairs = zip(episode.action.astype(np.float64), sent, strict=True)
-        found = [made.actions(targets, before) for targets, before in pairs]
+        found = [self._map.actions(targets, before) for targets, before in pairs]
         return np.array(found, np.float32).reshape(len(found), len(self.spec.names))
+
+    @cached_property
+    def _map(self) -> ActionMap:
+        from dextera_build.sim.control.action_map import ActionMap
+
+        return ActionMap(self._bundle.task, self._bundle.robot)
 
     def about(self) -> dict[str, object]:
         """Kind, meaning, units, rate [Hz] and limits."""
