@@ -26,8 +26,8 @@ class ActionMap:
     """What actions of one kind mean for a robot's joints.
 
     Both directions depend on nothing but their arguments, so an action means the same whenever it is sent. Arms with
-    more joints than the pose of a palm needs follow `end_effector` with the posture nearest to home, so targets of
-    other postures come back as others with the same palm.
+    more joints than the pose of a palm needs move towards home meanwhile in kind `end_effector`, so joint targets that
+    become actions and targets again have the same palm, but may have another posture.
 
     Args:
         task: Gives the rate, and the kind where none is given.
