@@ -36,6 +36,7 @@ def test_the_code_of_the_page_runs_without_other_extras(tmp_path):
         timeout=300,
     )
     assert done.returncode == 0, done.stderr
-    first, second = done.stdout.splitlines()
+    first, second, third = done.stdout.splitlines()
     assert first.startswith("(2, 7) ")
-    assert second == "(96, 128, 3) (96, 128, 3)"
+    assert second == "('x.delta', 'y.delta', 'z.delta', 'left.delta', 'right.delta')"
+    assert third == "(96, 128, 3) (96, 128, 3)"

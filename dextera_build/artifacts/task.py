@@ -23,6 +23,10 @@ WorldKind = Literal["twin", "reference", "perturbed"]
 hardware. `perturbed`: the twin with disturbed geometry and physics, if no reference world exists. None is real."""
 
 
+ActionKind = Literal["joint", "delta", "end_effector"]
+"""What the numbers of an action are, see `dextera_build.policy.actions`."""
+
+
 class Reset(Value):
     """How an episode begins: half ranges around the photograph's configuration."""
 
@@ -68,6 +72,8 @@ class TaskSpec(Value):
     """Time limit: an episode without success by then has failed [s]."""
     control_hz: float = 20.0
     """Rate of observations and actions [Hz]."""
+    action: ActionKind = "joint"
+    """Kind of the actions that Gymnasium takes and data sets for LeRobot hold; the robot is moved by joint targets."""
     reset: Reset = Reset()
     """Start distribution."""
 
@@ -150,11 +156,12 @@ class TaskBundle(Artifact):
     assets were tracked there: states, actions and success have the same meaning.
     """
 
-    type_version: ClassVar[int] = 4
+    type_version: ClassVar[int] = 5
     readers: ClassVar[former.Readers] = {
         1: former.pose("world_from_base", "base_pose", "world", "base"),
         2: former.unchanged,
         3: former.unchanged,
+        4: former.unchanged,
     }
 
     model: Folder

@@ -6,12 +6,34 @@ from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.policy import Channel, Encoding, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.errors import RuleError, listing
+from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.layout import Layout, of_bundle, of_episodes
 
 VECTORS = ("joints", "objects", "displacement", "goal", "previous_action")
 """Channels of numbers, in the order in which networks get them."""
 CHANNELS = (*VECTORS, "rgb")
 """All channels that a policy may take, none of them privileged."""
+
+
+def check_inputs(names: tuple[str, ...], known: tuple[str, ...] = CHANNELS) -> None:
+    """Refuse inputs that no policy can have, so that a recipe with one is refused before anything is built.
+
+    Args:
+        names: Channels that a policy is to take.
+        known: Those that it may take.
+
+    Raises:
+        ValueError: None is named, or one twice, or one that a robot cannot measure or that does not exist.
+    """
+    if not names or len(set(names)) < len(names):
+        raise ValueError("`inputs` must name one channel or more, each once")
+    for name in names:
+        if name in known:
+            continue
+        term = BY_NAME.get(name)
+        hidden = term is not None and term.seen_by != "policies"
+        why = "is privileged: only a simulator measures it" if hidden else "is no channel that this policy can take"
+        raise ValueError(f"`{name}` {why}; `inputs` may name {listing(known)}")
 
 
 def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> Channel:

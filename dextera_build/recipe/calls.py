@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -25,6 +23,7 @@ from dextera_build.errors import (
 from dextera_build.recipe import matrix
 from dextera_build.recipe.backends import Choice, Wish, choose, with_used
 from dextera_build.recipe.kinds import fits, parameters, type_name
+from dextera_build.recipe.option_values import checked
 from dextera_build.recipe.profiles import Profile
 from dextera_build.recipe.schema import CallDecl, listed
 from dextera_build.recipe.scope import Scope
@@ -161,7 +160,7 @@ class CallMaker:
         _refuse_unknown(decl, arguments, found)
         inputs = self._inputs(decl, {k: v for k, v in arguments.items() if k in slots}, slots, scope)
         given = {name: node for name, node in arguments.items() if name not in slots}
-        options = _options(decl, found.rule.options, {k: v for k, v in given.items() if k not in found.backends})
+        options = checked(decl, found.rule.options, {k: v for k, v in given.items() if k not in found.backends})
         if choice is not None and (own := self._own_options(decl, choice, given)) is not None:
             options[choice.backend.name] = own
         places = {name: node.place for name, node in given.items()}
@@ -193,7 +192,7 @@ class CallMaker:
                 code="DXB-R109",
                 where=group.place,
             )
-        return _options(decl, kind, group.value if group is not None else {}, name)
+        return checked(decl, kind, group.value if group is not None else {}, name)
 
     def _rule_facts(self, found: RuleFile, choice: Choice | None) -> RuleFacts:
         key = (found.path, choice.backend.name if choice else "", choice.why if choice else "")
@@ -352,47 +351,3 @@ def _packed(node: Node, name: str, slot: Slot, scope: Scope) -> Input:
     part = replace(slot, annotation=inner[0], optional=True)
     parts = {label: _resolved(given, f"{name}.{label}", part, scope) for label, given in node.value.items()}
     return Pack({label: source for label, source in parts.items() if source and not isinstance(source, Pack)})
-
-
-_BOUNDS = ("greater_than", "greater_than_equal", "less_than", "less_than_equal")
-_UNIT = re.compile(r"\[([^\[\]]+)\]")
-"""The unit in an option's docstring: `Wall thickness of a vessel [m].`"""
-
-
-def _options(decl: CallDecl, kind: Any, given: Mapping[str, Node], group: str = "") -> dict[str, Any]:
-    """The options of a rule, or of its backend `group`, complete with defaults."""
-    from pydantic import ValidationError
-
-    plain = {name: node.plain() for name, node in given.items()}
-    try:
-        # JSON mode accepts a list for a tuple and 1 for 1.0, and is otherwise strict.
-        options = kind.model_validate_json(json.dumps(plain))
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        location = tuple(first["loc"])
-        name = str(location[0]) if location else ""
-        where = given[name].at(location[1:]) if name in given else decl.place
-        text = _meanings(kind).get(name)
-        option = ".".join(str(part) for part in ((group,) if group else ()) + location)
-        raise RecipeError(
-            f"`{option}` of `{decl.rule}` {_demand(first, text or '')}",
-            code="DXB-R109",
-            where=where,
-            facts={"given": repr(first["input"])[:120]},
-            hint=f"`{name}`: {text}" if text else None,
-        ) from None
-    dumped: dict[str, Any] = options.model_dump(mode="json")
-    return dumped
-
-
-def _meanings(kind: Any) -> dict[str, str]:
-    from dextera_build.artifacts.meanings import meanings
-
-    return meanings(kind)
-
-
-def _demand(error: Mapping[str, Any], meaning: str) -> str:
-    """Pydantic's requirement as the end of a sentence, bounds with their unit: `must be greater than 0 m`."""
-    text = str(error["msg"]).replace("Input should", "must", 1)
-    unit = _UNIT.search(meaning) if error["type"] in _BOUNDS and len(error["loc"]) == 1 else None
-    return (text if text.startswith("must") else f"is refused: {text}") + (f" {unit[1]}" if unit else "")

@@ -7,8 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.layout import of_episodes
 from dextera_build.policy.terms import Term
+
+ACTION = BY_NAME["action"].feature
+"""The feature to learn."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,7 @@ class Feature:
         return {"dtype": self.dtype, "shape": [self.width], "names": list(self.names) if self.names else None}
 
 
-def features(episodes: Episodes, goal: tuple[str, ...]) -> dict[str, Feature]:
+def features(episodes: Episodes, goal: tuple[str, ...], action: tuple[str, ...] | None = None) -> dict[str, Feature]:
     """Features by name, without empty ones; those of observations are the terms that `declared` gives a feature.
 
     LeRobot's policies use features whose names start with `observation` or `action`, so other features are named
@@ -39,17 +43,21 @@ def features(episodes: Episodes, goal: tuple[str, ...]) -> dict[str, Feature]:
     Args:
         episodes: Names and shapes of the channels.
         goal: Names of the goal's components.
+        action: Names of the numbers of an action; None: joint targets.
     """
     vectors = {
         name: tuple(part for term in terms for part in term.components) for name, terms in _by_feature(episodes, goal)
     }
+    vectors[ACTION] = vectors[ACTION] if action is None else action
     found = {name: Feature("float32", parts) for name, parts in vectors.items()}
     found |= {"next.done": Feature("bool", None), "next.success": Feature("bool", None)}
     found["timestamp"] = Feature("float32", None)
     return found | {name: Feature("int64", None) for name in ("frame_index", "episode_index", "index", "task_index")}
 
 
-def columns(episodes: Episodes, episode: Episode, number: int, first: int) -> dict[str, np.ndarray]:
+def columns(
+    episodes: Episodes, episode: Episode, number: int, first: int, action: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
     """Arrays (T, N) by feature.
 
     Args:
@@ -57,6 +65,7 @@ def columns(episodes: Episodes, episode: Episode, number: int, first: int) -> di
         episode: The episode.
         number: Its index among the kept episodes.
         first: Number of steps in the episodes before it.
+        action: Its actions (T, N), if they are no joint targets.
     """
     steps = len(episode.joints)
     frame = np.arange(steps)
@@ -66,6 +75,7 @@ def columns(episodes: Episodes, episode: Episode, number: int, first: int) -> di
         name: np.concatenate([_recorded(episode, term) for term in terms], axis=1)
         for name, terms in _by_feature(episodes, goal)
     }
+    values[ACTION] = values[ACTION] if action is None else action.astype(np.float32)
     values |= {
         "next.done": last,
         "next.success": last & episode.success,

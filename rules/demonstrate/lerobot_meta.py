@@ -14,6 +14,7 @@ from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.policy.declared import BY_NAME
 
+from .lerobot_actions import Actions
 from .lerobot_features import Feature
 
 if TYPE_CHECKING:
@@ -122,6 +123,7 @@ def about(bundle: TaskBundle, episodes: Episodes) -> dict[str, object]:
         "task": bundle.task.model_dump(mode="json"),
         "world": bundle.kind,
         "embodiment": episodes.embodiment,
+        "action": Actions(bundle).about(),
         "model": digest.of_bytes(bundle.model.files.get("scene.xml", b"")),
         "world_from_base": bundle.base_pose.matrix.tolist(),
         "frames": "poses and forces are in the robot's base frame; metres, radians, newtons; quaternions w x y z",

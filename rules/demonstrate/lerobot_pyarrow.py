@@ -17,6 +17,7 @@ from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 
 from . import lerobot_features, lerobot_meta, lerobot_stats, lerobot_tables, lerobot_videos, rolling
+from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
     from .lerobot import LerobotOptions
@@ -40,10 +41,10 @@ def write(
     options: Options,
 ) -> None:
     """Write all files below `out`."""
-    goal = layout.of_bundle(bundle).goal
-    features = lerobot_features.features(episodes, goal)
+    actions = Actions(bundle)
+    features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal, actions.spec.names)
     words = lerobot_meta.instruction(bundle, common)
-    rows, stats = data(episodes, features, words, common, out)
+    rows, stats = data(episodes, actions, features, words, common, out)
     video: dict[str, object] = {}
     if film is not None:
         key = lerobot_meta.picture_key(common)
@@ -62,12 +63,17 @@ def write(
 
 
 def data(
-    episodes: Episodes, features: dict[str, lerobot_features.Feature], words: str, options: LerobotOptions, out: Path
+    episodes: Episodes,
+    actions: Actions,
+    features: dict[str, lerobot_features.Feature],
+    words: str,
+    options: LerobotOptions,
+    out: Path,
 ) -> tuple[list[dict[str, object]], dict[str, lerobot_stats.Stats]]:
     """Write the data files; return the rows of `meta/episodes` and statistics of the whole set."""
     tables, rows, first = [], [], 0
     for number, (label, episode) in enumerate(episodes.in_order()):
-        found = lerobot_features.columns(episodes, episode, number, first)
+        found = lerobot_features.columns(episodes, episode, number, first, actions.of(episode))
         columns = {name: found[name] for name in features}
         tables.append(columns)
         steps = len(episode.joints)

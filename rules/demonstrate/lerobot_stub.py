@@ -14,6 +14,7 @@ from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 
 from . import lerobot_features, lerobot_meta, lerobot_stats
+from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
     from .lerobot import LerobotOptions
@@ -32,9 +33,10 @@ def write(
     options: Options,
 ) -> None:
     """Write `meta/info.json`, `meta/stats.json` and `meta/dextera.json`."""
-    features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal)
+    actions = Actions(bundle)
+    features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal, actions.spec.names)
     parts = [
-        lerobot_features.columns(episodes, episode, number, 0)
+        lerobot_features.columns(episodes, episode, number, 0, actions.of(episode))
         for number, (_, episode) in enumerate(episodes.in_order())
     ]
     whole = {name: np.concatenate([columns[name] for columns in parts]) for name in features}

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field, NonNegativeFloat
+from pydantic import Field, NonNegativeFloat, model_validator
 
+from dextera_build.policy import contract as contracts
 from dextera_build.rule import Options
 
 
@@ -53,3 +54,8 @@ class ActOptions(Options):
     """Weights exp(-forget * i), i = 0 for the oldest, for averaging overlapping chunks at run time."""
     seed: int = Field(0, ge=0)
     """Seed of initial weights, order, noise and split."""
+
+    @model_validator(mode="after")
+    def _deployable(self) -> ActOptions:
+        contracts.check_inputs(self.inputs)
+        return self

@@ -111,8 +111,6 @@ def _places(bundle: TaskBundle, layout: Layout, fields: features.Fields, chosen:
 def _check(ctx: Context, episodes: Episodes, film: Film | None, options: ActOptions) -> None:
     if not episodes.items:
         ctx.fail("no episode succeeded, so there is nothing to learn from", attempts=episodes.attempts)
-    if not options.inputs or len(set(options.inputs)) < len(options.inputs):
-        ctx.fail("`inputs` must name one channel or more, each once", inputs=", ".join(options.inputs) or "none")
     if film is None:
         return
     if "rgb" not in options.inputs:
@@ -132,8 +130,6 @@ def _channels(bundle: TaskBundle, layout: Layout, options: ActOptions) -> tuple[
         name = bundle.task.object
         only = {"objects": (name,), "displacement": bundle.objects[name].joints}
     made = [contracts.channel(layout, name, only.get(name)) for name in contracts.CHANNELS if name in options.inputs]
-    unknown = [name for name in options.inputs if name not in contracts.CHANNELS]
-    made += [contracts.channel(layout, name) for name in unknown]  # raises
     return tuple(one for one in made if one.shape[0])
 
 

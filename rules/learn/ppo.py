@@ -51,11 +51,6 @@ def ppo(ctx: Context[PpoBackend], bundle: TaskBundle, *, options: PpoOptions) ->
 
 
 def _check(ctx: Context, bundle: TaskBundle, options: PpoOptions) -> None:
-    for name in ("joints", "previous_action"):
-        if name not in options.inputs:
-            ctx.fail(f"the policy moves targets by steps and needs `{name}`", hint=f"add `{name}` to `inputs`")
-    if "rgb" in options.inputs:
-        ctx.fail("learn.ppo learns from numbers, not from pictures", hint="leave `rgb` out of `inputs`")
     limb = bundle.robot.limbs[limb_of(bundle)]
     if options.control == "palm" and not limb.palm:
         ctx.fail("the robot has no frame `palm` that could be steered", hint="set `control: joints`")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from dextera_build.artifacts.robot import Group
+from dextera_build.policy import contract as contracts
 from dextera_build.rule import Options
 
 
@@ -57,3 +58,11 @@ class PpoOptions(Options):
     """Decay per update of the running average of weights that forms the policy."""
     seed: int = Field(0, ge=0)
     """Seed of initial weights, exploration and starts."""
+
+    @model_validator(mode="after")
+    def _deployable(self) -> PpoOptions:
+        contracts.check_inputs(self.inputs, contracts.VECTORS)
+        for name in ("joints", "previous_action"):
+            if name not in self.inputs:
+                raise ValueError(f"the policy moves targets by steps and needs `{name}`; add it to `inputs`")
+        return self

@@ -166,7 +166,7 @@ def _check_known(ctx: Context, name: str, known: Mapping[str, Any], kind: str) -
         ctx.fail(
             f"no {kind} is called `{name}`",
             **{f"{kind.split()[0]}s": listing(known, most=60) or "none"},
-            hint=_near(name, known),
+            hint=_near(name, known) or f"name one of these {kind.split()[0]}s",
         )
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Literal
 
 from pydantic import Field, NonNegativeFloat
 
 from dextera_build.artifacts.limb import ONLY, limb_of
 from dextera_build.artifacts.robot import Grip, Gripper, Limb, RobotModel
-from dextera_build.errors import listing
+from dextera_build.errors import did_you_mean, listing
 from dextera_build.rule import Context, Options
 
 Vector = tuple[float, float, float]
@@ -33,6 +33,11 @@ class GripOptions(Options):
     """Distance of the palm's surface from frame `palm`, along `facing` [m]."""
     tip_radius_m: NonNegativeFloat = 0.0
     """Distance of a finger's surface from its tip frame [m]."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joints that it moves."""
+        return (*self.open_rad, *self.closed_rad)
 
 
 class GripperOptions(Options):
@@ -59,6 +64,29 @@ class LimbOptions(Options):
     """The parallel gripper that the hand is; two fingertips."""
     grips: dict[str, GripOptions] = Field(default_factory=dict)
     """Name -> grip of its hand."""
+
+
+def check_joints(grips: Mapping[str, GripOptions], limbs: Mapping[str, LimbOptions], joints: Collection[str]) -> None:
+    """Refuse grips and grippers that name a joint which the robot's own description lacks.
+
+    Args:
+        grips: Name -> grip of the only hand.
+        limbs: Limb -> options.
+        joints: Names of all actuated joints.
+
+    Raises:
+        ValueError: A joint is unknown.
+    """
+    named = [(f"`grips` {name}", joint) for name, grip in grips.items() for joint in grip.joints]
+    for limb, options in limbs.items():
+        named += [
+            (f"`limbs` {limb}, grip {name}", joint) for name, grip in options.grips.items() for joint in grip.joints
+        ]
+        named += [(f"`limbs` {limb}, gripper", options.gripper.joint)] if options.gripper is not None else []
+    for where, joint in named:
+        if joint not in joints:
+            near = did_you_mean(joint, joints)
+            raise ValueError(f"{where}: no joint is called `{joint}`; {near or f'joints: {listing(joints, most=40)}'}")
 
 
 def limbs_of(
@@ -92,7 +120,12 @@ def limbs_of(
 def _named(ctx: Context, robot: RobotModel, found: dict[str, Limb], name: str, options: LimbOptions) -> dict[str, Limb]:
     """`found` with the limb `name` by its roles; a limb of another name without a side gives way to it."""
     for role in filter(None, (options.palm, options.tool, *options.tips)):
-        ctx.check(role in robot.frames, f"limb `{name}` has no frame `{role}`", frames=listing(robot.frames, most=40))
+        ctx.check(
+            role in robot.frames,
+            f"limb `{name}` has no frame `{role}`",
+            frames=listing(robot.frames, most=40),
+            hint=did_you_mean(role, robot.frames) or f"add `{role}` to `frames`",
+        )
     prefix = f"{name}_" if name in found and len(found) > 1 else ""
     if name not in found and not options.palm:
         ctx.check(
@@ -113,7 +146,10 @@ def grips_of(ctx: Context, grips: Mapping[str, GripOptions], robot: RobotModel, 
     for name, grip in grips.items():
         for joint, position in [*grip.open_rad.items(), *grip.closed_rad.items()]:
             ctx.check(
-                joint in hand, f"grip `{name}` moves `{joint}`, which is not a joint of the hand", joints=listing(hand)
+                joint in hand,
+                f"grip `{name}` moves `{joint}`, which is not a joint of the hand",
+                joints=listing(hand, most=40),
+                hint=did_you_mean(joint, hand) or "name joints of this hand in `open_rad` and `closed_rad`",
             )
             inside = hand[joint].lower <= position <= hand[joint].upper
             limits = f"{hand[joint].lower:g} to {hand[joint].upper:g} rad"
@@ -136,7 +172,12 @@ def _gripper(ctx: Context, robot: RobotModel, name: str, limb: Limb, options: Gr
     if options is None:
         return None
     hand = {joint.name: joint for joint in robot.joints if joint.name in limb.hand}
-    ctx.check(options.joint in hand, f"the gripper of `{name}` has no joint `{options.joint}`", joints=listing(hand))
+    ctx.check(
+        options.joint in hand,
+        f"the gripper of `{name}` has no joint `{options.joint}`",
+        joints=listing(hand, most=40),
+        hint=did_you_mean(options.joint, hand) or "set `joint` to one of this hand",
+    )
     joint = hand[options.joint]
     inside = all(joint.lower <= each <= joint.upper for each in (options.open, options.closed))
     limits = f"{joint.lower:g} to {joint.upper:g}"

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import Follower, Group, RobotJoint, RobotModel
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Fraction, Options, rule
 
-from .limbs import GripOptions, LimbOptions, Quaternion, Vector, limbs_of
+from .limbs import GripOptions, LimbOptions, Quaternion, Vector, check_joints, limbs_of
 
 
 class PieceOptions(Options):
@@ -167,6 +167,18 @@ class RobotOptions(Options):
     """Limb -> what the roles of `frames` do not say of it."""
     apart: tuple[tuple[str, str], ...] = ()
     """Pairs of links excluded from contact, in addition to neighbours."""
+
+    @model_validator(mode="after")
+    def _moves_its_own_joints(self) -> RobotOptions:
+        joints = {
+            mount.prefix + link.joint.name
+            for chain in self.chains
+            for mount in chain.mounts
+            for link in chain.links
+            if link.joint is not None
+        }
+        check_joints(self.grips, self.limbs, joints)
+        return self
 
 
 @rule(version=2, packages=("mujoco",))

@@ -13,12 +13,13 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.scene import Scene
-from dextera_build.artifacts.task import Primitive, Reset, TaskBundle, TaskObject, TaskSpec
+from dextera_build.artifacts.task import ActionKind, Primitive, Reset, TaskBundle, TaskObject, TaskSpec
 from dextera_build.errors import listing
+from dextera_build.policy import actions
 from dextera_build.rule import Context, Options, rule
 from dextera_build.sim.model import names
 from dextera_build.sim.primitives import catalogue
-from dextera_build.sim.primitives.base import Parameters, Setting, UnfitError
+from dextera_build.sim.primitives.base import Parameters, Setting, UnfitError, no_limb
 
 from . import task_objects
 
@@ -89,14 +90,23 @@ class TaskOptions(Options):
     """Time limit of an episode [s]."""
     control_hz: PositiveFloat = 20.0
     """Rate of observations and actions [Hz]."""
+    action: ActionKind = "joint"
+    """Kind of the actions that Gymnasium takes and data sets for LeRobot hold: joint targets, their changes, or changes
+    of the palms' poses with targets of the fingers."""
     reset: ResetOptions = ResetOptions()
     """Start distribution."""
     points: PositiveInt = 256
     """Number of points sampled on every object's surface."""
 
     @model_validator(mode="after")
-    def _of_one_primitive(self) -> TaskOptions:
+    def _possible(self) -> TaskOptions:
         parameters_of(self)
+        if len(set(self.limbs)) < len(self.limbs):
+            raise ValueError("`limbs` names one limb twice; name each once")
+        if self.limbs and self.primitive == "handover":
+            raise ValueError("`limbs` does not say who gives; name the hands of a handover by `giver` and `receiver`")
+        if self.hold_s >= self.timeout_s:
+            raise ValueError("`hold_s` leaves no time before `timeout_s`; set `timeout_s` above it")
         return self
 
 
@@ -114,7 +124,7 @@ class TaskBackend(Protocol):
         ...
 
     def portraits(self, ctx: Context, bundle: TaskBundle, options: Any) -> list[tuple[str, np.ndarray]]:
-        """Captions and pictures (H, W, 3) uint8."""
+        """Captions and pictures (H, W, 3) uint8; fails for a task that cannot be begun or is out of reach."""
         ...
 
 
@@ -134,12 +144,7 @@ def task(
     `portraits(bundle) -> list of (caption, pixels)`. Masses, sizes, friction and poses carry the twin's own uncertainty
     (90 % interval, standard deviations, covariance), from which resets draw.
     """
-    if scene.scale == "unknown":
-        ctx.fail(
-            "the scale of this twin is unknown, so no task can be built on it",
-            hint="state one size (`object` and `size_m` of `align.scale`), lay a marker on the support (`marker` of "
-            "`align.support`), or measure depth",
-        )
+    _check_scale(ctx, scene)
     labels = {label: body for label, body in names.body_names(assets.items).items() if body not in scene.held}
     bodies = {body: assets.items[label] for label, body in labels.items()}
     if options.object in scene.held:
@@ -157,6 +162,7 @@ def task(
         objects=listing(bodies, most=20),
         hint=f"set `object: {next(iter(bodies), '')}`",
     )
+    task_objects.check(ctx, scene, labels, assets)
     ctx.check(base.parent == "world", f"the robot's base is given in `{base.parent}`, not in the world")
     objects = {body: task_objects.described(assets, label, options.points) for label, body in labels.items()}
     if options.into in objects:
@@ -178,6 +184,15 @@ def task(
     return bundle
 
 
+def _check_scale(ctx: Context, scene: Scene) -> None:
+    if scene.scale == "unknown":
+        ctx.fail(
+            "the scale of this twin is unknown, so no task can be built on it",
+            hint="state one size (`object` and `size_m` of `align.scale`), lay a marker on the support (`marker` of "
+            "`align.support`), or measure depth",
+        )
+
+
 def parameters_of(options: TaskOptions) -> Parameters:
     """The parameters of the primitive that the options name.
 
@@ -194,16 +209,15 @@ def parameters_of(options: TaskOptions) -> Parameters:
         return kind.parameters(**stated)
     except ValidationError as error:
         first = error.errors()[0]
-        what = ".".join(map(str, first["loc"][:1]))
-        raise ValueError(f"`{what}` of primitive `{options.primitive}`: {first['msg']}") from None
+        where = "".join(f"`{part}` of " for part in first["loc"][:1])
+        text = first["msg"].removeprefix("Value error, ")
+        raise ValueError(f"{where}primitive `{options.primitive}`: {text}") from None
 
 
 def _spec(
     ctx: Context, options: TaskOptions, asset: Asset, objects: dict[str, TaskObject], robot: RobotModel
 ) -> TaskSpec:
     kind = catalogue.KINDS[options.primitive]
-    for limb in options.limbs:
-        ctx.check(limb in robot.limbs, f"the robot has no limb `{limb}`", limbs=listing(robot.limb_names))
     if kind.hands > len(robot.limbs):
         ctx.fail(
             f"`{options.primitive}` takes {kind.hands} hands, but the robot has {len(robot.limbs)}",
@@ -214,11 +228,14 @@ def _spec(
     in_model = dict(zip((joint.name for joint in asset.body.joints), objects[options.object].joints, strict=True))
     joints = {label: (in_model[label], *limits) for label, limits in within.items()}
     try:
+        for limb in options.limbs:
+            if limb not in robot.limbs:
+                raise no_limb(limb, robot)
         goal = parameters_of(options).goal(Setting(options.name, options.object, objects, joints, robot))
     except UnfitError as error:
         ctx.fail(error.message, hint=error.hint, **error.facts)
     reset = options.reset
-    return TaskSpec(
+    spec = TaskSpec(
         name=options.name,
         object=options.object,
         goal=goal,
@@ -226,6 +243,7 @@ def _spec(
         hold_s=options.hold_s,
         timeout_s=options.timeout_s,
         control_hz=options.control_hz,
+        action=options.action,
         reset=Reset(
             position_m=reset.position_m,
             yaw_rad=float(np.radians(reset.yaw_deg)),
@@ -239,6 +257,8 @@ def _spec(
             visual=reset.visual,
         ),
     )
+    actions.of_task(spec, robot)  # refuses a kind that the robot lacks
+    return spec
 
 
 def _joint_labels(assets: Collection[Asset], label: str) -> list[str]:

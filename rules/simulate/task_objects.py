@@ -2,13 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.scene import Scene
 from dextera_build.artifacts.task import Cavity, TaskObject
+from dextera_build.errors import listing
 from dextera_build.geometry import cavities, kinematics, metrics
-from dextera_build.sim.model import names
+from dextera_build.rule import Context
+from dextera_build.sim.model import names, whole
+
+
+def check(ctx: Context, scene: Scene, labels: Mapping[str, str], assets: Collection[Asset]) -> None:
+    """Refuse assets that the scene was not made of, and those that cannot be simulated.
+
+    Args:
+        ctx: Context for errors.
+        scene: The twin.
+        labels: Label -> body of every movable object.
+        assets: The twin's assets.
+    """
+    for label, body in labels.items():
+        ctx.check(
+            body in scene.bodies,
+            f"the scene has no body of asset `{label}`",
+            assets=listing(assets.items, most=20),
+            scene=listing(scene.bodies, most=20),
+            hint="give the assets that `simulate.scene` was given",
+        )
+    whole.check({label: assets.items[label] for label in labels})
 
 
 def described(assets: Collection[Asset], label: str, count: int) -> TaskObject:

@@ -24,9 +24,8 @@ from dextera_build.artifacts.scene_description import (
     ObjectNode,
     SceneDescription,
 )
-from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import transforms
-from dextera_build.sim.model import mjcf_contact, names, neighbours, touching
+from dextera_build.sim.model import mjcf_contact, names, neighbours, touching, whole
 
 SUN = Light(label="sun", direction=(0.2, 0.3, -1.0), place=(0.0, 0.0, 1.5), diffuse=(0.4, 0.4, 0.4))
 """The light of every twin. It is below the ceiling of a closed room, whose shadow would fall on everything."""
@@ -77,15 +76,7 @@ def parted(assets: Mapping[str, Asset], background: Background) -> neighbours.Pa
     Raises:
         RuleError: A link of an asset has no collision pieces or no mass.
     """
-    for label, asset in assets.items():
-        for what, known in (("collision geometry", asset.collision.links), ("mass", asset.physics.links)):
-            if bare := sorted(asset.body.links.keys() - known.keys()):
-                raise RuleError(
-                    f"link `{bare[0]}` of `{label}` has no {what}",
-                    code="DXB-B219",
-                    facts={"links": listing(asset.body.links), what: listing(known) or "of no link"},
-                    hint="`factorize.collision` and `factorize.physics` of the same body give both",
-                )
+    whole.check(assets)
     return neighbours.parted(assets, [_support(box).vertices() for box in background.boxes])
 
 

@@ -7,13 +7,15 @@ measured alike, whatever other terms there are.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from dextera_build import digest
 from dextera_build.artifacts.noise import ColourNoise, DepthNoise
+from dextera_build.errors import RuleError, did_you_mean, listing
 from dextera_build.geometry import cameras, quaternions, registration
+from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.observation import Frame, Measurement
 from dextera_build.policy.terms import Sensor, Term
 from dextera_build.sim.render import sensor as camera_sensor
@@ -57,6 +59,30 @@ class Sensors:
             if cloud is not None:
                 cloud = cameras.backproject(depth, self._intrinsics[camera]).astype(np.float32)
         return Frame(rgb, depth, cloud)
+
+
+def check(sensors: Mapping[str, Sensor], views: Iterable[str]) -> None:
+    """Refuse sensors of what is not measured here.
+
+    Args:
+        sensors: Name of a term, or `name/camera`, -> its sensor.
+        views: Names of the cameras.
+
+    Raises:
+        RuleError: A name is that of no measured term: of a privileged one, or of none.
+    """
+    known = [*MEASURED, *(f"{name}/{view}" for name in ("rgb", "depth") for view in views)]
+    for name in sensors:
+        if name in known:
+            continue
+        hidden = name in BY_NAME and BY_NAME[name].seen_by != "policies"
+        why = "is privileged, so that no sensor measures it" if hidden else "is nothing that a sensor measures"
+        raise RuleError(
+            f"`{name}` {why}",
+            code="DXB-B514",
+            facts={"sensors": listing(known, most=30)},
+            hint=did_you_mean(name, known) or "leave it out of `sensors`",
+        )
 
 
 MEASURED_NUMBERS = ("joints", "objects", "displacement")

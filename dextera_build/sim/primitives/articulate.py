@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import Field, PositiveFloat
+from pydantic import Field, PositiveFloat, model_validator
 
 from dextera_build.artifacts.goals import ArticulateGoal
-from dextera_build.errors import listing
+from dextera_build.errors import did_you_mean, listing
 from dextera_build.sim.primitives import base
 from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
 from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, near
@@ -34,16 +34,25 @@ class Parameters(base.Parameters):
     tolerance_deg: PositiveFloat = 5.0
     """Maximum distance from the command [deg]."""
 
+    @model_validator(mode="after")
+    def _named(self) -> Parameters:
+        if not self.joints_deg:
+            raise ValueError("`joints_deg` names no joint to move; set `joints_deg: {hinge: 0}`")
+        return self
+
     def goal(self, setting: Setting) -> ArticulateGoal:
         """The commands in the model's names [rad]; every joint is one of the object's, and can reach its command."""
         known, tolerance = setting.joints, float(np.radians(self.tolerance_deg))
         joints = listing(known, most=20) or "none"
-        if not self.joints_deg:
-            raise UnfitError(f"`{setting.task}` names no joint to move", joints=joints)
         goals = {}
         for label, degrees in self.joints_deg.items():
             if label not in known:
-                raise UnfitError(f"`{setting.object}` has no joint `{label}`", joints=joints)
+                raise UnfitError(
+                    f"`{setting.object}` has no joint `{label}`",
+                    joints=joints,
+                    hint=did_you_mean(label, known)
+                    or (f"set `joints_deg: {{{next(iter(known))}: 0}}`" if known else "choose an object with a joint"),
+                )
             name, lower, upper = known[label]
             goals[name] = float(np.radians(degrees))
             if not lower - tolerance <= goals[name] <= upper + tolerance:

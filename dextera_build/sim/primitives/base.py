@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskObject, TaskSpec
+from dextera_build.errors import listing
 from dextera_build.geometry import transforms
 from dextera_build.sim.primitives.state import TaskState
 
@@ -37,6 +38,13 @@ class UnfitError(Exception):
     def __init__(self, message: str, hint: str | None = None, **facts: str) -> None:
         super().__init__(message)
         self.message, self.hint, self.facts = message, hint, facts
+
+
+def no_limb(name: str, robot: RobotModel) -> UnfitError:
+    """The error of a task that names a limb which its robot lacks."""
+    known = " or ".join(f"`{each}`" for each in robot.limb_names)
+    several = "" if len(robot.limbs) > 1 else ", or choose a robot with more limbs, such as robot/openarm_revo1"
+    return UnfitError(f"the robot has no limb `{name}`", limbs=listing(robot.limb_names), hint=f"name {known}{several}")
 
 
 @dataclass(frozen=True)
@@ -141,6 +149,13 @@ class Primitive(ABC, Generic[G]):
     def fair(self, places: Mapping[str, np.ndarray]) -> bool:
         """Whether an episode may begin with the bodies at these poses (4, 4): not where the goal is reached."""
         return True
+
+    def target(self) -> tuple[float, float, float] | None:
+        """Where the object's origin is when the goal is reached, in the world [m]; NaN: anywhere along this axis.
+
+        None: where the object stands.
+        """
+        return None
 
     def others(self) -> tuple[str, ...]:
         """Bodies that the goal names beside the task's object."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import model_validator
+
 from dextera_build.artifacts.goals import HandoverGoal
 from dextera_build.errors import listing
 from dextera_build.sim.primitives import base
@@ -21,20 +23,23 @@ class Parameters(base.Parameters):
     receiver: str = ""
     """Limb that holds it in the end."""
 
+    @model_validator(mode="after")
+    def _of_two(self) -> Parameters:
+        if self.giver and self.giver == self.receiver:
+            raise ValueError(f"`giver` and `receiver` are both `{self.giver}`; name two limbs, or one of them")
+        return self
+
     def goal(self, setting: Setting) -> HandoverGoal:
         """The two limbs."""
         limbs = setting.robot.limb_names
         given = [name for name in (self.giver, self.receiver) if name]
         unknown = [name for name in given if name not in limbs]
         if unknown:
-            raise UnfitError(f"the robot has no limb `{unknown[0]}`", limbs=listing(limbs))
+            raise base.no_limb(unknown[0], setting.robot)
         rest = [name for name in limbs if name not in given]
         if not given or (len(given) == 1 and len(rest) != 1):
             raise UnfitError("a handover names its hands", hint=f"set `giver: {limbs[0]}`", limbs=listing(limbs))
-        giver, receiver = self.giver or rest[0], self.receiver or rest[0]
-        if giver == receiver:
-            raise UnfitError(f"limb `{giver}` gives to itself", limbs=listing(limbs))
-        return HandoverGoal(giver=giver, receiver=receiver)
+        return HandoverGoal(giver=self.giver or rest[0], receiver=self.receiver or rest[0])
 
 
 class Handover(Primitive[HandoverGoal]):

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from pydantic import model_validator
 
 from dextera_build.artifacts.goals import PlaceGoal
 from dextera_build.artifacts.task import Cavity
-from dextera_build.errors import listing
+from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import transforms
 from dextera_build.sim.primitives import base, poses
 from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
@@ -35,20 +36,34 @@ class Parameters(poses.Parameters):
     into: str = ""
     """Label of the container; empty: the target pose counts."""
 
+    @model_validator(mode="after")
+    def _aimed(self) -> Parameters:
+        placed = self.by_m is not None or self.to_m is not None
+        if not self.into and not placed:
+            raise ValueError("there is no target; set `into`, `by_m` or `to_m`")
+        if self.into and (placed or self.turn_deg is not None):
+            raise ValueError("`into` and a pose both give a target; leave one of them out")
+        return self
+
     def goal(self, setting: Setting) -> PlaceGoal:
         """The target pose, or the container's body."""
-        place, quaternion = self.place(setting), self.quaternion(setting)
         if not self.into:
-            if place is None:
-                raise UnfitError(f"`{setting.task}` has no target", hint="set `into`, `by_m` or `to_m`")
+            place, quaternion = self.place(setting), self.quaternion(setting)
             return PlaceGoal(place_m=place, quaternion=quaternion, tolerance=self.tolerance())
-        others = listing([name for name in setting.objects if name != setting.object], most=20) or "none"
+        names = [name for name in setting.objects if name != setting.object]
+        others = listing(names, most=20)
         if self.into not in setting.objects or self.into == setting.object:
-            raise UnfitError(f"the scene has no container `{self.into}`", objects=others)
+            raise UnfitError(
+                f"the scene has no container `{self.into}`",
+                objects=others,
+                hint=did_you_mean(self.into, names) or "set `into` to one of the other objects",
+            )
         if setting.objects[self.into].cavity is None:
-            raise UnfitError(f"`{self.into}` is no container: nothing stays in it", objects=others)
-        if place is not None or quaternion is not None:
-            raise UnfitError("a target is given by `into` and by a pose", hint="leave one of them out")
+            raise UnfitError(
+                f"`{self.into}` is no container: nothing stays in it",
+                objects=others,
+                hint="set `by_m` or `to_m` for a place on it, or `into` to another object",
+            )
         return PlaceGoal(into=self.into, tolerance=self.tolerance())
 
 
@@ -102,6 +117,13 @@ class Place(Primitive[PlaceGoal]):
         if self.goal.into:
             return not self._inside(pose, places[self.goal.into])
         return not poses.reached(self.goal, pose)
+
+    def target(self) -> tuple[float, float, float] | None:
+        """The target position, or the container."""
+        if not self.goal.into:
+            return self.goal.place_m
+        x, y, z = self.objects[self.goal.into].pose.matrix[:3, 3].tolist()
+        return x, y, z
 
     def others(self) -> tuple[str, ...]:
         """The container."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from pydantic import model_validator
 
 from dextera_build.artifacts.goals import ReorientGoal
 from dextera_build.sim.primitives import base, poses
-from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
+from dextera_build.sim.primitives.base import Past, Primitive, Setting
 from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
 from dextera_build.sim.primitives.state import TaskState
 
@@ -16,11 +17,15 @@ from dextera_build.sim.primitives.state import TaskState
 class Parameters(poses.Parameters):
     """Options of a reorientation: a place, an orientation, or both."""
 
+    @model_validator(mode="after")
+    def _aimed(self) -> Parameters:
+        if self.turn_deg is None and self.by_m is None and self.to_m is None:
+            raise ValueError("there is no target; set `turn_deg: [90, 0, 0]`, `by_m` or `to_m`")
+        return self
+
     def goal(self, setting: Setting) -> ReorientGoal:
         """The target pose."""
         place, quaternion = self.place(setting), self.quaternion(setting)
-        if place is None and quaternion is None:
-            raise UnfitError(f"`{setting.task}` has no target", hint="set `turn_deg: [90, 0, 0]`, `by_m` or `to_m`")
         return ReorientGoal(place_m=place, quaternion=quaternion, tolerance=self.tolerance())
 
 
@@ -39,6 +44,10 @@ class Reorient(Primitive[ReorientGoal]):
         """Whether the object jumped."""
         jumped = base.jumped(past.before, now)
         return Past(now, past.stage, past.fault or ("the object jumped" if jumped else ""))
+
+    def target(self) -> tuple[float, float, float] | None:
+        """The target position, if there is one."""
+        return self.goal.place_m
 
     def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
         """The object is not there, or not held."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import Field, PositiveFloat
+from pydantic import Field, PositiveFloat, model_validator
 
 from dextera_build.artifacts.goals import PoseGoal, Tolerance
 from dextera_build.geometry import quaternions, registration, transforms
 from dextera_build.sim.primitives import base
-from dextera_build.sim.primitives.base import Setting, UnfitError
+from dextera_build.sim.primitives.base import Setting
 
 RADIAN_M = 0.1
 """Distance that weighs as much as a rotation by one radian [m]."""
@@ -41,10 +41,14 @@ class Parameters(Near):
     turn_deg: tuple[float, float, float] | None = None
     """Target orientation as turns of the photograph's about x, then y, then z of the world [deg]."""
 
+    @model_validator(mode="after")
+    def _aimed_once(self) -> Parameters:
+        if self.to_m is not None and self.by_m is not None:
+            raise ValueError("`by_m` and `to_m` both give a target; leave one of them out")
+        return self
+
     def place(self, setting: Setting) -> tuple[float, float, float] | None:
         """Target position in the world [m], or None for any."""
-        if self.to_m is not None and self.by_m is not None:
-            raise UnfitError("a target is given by `to_m` and by `by_m`", hint="leave one of them out")
         if self.by_m is not None:
             x, y, z = (setting.objects[setting.object].pose.matrix[:3, 3] + self.by_m).tolist()
             return x, y, z

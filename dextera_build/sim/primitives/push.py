@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from pydantic import model_validator
 
 from dextera_build.artifacts.goals import PushGoal
 from dextera_build.geometry import quaternions
 from dextera_build.sim.primitives import base, poses
-from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
+from dextera_build.sim.primitives.base import Past, Primitive, Setting
 from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, near
 from dextera_build.sim.primitives.state import TaskState
 
@@ -31,13 +32,14 @@ class Parameters(poses.Near):
     yaw_deg: float | None = None
     """Target turn about the vertical from the photograph's orientation [deg]; None: any."""
 
+    @model_validator(mode="after")
+    def _aimed(self) -> Parameters:
+        if (self.to_m is None) == (self.by_m is None):
+            raise ValueError("it needs one target; set `by_m: [0.1, 0.0]`, a way from the photograph, or `to_m`")
+        return self
+
     def goal(self, setting: Setting) -> PushGoal:
         """The target on the support."""
-        if (self.to_m is None) == (self.by_m is None):
-            raise UnfitError(
-                f"`{setting.task}` needs one target",
-                hint="set `by_m: [0.1, 0.0]` for a way from the photograph's position, or `to_m`",
-            )
         pose = setting.objects[setting.object].pose.matrix
         x, y = (pose[:2, 3] + self.by_m).tolist() if self.by_m is not None else self.to_m or (0.0, 0.0)
         w, i, j, k = quaternions.from_matrix(pose[:3, :3]).tolist()
@@ -93,6 +95,10 @@ class Push(Primitive[PushGoal]):
     def fair(self, places: Mapping[str, np.ndarray]) -> bool:
         """Whether the object does not stand at its target yet."""
         return not self._there(places[self.task.object])
+
+    def target(self) -> tuple[float, float, float]:
+        """The place on the support."""
+        return *self.goal.place_m, float(self.objects[self.task.object].pose.matrix[2, 3])
 
     def _there(self, pose: np.ndarray) -> bool:
         return self.goal.tolerance.met(*self._errors(pose))

@@ -16,11 +16,11 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.task import TaskBundle, TaskObject, View
-from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.sizes import Sizes
 from dextera_build.sim.runtime import variations
+from dextera_build.sim.runtime.refused import Refused
 from dextera_build.sim.runtime.strata import Draws, Strata, Stratum
 from dextera_build.statistics import Z90
 
@@ -30,7 +30,8 @@ TOUCH_M = 0.001
 """Maximum penetration at a start [m]."""
 GAINS = 0.10
 """Half range of the factor on the robot's gains, times `Reset.dynamics`."""
-
+STATIC = "the static scene"
+"""Name of parts of the world's body that have none."""
 
 Fair = Callable[[Mapping[str, np.ndarray]], bool]
 """Whether an episode may begin with the bodies at these poses, body -> T_world_body (4, 4)."""
@@ -58,7 +59,7 @@ def draw(
         views: Cameras whose poses are drawn, by name.
 
     Raises:
-        RuleError: No start without collisions was found.
+        RuleError: No start without collisions, on the support and away from the goal was found.
     """
     generator = np.random.default_rng([seed])
     random = generator if stratum is None else Strata(stratum, generator)
@@ -66,6 +67,7 @@ def draw(
     dynamics = _dynamics(bundle, random)
     sizes.put(dynamics["size_scale"])
     first = random.asked if isinstance(random, Strata) else 0
+    refused = Refused()
     for _ in range(TRIES):
         if isinstance(random, Strata):
             random.asked = first
@@ -73,15 +75,11 @@ def draw(
         _place_objects(bundle, data, dynamics["size_scale"], random)
         _pose_robot(bundle, model, data, random)
         mujoco.mj_forward(model, data)
-        if _free(model, data) and _on_support(bundle, model, data) and fair(_places(bundle, data)):
+        if _free(model, data) and not _off_support(bundle, model, data) and fair(_places(bundle, data)):
             break
+        refused.note(_colliding(model, data), _off_support(bundle, model, data))
     else:
-        raise RuleError(
-            f"no start of `{bundle.task.name}` without collisions was found",
-            code="DXB-B220",
-            facts={"tries": TRIES, "position": f"± {bundle.task.reset.position_m} m"},
-            hint="make the ranges of `reset` smaller",
-        )
+        raise refused.error(bundle)
     # Numbers of their own, so that a task with more to vary has the same places and masses.
     other = np.random.default_rng([seed, 1])
     varied = other if stratum is None else Strata(replace(stratum, series=stratum.series + 1), other)
@@ -191,14 +189,28 @@ def _free(model: Any, data: Any) -> bool:
     return data.ncon == 0 or bool(data.contact.dist[: data.ncon].min() > -TOUCH_M)
 
 
-def _on_support(bundle: TaskBundle, model: Any, data: Any) -> bool:
-    """Whether every object's origin is above the support of the scene."""
+def _colliding(model: Any, data: Any) -> set[str]:
+    """Pairs of bodies that penetrate; a part of the static scene has the name of its geom."""
+    found = set()
+    for first, second in data.contact.geom[: data.ncon][data.contact.dist[: data.ncon] <= -TOUCH_M]:
+        bodies = [int(model.geom_bodyid[geom]) for geom in (first, second)]
+        names = [
+            model.body(body).name if body else model.geom(geom).name or STATIC
+            for body, geom in zip(bodies, (first, second), strict=True)
+        ]
+        found.add(" and ".join(sorted(names)))
+    return found
+
+
+def _off_support(bundle: TaskBundle, model: Any, data: Any) -> list[str]:
+    """Objects whose origin is not above the support of the scene."""
     support = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "static_support")
     if support < 0:
-        return True
+        return []
     rotation = data.geom_xmat[support].reshape(3, 3)
+    found = []
     for name in bundle.objects:
         local = rotation.T @ (data.body(name).xpos - data.geom_xpos[support])
         if (np.abs(local[:2]) > model.geom_size[support][:2]).any():
-            return False
-    return True
+            found.append(name)
+    return found

@@ -70,7 +70,7 @@ class TrackedCell:
     ) -> None:
         self.environment, self.cell = environment, cell
         bundle = environment.bundle
-        check(cell, bundle.objects, twin)
+        check(cell, bundle, twin)
         self._names = tuple(name for name in bundle.objects if name in {*names, bundle.task.object})
         bodies = {name: cell.assets[name].body for name in self._names}
         self._models = {name: Model.of(body, body.residual_m) for name, body in bodies.items()}
@@ -276,19 +276,26 @@ class TrackedCell:
         )
 
 
-def check(cell: Cell, names: Collection[str], twin: TaskBundle | None) -> None:
+def check(cell: Cell, bundle: TaskBundle, twin: TaskBundle | None) -> None:
     """Refuse a cell whose tracker does not know all objects, or that cannot keep to its limits.
 
     Raises:
-        RuleError: An asset is missing, or the twin that a workspace needs.
+        RuleError: An asset is missing, or what a limit needs: the twin for a workspace, fingertips for a force.
     """
+    if cell.limits.force_n is not None and not bundle.robot.tips:
+        raise RuleError(
+            "a cell that limits the force on fingertips has a robot without any",
+            code="DXB-B247",
+            facts={"frames": listing(bundle.robot.frames, most=40)},
+            hint="leave `force_n` of `limits` out, or add frames `tip_...` to the robot",
+        )
     if twin is None and cell.limits.workspace_m is not None:
         raise RuleError(
             "a cell that limits the workspace must know its robot",
             code="DXB-B247",
             hint="give the task in the twin too: `twin: $task`",
         )
-    missing = sorted(set(names) - set(cell.assets))
+    missing = sorted(bundle.objects.keys() - cell.assets.keys())
     if missing:
         raise RuleError(
             f"the tracker of this cell does not know `{missing[0]}`",

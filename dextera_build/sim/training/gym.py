@@ -9,23 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import gymnasium
-import mujoco
 import numpy as np
 from gymnasium import spaces
 
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.packed import unpack
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.task import ActionKind, TaskBundle, View
+from dextera_build.errors import listing
 from dextera_build.policy.layout import of_bundle
 from dextera_build.policy.observation import deployable
 from dextera_build.policy.terms import Sensor, Term
+from dextera_build.sim.control.action_map import ActionMap
 from dextera_build.sim.observe.eyes import Eyes, Picture
 from dextera_build.sim.observe.privileged import Insight
 from dextera_build.sim.observe.progress import Progress
 from dextera_build.sim.observe.sensors import Sensors
+from dextera_build.sim.observe.sensors import check as check_sensors
 from dextera_build.sim.render import portrait, rendering
 from dextera_build.sim.runtime.environment import Environment, Outcome
 from dextera_build.sim.training.spaces import of_terms, values
@@ -35,28 +37,33 @@ DEPLOYABLE, PRIVILEGED = "deployable", "privileged"
 
 
 class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
-    """One task. Actions are absolute joint targets [rad] in the order of `RobotModel.joints`, at the task's rate.
+    """One task. Actions are of the task's kind, or of `action`, at the task's rate; `actions.spec` names their numbers.
 
     An episode is *terminated* by success, or by a non-finite action or state; it is *truncated* by the
     task's time limit, after which its value may be bootstrapped. `info` has `is_success` and `success`,
     `reason` (for ending without success) and `executed` (the targets sent).
 
     Args:
-        bundle: The task, or the path of an exported one.
+        bundle: The task, the path of an exported one, or an environment of it, which is taken over.
         privileged: Whether to include privileged observations.
         views: Cameras by name; None: no images.
         pictures: What every camera gives: `deployable/rgb/<camera>`, `deployable/depth/<camera>`, ...
         sensors: Name of a term, or `name/camera`, -> its rate, delay and noise; left out: exact measurements.
         render_mode: `rgb_array` or None.
         size: (width, height) of rendered pictures [px].
-        model: The compiled model of the task, which this environment takes over; None: compiled here.
+        action: Kind of the actions, see `dextera_build.policy.actions`: `joint`, `delta`, `end_effector`; None: the
+            task's.
+
+    Raises:
+        RuleError: A sensor measures nothing, there is no such kind of action, or the robot has no palm for it.
+        MachineError: Actions of kind `end_effector` find no solver.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012  as declared by Gymnasium
 
     def __init__(
         self,
-        bundle: TaskBundle | str | Path,
+        bundle: TaskBundle | str | Path | Environment,
         *,
         privileged: bool = False,
         views: Mapping[str, View] | None = None,
@@ -64,12 +71,18 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         sensors: Mapping[str, Sensor] | None = None,
         render_mode: str | None = None,
         size: tuple[int, int] = (480, 360),
-        model: mujoco.MjModel | None = None,
+        action: ActionKind | None = None,
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"`render_mode` is `rgb_array` or None, not `{render_mode}`")
-        task = opened(bundle)
-        self.environment = Environment(task, model)
+        if unknown := sorted(set(pictures) - set(get_args(Picture))):
+            raise ValueError(f"`pictures` are {listing(get_args(Picture))}, not `{unknown[0]}`")
+        check_sensors(sensors or {}, views or {})
+        self.environment = bundle if isinstance(bundle, Environment) else Environment(opened(bundle))
+        task = self.environment.bundle
+        self.actions = ActionMap(task.task, task.robot, action)
+        """What the actions mean for the robot's joints."""
+        self.actions.solve()
         self.render_mode = render_mode
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / self.environment.period_s)}
         self._size = size
@@ -85,9 +98,8 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._value = self._progress.value(False, self.environment.now)
         self._last = self._observe()
         self.observation_space: spaces.Space[Any] = of_terms(self.terms)
-        self.action_space = spaces.Box(
-            self.environment.lower.astype(np.float32), self.environment.upper.astype(np.float32), dtype=np.float32
-        )
+        spec = self.actions.spec
+        self.action_space = spaces.Box(spec.lower.astype(np.float32), spec.upper.astype(np.float32), dtype=np.float32)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -115,8 +127,11 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         return self._last, self._info(False, "", self.environment.previous_action)
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """Send joint targets (A,) [rad] for one control period."""
-        return self.conclude(self.environment.step(action))
+        """Send an action (N,) for one control period."""
+        environment, action = self.environment, np.asarray(action, np.float64)
+        if fault := self.actions.fault(action):
+            return self.conclude(Outcome(False, True, fault, environment.previous_action.copy()))
+        return self.conclude(environment.step(self.actions.targets(action, environment.previous_action)))
 
     def conclude(self, outcome: Outcome) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
         """The return value of `step` after control periods that ended with `outcome`."""

@@ -34,7 +34,7 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
     """
 
     def __init__(self, bundle: TaskBundle, contract: PolicyContract, seed: int = 0, number: int = 0) -> None:
-        self._task = TaskEnv(bundle, privileged=True)
+        self._task = TaskEnv(bundle, privileged=True, action="joint")
         self._reader = Reader(contract.inputs, of_bundle(bundle))
         self._steering = Steering(bundle.robot, contract)
         self._seed, self._number = seed, number

@@ -19,6 +19,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.training.gym import TaskEnv, opened
 
 Observations = dict[str, np.ndarray]
@@ -40,7 +41,8 @@ class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):
         task = opened(bundle)
         first = TaskEnv(task, **options)
         # The model is compiled once; every copy randomises its own.
-        copies = (TaskEnv(task, model=copy.copy(first.environment.model), **options) for _ in range(num_envs - 1))
+        worlds = (Environment(task, copy.copy(first.environment.model)) for _ in range(num_envs - 1))
+        copies = (TaskEnv(world, **options) for world in worlds)
         self.copies = [first, *copies]
         self.num_envs = num_envs
         self.metadata = {**first.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -69,7 +71,7 @@ class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):
         return self._gathered([seen for seen, _ in found]), self._infos([info for _, info in found])
 
     def step(self, actions: np.ndarray) -> tuple[Observations, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Send joint targets (N, A) [rad] for one control period; rewards, terminated and truncated are (N,)."""
+        """Send actions (N, ...), one per copy, for one control period; rewards, terminated and truncated are (N,)."""
         found = self._each(lambda number: self._step(number, actions[number]))
         seen, rewards, terminated, truncated, infos = zip(*found, strict=True)
         ended, late = np.array(terminated, bool), np.array(truncated, bool)

@@ -18,7 +18,10 @@ from hypothesis import strategies as st
 from dextera_build.artifacts import h264
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.task import ActionKind
 from dextera_build.errors import RuleError
+from dextera_build.policy import actions
+from dextera_build.sim.control.action_map import ActionMap
 from dextera_build.testing import RuleRunner
 from rules.demonstrate import lerobot_stats, rolling
 from tests import episodes
@@ -296,3 +299,25 @@ def test_features_without_components_are_left_out() -> None:
     assert "privileged.contact" not in declared
     assert declared["observation.environment_state"]["shape"] == [14]
     assert steps(folder, "data/chunk-000/file-000.parquet")["observation.environment_state"].shape == (5, 14)
+
+
+@pytest.mark.parametrize("kind", ["delta", "end_effector"])
+def test_actions_have_the_kind_of_the_task_and_ask_for_the_recorded_targets(kind: ActionKind, tmp_path: Path) -> None:
+    made, bundle = episodes.small(1), episodes.bundle()
+    bundle = bundle.model_copy(update={"task": bundle.task.model_copy(update={"action": kind})})
+    folder = RuleRunner(tmp_path).run("demonstrate.lerobot", bundle=bundle, episodes=made)
+    spec = actions.of_task(bundle.task, bundle.robot)
+    feature = info(folder)["features"]["action"]
+    assert (feature["names"], feature["shape"]) == (list(spec.names), [len(spec.names)])
+    about = json.loads(folder.files["meta/dextera.json"])["action"]
+    assert (about["kind"], about["rate_hz"], len(about["lower"])) == (kind, 20.0, len(spec.names))
+    found = steps(folder, "data/chunk-000/file-000.parquet")["action"]
+    episode = made.items["0"]
+    sent = np.concatenate([episode.start.ctrl[None], episode.executed])[: len(found)].astype(np.float64)
+    back = ActionMap(bundle.task, bundle.robot)
+    expected = [
+        back.actions(target, last) for target, last in zip(episode.action.astype(np.float64), sent, strict=True)
+    ]
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    if kind == "delta":
+        np.testing.assert_allclose(sent + found, episode.action, atol=1e-6)

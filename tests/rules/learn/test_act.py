@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from pydantic import ValidationError
 
 from dextera_build.artifacts.episode import Episode, Episodes, Film
 from dextera_build.artifacts.policy import Checkpoint
@@ -272,9 +273,6 @@ def test_it_reports_loss_and_curve(tmp_path: Path) -> None:
     ("change", "options", "message"),
     [
         ({"items": {}}, {}, "no episode succeeded, so there is nothing to learn from"),
-        ({}, {"inputs": ()}, "`inputs` must name one channel or more, each once"),
-        ({}, {"inputs": ("joints", "joints")}, "`inputs` must name one channel or more, each once"),
-        ({}, {"inputs": ("joints", "contact")}, "there is no channel `contact` to learn from"),
         ({}, {"inputs": ("joints", "rgb")}, "there is no channel `rgb` to learn from"),
         ({}, {"inputs": ("displacement",)}, "none of the inputs has a component: displacement"),
         ({}, {"width": 18, "heads": 4}, "width 18 is not a multiple of 4 heads"),
@@ -286,6 +284,26 @@ def test_bad_input_is_one_clear_error(
 ) -> None:
     with pytest.raises(RuleError, match=message):
         learn(tmp_path, episodes.small(4).model_copy(update=change), **options)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "message"),
+    [
+        ((), "`inputs` must name one channel or more, each once"),
+        (("joints", "joints"), "`inputs` must name one channel or more, each once"),
+        (
+            ("joints", "contact"),
+            "`contact` is privileged: only a simulator measures it; `inputs` may name displacement",
+        ),
+        (("joints", "wrist"), "`wrist` is no channel that this policy can take; `inputs` may name displacement, goal"),
+    ],
+)
+def test_inputs_that_no_robot_measures_are_refused_before_anything_is_built(
+    tmp_path: Path, inputs: tuple[str, ...], message: str
+) -> None:
+    kind = RuleRunner(tmp_path).find("learn.act").rule.options
+    with pytest.raises(ValidationError, match=message):
+        kind.model_validate({"inputs": inputs})
 
 
 def test_a_film_must_belong_to_the_episodes(tmp_path: Path) -> None:

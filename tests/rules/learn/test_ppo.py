@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.robot import RobotModel
@@ -229,8 +230,6 @@ def test_a_robot_with_other_joints_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"inputs": ("joints", "objects")}, "moves targets by steps and needs `previous_action`"),
-        ({"inputs": ("joints", "previous_action", "rgb")}, "learns from numbers, not from pictures"),
         ({"groups": (), "control": "joints"}, "has no joints in `groups`"),
         ({"grip": "pinch"}, "has no grip `pinch`"),
     ],
@@ -238,6 +237,22 @@ def test_a_robot_with_other_joints_is_refused(tmp_path: Path) -> None:
 def test_options_that_make_no_sense_are_refused(tmp_path: Path, options: dict[str, Any], message: str) -> None:
     with pytest.raises(RuleError, match=message):
         learn(tmp_path, "stub", **options)
+
+
+@pytest.mark.parametrize(
+    ("inputs", "message"),
+    [
+        (("joints", "objects"), "moves targets by steps and needs `previous_action`; add it to `inputs`"),
+        (("joints", "previous_action", "rgb"), "`rgb` is no channel that this policy can take"),
+        (("joints", "previous_action", "tip_poses"), "`tip_poses` is privileged: only a simulator measures it"),
+    ],
+)
+def test_inputs_that_it_cannot_take_are_refused_before_anything_is_built(
+    tmp_path: Path, inputs: tuple[str, ...], message: str
+) -> None:
+    kind = RuleRunner(tmp_path).find("learn.ppo").rule.options
+    with pytest.raises(ValidationError, match=message):
+        kind.model_validate({"inputs": inputs})
 
 
 def test_a_robot_without_a_palm_is_steered_joint_by_joint(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError
@@ -51,20 +52,48 @@ def test_without_options_limbs_follow_from_frames(tmp_path: Path) -> None:
     ("limbs", "message"),
     [
         ({"right": {"palm": "centre"}}, "limb `right` has no frame `centre`"),
-        ({"right": {"gripper": {"joint": "thumb", "open": 0.1}}}, "the gripper of `right` has no joint `thumb`"),
         ({"right": {"gripper": {"joint": "one_slide", "open": 9.0}}}, "opens beyond the limits of `one_slide`"),
         (
             {"right": {"tips": ("tip_one",), "gripper": {"joint": "one_slide", "open": 0.1}}},
             "the gripper of `right` has 1 fingertips, not two",
         ),
         (
-            {"right": {"grips": {"pinch": {"against": "thumb", "open_rad": {"elbow": 0.0}}}}},
-            "grip `pinch` moves `elbow`, which is not a joint of the hand",
+            {"right": {"grips": {"pinch": {"against": "thumb", "open_rad": {"lift": 0.0}}}}},
+            "grip `pinch` moves `lift`, which is not a joint of the hand",
         ),
         ({"left": {}, "right": {}}, "no frame is the palm of limb `right`"),
     ],
 )
 def test_wrong_limbs_are_refused(tmp_path: Path, limbs: dict[str, Any], message: str) -> None:
+    chain = PENDULUM["chains"][0]
+    lifted = (*chain["links"], LINK | {"name": "column", "joint": HINGE | {"name": "lift"}})
     with pytest.raises(RuleError) as error:
-        made(tmp_path, limbs)
+        made(tmp_path, limbs, chains=(chain | {"links": lifted}, FINGERS))
     assert message in error.value.message
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"limbs": {"right": {"gripper": {"joint": "one_slyde", "open": 0.1}}}},
+            "`limbs` right, gripper: no joint is called `one_slyde`; did you mean `one_slide`?",
+        ),
+        (
+            {"limbs": {"right": {"grips": {"pinch": {"against": "thumb", "open_rad": {"elbow": 0.0}}}}}},
+            "`limbs` right, grip pinch: no joint is called `elbow`; joints: one_slide, other_slide",
+        ),
+        (
+            {"grips": {"pinch": {"against": "thumb", "open_rad": {}, "closed_rad": {"elbow": 0.0}}}},
+            "`grips` pinch: no joint is called `elbow`; joints: one_slide, other_slide",
+        ),
+    ],
+)
+def test_joints_that_the_robot_lacks_are_refused_before_anything_is_built(
+    tmp_path: Path, options: dict[str, Any], message: str
+) -> None:
+    kind = RuleRunner(tmp_path).find("simulate.robot").rule.options
+    whole = PENDULUM | {"chains": (PENDULUM["chains"][0], FINGERS), "frames": {}} | options
+    with pytest.raises(ValidationError) as error:
+        kind.model_validate(whole)
+    assert message in str(error.value)

@@ -44,7 +44,7 @@ def make(tmp_path):
         inputs = {"scene": scene, "assets": assets, "robot": episodes.robot(), "base": base, **changed}
         return runner.run("simulate.task", profile=profile, options=options, **inputs)
 
-    run.runner, run.scene = runner, scene
+    run.runner, run.scene, run.assets = runner, scene, assets
     return run
 
 
@@ -90,27 +90,128 @@ def test_a_twin_of_unknown_scale_is_refused(make):
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("options", "message", "facts", "hint"),
     [
-        ({**LIFT, "limbs": ("left",)}, "the robot has no limb `left`"),
-        ({**PUSH, "by_m": None}, "`Push` needs one target"),
-        ({**PUSH, "to_m": (0.3, 0.1)}, "`Push` needs one target"),
-        ({**PLACE, "into": None}, "`Place` has no target"),
-        ({**PLACE, "into": "basket"}, "the scene has no container `basket`"),
-        ({**PLACE, "into": "blue_box"}, "the scene has no container `blue_box`"),
-        ({**PLACE, "into": "laptop"}, "`laptop` is no container"),
-        ({**PLACE, "into": "bowl", "by_m": (0.1, 0.0, 0.0)}, "a target is given by `into` and by a pose"),
-        ({**BARE, "primitive": "pick_and_reorient"}, "`Task` has no target"),
-        ({**BARE, "primitive": "handover"}, "`handover` takes 2 hands, but the robot has 1"),
-        ({**LIFT, "object": "green_mug"}, "the scene has no object `green_mug`"),
-        ({**CLOSE, "joints_deg": {}}, "`Close` names no joint to move"),
-        ({**CLOSE, "joints_deg": {"lid": 0.0}}, "`laptop` has no joint `lid`"),
-        ({**CLOSE, "joints_deg": {"hinge": 200.0}}, "joint `hinge` cannot reach 200.0°"),
+        (
+            {**LIFT, "limbs": ("left", "right")},
+            "the robot has no limb `left`",
+            {"limbs": "arm"},
+            "name `arm`, or choose a robot with more limbs, such as robot/openarm_revo1",
+        ),
+        (
+            {**BARE, "primitive": "handover"},
+            "`handover` takes 2 hands, but the robot has 1",
+            {"limbs": "arm"},
+            "choose a robot with more limbs, such as robot/openarm_revo1",
+        ),
+        (
+            {**PLACE, "into": "bowls"},
+            "the scene has no container `bowls`",
+            {"objects": "bowl, laptop"},
+            "did you mean `bowl`?",
+        ),
+        (
+            {**PLACE, "into": "blue_box"},
+            "the scene has no container `blue_box`",
+            {"objects": "bowl, laptop"},
+            "set `into` to one of the other objects",
+        ),
+        (
+            {**PLACE, "into": "laptop"},
+            "`laptop` is no container: nothing stays in it",
+            {"objects": "bowl, laptop"},
+            "set `by_m` or `to_m` for a place on it, or `into` to another object",
+        ),
+        (
+            {**LIFT, "object": "green_mug"},
+            "the scene has no object `green_mug`",
+            {"objects": "blue_box, bowl, laptop"},
+            "set `object: blue_box`",
+        ),
+        (
+            {**CLOSE, "joints_deg": {"lid": 0.0}},
+            "`laptop` has no joint `lid`",
+            {"joints": "hinge"},
+            "set `joints_deg: {hinge: 0}`",
+        ),
+        (
+            {**CLOSE, "joints_deg": {"hing": 0.0}},
+            "`laptop` has no joint `hing`",
+            {"joints": "hinge"},
+            "did you mean `hinge`?",
+        ),
+        (
+            {**CLOSE, "object": "bowl"},
+            "`bowl` has no joint `hinge`",
+            {"joints": "none"},
+            "choose an object with a joint",
+        ),
+        (
+            {**CLOSE, "joints_deg": {"hinge": 200.0}},
+            "joint `hinge` cannot reach 200.0°",
+            {"limits": "0.0° to 131.8°"},
+            "set `joints_deg` inside the limits",
+        ),
     ],
 )
-def test_what_cannot_be_done_is_refused(make, options, message):
-    with pytest.raises(RuleError, match=message):
+def test_what_cannot_be_done_is_refused(make, options, message, facts, hint):
+    with pytest.raises(RuleError) as caught:
         make(options)
+    assert (caught.value.message, caught.value.facts, caught.value.hint) == (message, facts, hint)
+
+
+@pytest.mark.parametrize(
+    ("options", "what", "place"),
+    [
+        ({**PUSH, "by_m": (3.0, 0.0)}, "the target of `Push`", "x 3.30, y 0.00, z 0.00 m in the world"),
+        (
+            {**BARE, "primitive": "pick_and_reorient", "by_m": (0.0, 0.0, 2.0)},
+            "the target of `Task`",
+            "x 0.30, y 0.00, z 2.00 m in the world",
+        ),
+        (
+            {**PLACE, "into": None, "to_m": (0.0, 3.0, 0.0)},
+            "the target of `Place`",
+            "x 0.00, y 3.00, z 0.00 m in the world",
+        ),
+        ({**LIFT, "height_m": 2.0}, "the target of `Lift`", "z 2.00 m in the world"),
+    ],
+)
+def test_a_target_beyond_the_arm_is_refused(make, options, what, place):
+    with pytest.raises(RuleError) as caught:
+        make(options)
+    assert caught.value.message == f"{what} is out of reach of limb `arm`"
+    assert caught.value.facts["place"] == place
+    assert caught.value.facts["distance"].endswith(" m from `joint_1`")
+    assert caught.value.facts["reach"].startswith("at most 0.60 m of links and hand, and 0.")
+    assert caught.value.hint == "move the robot with `position_m` of `align.base`, or change the goal"
+
+
+def test_an_object_beyond_the_arm_is_refused(make):
+    far = Pose(parent="world", child="base", matrix=factories.pose(0.0, -3.0, 0.0, yaw=1.5))
+    with pytest.raises(RuleError, match="`blue_box` is out of reach of limb `arm`") as caught:
+        make(LIFT, base=far)
+    assert caught.value.facts["distance"] == "3.02 m from `joint_1`"
+
+
+@pytest.mark.parametrize("pieces", [None, ()])
+def test_an_asset_without_collision_geometry_is_refused(make, pieces):
+    bare = make.assets.items["Blue Box"]
+    links = {} if pieces is None else {k: v.model_copy(update={"hulls": ()}) for k, v in bare.collision.links.items()}
+    bare = bare.model_copy(update={"collision": bare.collision.model_copy(update={"links": links})})
+    with pytest.raises(RuleError, match="link `base` of `Blue Box` has no collision geometry") as caught:
+        make(CLOSE, assets=Collection[Asset](items={**make.assets.items, "Blue Box": bare}))
+    assert caught.value.code == "DXB-B219"
+    assert caught.value.facts == {"links": "base", "collision geometry": "of no link"}
+    assert caught.value.hint == "`factorize.collision` and `factorize.physics` of the same body give both"
+
+
+def test_an_asset_that_the_scene_was_not_made_of_is_refused(make):
+    spoon = factories.box_asset(place=factories.pose(0.2, 0.2), mass=0.1)
+    with pytest.raises(RuleError, match="the scene has no body of asset `spoon`") as caught:
+        make(LIFT, assets=Collection[Asset](items={**make.assets.items, "spoon": spoon}))
+    assert caught.value.facts == {"assets": "Blue Box, bowl, laptop, spoon", "scene": "blue_box, bowl, laptop"}
+    assert caught.value.hint == "give the assets that `simulate.scene` was given"
 
 
 @pytest.mark.parametrize(
@@ -120,11 +221,50 @@ def test_what_cannot_be_done_is_refused(make, options, message):
         ({**LIFT, "giver": "left"}, "`giver` is no option of primitive `lift`"),
         ({**PUSH, "by_m": (0.1, 0.0, 0.2)}, "`by_m` of primitive `push`"),
         ({**LIFT, "primitive": "throw"}, "primitive"),
+        ({**PUSH, "by_m": None}, "primitive `push`: it needs one target"),
+        ({**PUSH, "to_m": (0.3, 0.1)}, "primitive `push`: it needs one target"),
+        ({**PLACE, "into": None}, "primitive `pick_and_place`: there is no target; set `into`, `by_m` or `to_m`"),
+        ({**PLACE, "by_m": (0.1, 0.0, 0.0)}, "primitive `pick_and_place`: `into` and a pose both give a target"),
+        (
+            {**PLACE, "into": None, "by_m": (0.1, 0.0, 0.0), "to_m": (0.1, 0.0, 0.0)},
+            "primitive `pick_and_place`: `by_m` and `to_m` both give a target",
+        ),
+        ({**BARE, "primitive": "pick_and_reorient"}, "primitive `pick_and_reorient`: there is no target"),
+        ({**CLOSE, "joints_deg": {}}, "primitive `articulate`: `joints_deg` names no joint to move"),
+        (
+            {**BARE, "primitive": "handover", "giver": "left", "receiver": "left"},
+            "primitive `handover`: `giver` and `receiver` are both `left`",
+        ),
+        ({**LIFT, "limbs": ("arm", "arm")}, "`limbs` names one limb twice"),
+        ({**BARE, "primitive": "handover", "limbs": ("left", "right")}, "`limbs` does not say who gives"),
+        ({**LIFT, "hold_s": 8.0}, "`hold_s` leaves no time before `timeout_s`"),
     ],
 )
-def test_options_of_another_primitive_are_refused_before_anything_is_built(make, options, message):
+def test_options_that_make_no_task_are_refused_before_anything_is_built(make, options, message):
     with pytest.raises(ValidationError, match=message):
         make.runner.find("simulate.task").rule.options.model_validate(options)
+
+
+def test_a_kind_of_action_that_the_robot_lacks_is_refused(make):
+    assert make({**LIFT, "action": "end_effector"}).task.action == "end_effector"
+    robot = episodes.robot()
+    limbs = {name: limb.model_copy(update={"palm": ""}) for name, limb in robot.limbs.items()}
+    with pytest.raises(RuleError, match="move palms, but no limb of the robot has one"):
+        make({**LIFT, "action": "end_effector"}, robot=robot.model_copy(update={"limbs": limbs}))
+
+
+@pytest.mark.parametrize(
+    ("asked", "steps", "hint"),
+    [
+        (5000.0, "2 ms each, 1 of them are 500 Hz", "set `control_hz: 500`"),
+        (200.0, "2 ms each, 2 of them are 250 Hz", "set `control_hz: 166.7`"),
+    ],
+)
+def test_a_rate_that_the_simulation_cannot_keep_is_refused(make, asked, steps, hint):
+    with pytest.raises(RuleError, match=f"the simulation cannot keep `control_hz: {asked:g}`") as caught:
+        make({**LIFT, "control_hz": asked})
+    assert caught.value.facts == {"steps": steps}
+    assert caught.value.hint == hint
 
 
 def test_a_push_has_its_target_in_the_world_and_policies_see_it_in_the_base(make):
@@ -158,9 +298,15 @@ def test_a_base_in_another_frame_is_refused(make):
         make(LIFT, base=base)
 
 
-def test_a_task_without_room_says_so(make):
-    with pytest.raises(RuleError, match="no start of `Lift` without collisions"):
+def test_a_task_without_room_says_what_collides(make):
+    with pytest.raises(RuleError, match="no start of `Lift` without collisions was found") as caught:
         make(LIFT, base=Pose(parent="world", child="base", matrix=factories.pose(0.3, 0.0, 0.0)))
+    assert caught.value.facts["draws"] == "200, none accepted"
+    assert "blue_box and robot/base (200x)" in caught.value.facts["collisions"]
+    assert caught.value.facts["ranges"] == "position_m 0.05, clutter_m 0.01, yaw_deg 20, robot_deg 2"
+    assert caught.value.hint == (
+        "move the robot with `position_m` of `align.base`, or make the ranges of `reset` smaller"
+    )
 
 
 def test_the_stub_takes_what_is_there(make):

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.noise import DepthNoise
+from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras
 from dextera_build.policy import layout
 from dextera_build.policy.observation import Frame, Measurement
 from dextera_build.policy.terms import Sensor
-from dextera_build.sim.observe.sensors import Sensors
+from dextera_build.sim.observe.sensors import Sensors, check
 from tests import episodes, task_bundles
 
 HERE = layout.of_bundle(task_bundles.lift())
@@ -83,3 +84,19 @@ def test_points_have_the_errors_and_holes_of_their_depth():
     assert not np.array_equal(seen.depth[seen.depth > 0], depth[seen.depth > 0])
     assert np.allclose(seen.cloud, cameras.backproject(seen.depth, k), atol=1e-6)
     assert seen.rgb is frame.rgb
+
+
+@pytest.mark.parametrize(
+    ("name", "message", "hint"),
+    [
+        ("contact", "`contact` is privileged, so that no sensor measures it", "leave it out of `sensors`"),
+        ("objcts", "`objcts` is nothing that a sensor measures", "did you mean `objects`?"),
+        ("depth/side", "`depth/side` is nothing that a sensor measures", "did you mean `depth`?"),
+        ("goal", "`goal` is nothing that a sensor measures", "leave it out of `sensors`"),
+    ],
+)
+def test_a_sensor_of_what_is_not_measured_is_refused(name: str, message: str, hint: str):
+    with pytest.raises(RuleError) as caught:
+        check({name: Sensor(sigma=0.1)}, ["front"])
+    assert (caught.value.code, caught.value.message, caught.value.hint) == ("DXB-B514", message, hint)
+    assert caught.value.facts == {"sensors": "depth, depth/front, displacement, joints, objects, rgb, rgb/front"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.goals import PushGoal, Tolerance
 from dextera_build.artifacts.task import Reset
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions
@@ -95,7 +96,30 @@ def test_a_task_that_is_too_crowded_says_so():
     with pytest.raises(RuleError, match="no start of `LiftBox` without collisions was found") as caught:
         environment.reset(0)
     assert caught.value.code == "DXB-B220"
+    assert caught.value.facts == {
+        "draws": "200, none accepted",
+        "collisions": "box and the static scene (200x)",
+        "ranges": "none",
+    }
     assert caught.value.hint == "make the ranges of `reset` smaller"
+
+
+def test_a_start_beside_the_support_and_one_at_the_goal_say_so():
+    far = Environment(task_bundles.lift(reset=Reset(position_m=5000.0)))
+    with pytest.raises(RuleError, match="no start of `LiftBox` with all objects on the support was found") as caught:
+        far.reset(0)
+    assert caught.value.facts["off the support"].startswith("box (")
+    assert caught.value.facts["ranges"] == "position_m 5000"
+    bundle = task_bundles.lift()
+    x, y = bundle.objects["box"].pose.matrix[:2, 3].tolist()
+    near = Tolerance(position_m=0.05, rotation_rad=3.0)
+    goal = PushGoal(place_m=(x, y), yaw_rad=None, upright=(1.0, 0.0, 0.0, 0.0), tolerance=near)
+    task = bundle.task.model_copy(update={"goal": goal})
+    reached = Environment(bundle.model_copy(update={"task": task}))
+    with pytest.raises(RuleError, match="no start of `LiftBox` away from its goal was found") as caught:
+        reached.reset(0)
+    assert caught.value.facts["goal reached at once"] == "200x"
+    assert caught.value.hint == "choose a goal farther from where the object stands in the photograph"
 
 
 def test_dynamics_are_applied_to_the_model_s_own_values():

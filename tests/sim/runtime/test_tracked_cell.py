@@ -12,7 +12,7 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import poses, transforms
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import closed_loop
-from dextera_build.sim.runtime.tracked_cell import NOT_FOUND, TrackedCell
+from dextera_build.sim.runtime.tracked_cell import NOT_FOUND, TrackedCell, check
 from tests import factories, gate
 from tests.sim.runtime import cells
 
@@ -168,3 +168,13 @@ def test_a_workspace_needs_the_twin(environment):
     limits = Limits(workspace_m=((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0)))
     with pytest.raises(RuleError, match="must know its robot"):
         TrackedCell(environment, cells.cell(limits=limits), ())
+
+
+def test_a_force_needs_fingertips(environment):
+    bundle = environment.bundle
+    limbs = {name: limb.model_copy(update={"tips": ()}) for name, limb in bundle.robot.limbs.items()}
+    bare = bundle.model_copy(update={"robot": bundle.robot.model_copy(update={"limbs": limbs})})
+    with pytest.raises(RuleError, match="limits the force on fingertips has a robot without any") as caught:
+        check(cells.cell(limits=Limits(force_n=5.0)), bare, None)
+    assert caught.value.code == "DXB-B247"
+    assert caught.value.hint == "leave `force_n` of `limits` out, or add frames `tip_...` to the robot"

@@ -11,6 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
 from dextera_build.artifacts.task import Reset
+from dextera_build.errors import RuleError
 from dextera_build.geometry import transforms
 from dextera_build.policy.observation import PrivilegedObservation
 from dextera_build.policy.terms import Sensor
@@ -19,6 +20,23 @@ from dextera_build.sim.training import gym
 from tests import episodes, factories, task_bundles
 
 WIDE = Reset(position_m=0.03, yaw_rad=0.5, robot_rad=0.01)
+
+
+@pytest.mark.parametrize("action", ["delta", "end_effector"])
+def test_they_accept_it_with_every_kind_of_action(action):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        environment = gym.TaskEnv(task_bundles.lift(reset=WIDE), action=action)
+        check_env(environment, skip_render_check=True)
+        check_for_sb3(environment)
+
+
+def test_the_task_says_which_kind_an_environment_takes():
+    bundle = task_bundles.lift()
+    told = bundle.model_copy(update={"task": bundle.task.model_copy(update={"action": "delta"})})
+    assert gym.TaskEnv(bundle).actions.spec.kind == "joint"
+    assert gym.TaskEnv(told).actions.spec.kind == "delta"
+    assert gym.TaskEnv(told, action="joint").actions.spec.kind == "joint"
 
 
 @pytest.mark.parametrize("privileged", [False, True])
@@ -177,3 +195,10 @@ def test_an_episode_that_runs_again_is_measured_alike():
     assert not np.allclose(first[-1], exact, atol=1e-4)
     episode(seed=3)
     assert np.array_equal(first, episode(options={"start": start}))
+
+
+def test_pictures_and_sensors_that_do_not_exist_are_refused():
+    with pytest.raises(ValueError, match="`pictures` are cloud, depth, rgb, not `rbg`"):
+        gym.TaskEnv(task_bundles.lift(), pictures=("rbg",))
+    with pytest.raises(RuleError, match="`contact` is privileged, so that no sensor measures it"):
+        gym.TaskEnv(task_bundles.lift(), sensors={"contact": Sensor(sigma=0.1)})

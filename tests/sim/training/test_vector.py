@@ -41,6 +41,23 @@ def test_copies_step_as_each_would_alone_and_begin_anew():
     together.close()
 
 
+def test_copies_that_move_palms_step_as_each_would_alone():
+    bundle = task_bundles.lift(reset=WIDE)
+    together = TaskVectorEnv(bundle, 2, threads=2, action="end_effector")
+    alone = [TaskEnv(bundle, action="end_effector") for _ in range(2)]
+    together.reset(seed=7)
+    for number, each in enumerate(alone):
+        each.reset(seed=7 + number)
+    space = together.single_action_space
+    random = np.random.default_rng(0)
+    for _ in range(10):
+        actions = random.uniform(space.low, space.high, (2, *space.shape)).astype(np.float32)
+        seen = together.step(actions)[0]["deployable/joints"]
+        single = [each.step(action)[0]["deployable/joints"] for each, action in zip(alone, actions, strict=True)]
+        assert seen.tobytes() == np.stack(single).tobytes()
+    together.close()
+
+
 def test_a_folder_of_bundles_has_names_for_gymnasium(tmp_path):
     (tmp_path / "LiftBox-GANTRY-v3.bundle").write_bytes(pack(task_bundles.lift()))
     (tmp_path / "task.bundle").write_bytes(b"has no name")

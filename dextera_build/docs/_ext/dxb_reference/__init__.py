@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 MAKERS: dict[str, Callable[[], str]] = {
+    "actions": terms.actions_page,
     "artifacts": artifacts.page,
     "cli": cli.page,
     "errors": errors.page,

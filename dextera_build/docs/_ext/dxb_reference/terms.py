@@ -1,7 +1,8 @@
-"""The table of observation terms."""
+"""The tables of observation terms and of kinds of actions."""
 
 from __future__ import annotations
 
+from dextera_build.policy.actions import ABOUT, PALM
 from dextera_build.policy.declared import DECLARED
 
 from .markdown import table
@@ -15,6 +16,17 @@ _ROWS = {
     "limbs": "L limbs",
     "points": "P points",
 }
+
+
+def actions_page() -> str:
+    """Every kind of action with the meaning, units and names of its numbers."""
+    names = {
+        "joint": "`joint_1`, ...",
+        "delta": "`joint_1.delta`, ...",
+        "end_effector": ", ".join(f"`{part}`" for part in PALM) + " of every palm, `joint_8`, ...",
+    }
+    rows = [[f"`{kind}`", about, unit, names[kind]] for kind, (about, unit) in ABOUT.items()]
+    return table(["kind", "numbers", "unit", "names"], rows)
 
 
 def page() -> str:
