@@ -30,7 +30,8 @@ class Progress:
         self._environment = environment
         self._model = environment.model
         self._hands = _sites(environment)
-        self._points = environment.bundle.objects[environment.task.object].points.astype(np.float64)
+        points = environment.bundle.objects[environment.task.object].points.astype(np.float64)
+        self._points = np.ascontiguousarray(points.T)
         self._links: dict[tuple[str, float], _Link] = {}
 
     def value(self, success: bool, now: TaskState | None = None) -> float:
@@ -64,7 +65,9 @@ class Progress:
 
     def _distances(self, state: TaskState, tips: np.ndarray) -> np.ndarray:
         local = (self._reached(tips) - state.world_from_object[:3, 3]) @ state.world_from_object[:3, :3]
-        return np.asarray(np.linalg.norm(local[:, None] - self._points[None], axis=2).min(axis=1))
+        # Coordinate by coordinate: NumPy takes four times as long to sum over an axis of three.
+        x, y, z = (here[:, None] - there for here, there in zip(local.T, self._points, strict=True))
+        return np.asarray(np.sqrt((x * x + y * y + z * z).min(axis=1)))
 
     def _reached(self, tips: np.ndarray) -> np.ndarray:
         return np.asarray(self._environment.data.site_xpos[tips])

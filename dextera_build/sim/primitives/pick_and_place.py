@@ -141,7 +141,8 @@ def inside(cavity: Cavity, points: np.ndarray) -> bool:
     """
     rooms = cavity.rim_m - cavity.floor_m > 0
     cells = np.floor((points[:, :2] - cavity.corner_m) / cavity.cell_m)
-    if not np.isfinite(points).all():
+    # Most of the time an object is elsewhere: a point has no column next to it. False on NaN.
+    if not (np.isfinite(points).all() and cells.min() >= -1 and (cells.max(axis=0) <= rooms.shape).all()):
         return False
     found = np.zeros(len(points), bool)
     for across in (-1, 0, 1):

@@ -60,7 +60,7 @@ class Environment:
         self.bundle = bundle
         self._set_goal(bundle.task.goal)
         self.model = compile_folder(bundle.model) if model is None else model
-        self.data = mujoco.MjData(self.model)
+        self.data, self._scratch = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         # Sleeping bodies cost nothing, and most objects sleep nearly all the time.
         self.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
@@ -106,7 +106,9 @@ class Environment:
     def _drawn(self, seed: int, stratum: Stratum | None, views: Mapping[str, View] | None) -> Start:
         """A start; the objects are left with its sizes."""
         sizes, fair = self._dynamics.sizes, self.primitive.fair
-        return starts.draw(self.bundle, self.model, sizes, seed, fair, stratum=stratum, views=views)
+        return starts.draw(
+            self.bundle, self.model, self._scratch, sizes, seed, fair, stratum=stratum, views=views
+        )
 
     def begin(self, start: Start) -> DeployableObservation:
         """Begin an episode at a given start, without state from the previous one."""
@@ -221,7 +223,7 @@ class Environment:
         earlier, before = self._earlier, self.previous_action
         ahead, behind = target - before, before - earlier
         # The first step need not compute again what `mj_forward` did, unless somebody moved something since.
-        ready = np.array_equal(self._seen[0], self._qpos) and np.array_equal(self._seen[1], self._qvel)
+        ready = self._seen == (self._qpos.tobytes(), self._qvel.tobytes())
         for part, steps in self._ramp:
             self._ctrl[self._actuators] = before + ahead * part if part >= 0 else earlier + behind * (1 + part)
             if ready:
@@ -234,7 +236,7 @@ class Environment:
     def _forward(self) -> None:
         """Update positions, contacts and forces, which `mj_step` leaves one step behind."""
         mujoco.mj_forward(self.model, self.data)
-        self._seen = self._qpos.copy(), self._qvel.copy()
+        self._seen = self._qpos.tobytes(), self._qvel.tobytes()
 
     def _broken(self, action: np.ndarray) -> Outcome:
         if action.shape != self.lower.shape:
