@@ -29,7 +29,11 @@ class Progress:
     def __init__(self, environment: Environment) -> None:
         self._environment = environment
         self._model = environment.model
-        self._hands = _sites(environment)
+        hands = _sites(environment)
+        self._tips = np.concatenate(hands)
+        ends = np.cumsum([len(tips) for tips in hands]).tolist()
+        self._hands = [slice(end - len(tips), end) for tips, end in zip(hands, ends, strict=True)]
+        """Rows of every hand in `_tips`."""
         points = environment.bundle.objects[environment.task.object].points.astype(np.float64)
         self._points = np.ascontiguousarray(points.T)
         self._links: dict[tuple[str, float], _Link] = {}
@@ -47,12 +51,14 @@ class Progress:
         fingertips from the object: of the nearest hand, or of every hand that the task names.
         """
         environment, data = self._environment, self._environment.data
+        tips = np.asarray(data.site_xpos[self._tips])
         pushed = environment.primitive.pushed(environment.judge.start, state)
         if pushed is not None:
             name, way = pushed
             link = self._link(name)
-            return float(link.distances(data, way, self._reached(np.concatenate(self._hands))).min())
-        means = [float(self._distances(state, tips).mean()) for tips in self._hands]
+            return float(link.distances(data, way, tips).min())
+        distances = self._distances(state, tips)
+        means = [float(distances[hand].mean()) for hand in self._hands]
         return float(np.mean(means)) if environment.task.limbs else min(means)
 
     def _link(self, name: str) -> _Link:
@@ -64,13 +70,10 @@ class Progress:
         return self._links[key]
 
     def _distances(self, state: TaskState, tips: np.ndarray) -> np.ndarray:
-        local = (self._reached(tips) - state.world_from_object[:3, 3]) @ state.world_from_object[:3, :3]
+        local = (tips - state.world_from_object[:3, 3]) @ state.world_from_object[:3, :3]
         # Coordinate by coordinate: NumPy takes four times as long to sum over an axis of three.
         x, y, z = (here[:, None] - there for here, there in zip(local.T, self._points, strict=True))
         return np.asarray(np.sqrt((x * x + y * y + z * z).min(axis=1)))
-
-    def _reached(self, tips: np.ndarray) -> np.ndarray:
-        return np.asarray(self._environment.data.site_xpos[tips])
 
 
 def _sites(environment: Environment) -> list[np.ndarray]:

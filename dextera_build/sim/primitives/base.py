@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskObject, TaskSpec
 from dextera_build.geometry import transforms
+from dextera_build.sim.primitives.stages import clamp
 from dextera_build.sim.primitives.state import TaskState
 
 JUMP_M_S = 3.0
@@ -176,7 +177,7 @@ def apart(one: np.ndarray, other: np.ndarray, symmetry: int) -> float:
         symmetry: Number of alike orientations about the object's own z axis; 0: all.
     """
     if symmetry == 0:
-        return float(np.arccos(np.clip(one[:, 2] @ other[:, 2], -1.0, 1.0)))
+        return float(np.arccos(clamp(float(one[:, 2] @ other[:, 2]), -1.0, 1.0)))
     turns = 2.0 * np.pi * np.arange(symmetry) / symmetry
     return min(transforms.angle(one.T @ other @ _about_z(turn)) for turn in turns)
 

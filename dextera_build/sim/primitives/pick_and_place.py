@@ -12,7 +12,7 @@ from dextera_build.errors import listing
 from dextera_build.geometry import transforms
 from dextera_build.sim.primitives import base, poses
 from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
-from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
+from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
 DROP_M = 0.08
@@ -93,7 +93,7 @@ class Place(Primitive[PlaceGoal]):
         if self._there(start, now) and now.supported:
             return REACH + HOLD + MOVE + DONE * float(success)
         held = grasp.fingers >= 2 and grasp.opposing
-        moved = float(np.clip(1.0 - self._left(start, now), 0.0, 0.9)) if held else 0.0
+        moved = clamp(1.0 - self._left(start, now), 0.0, 0.9) if held else 0.0
         return REACH * near(reach_m) + HOLD * hold + MOVE * moved
 
     def fair(self, places: Mapping[str, np.ndarray]) -> bool:
@@ -139,11 +139,11 @@ def inside(cavity: Cavity, points: np.ndarray) -> bool:
 
     A point beside a wall counts for the nearest columns too, because walls are as thick as their columns.
     """
-    rooms = cavity.rim_m - cavity.floor_m > 0
     cells = np.floor((points[:, :2] - cavity.corner_m) / cavity.cell_m)
     # Most of the time an object is elsewhere: a point has no column next to it. False on NaN.
-    if not (np.isfinite(points).all() and cells.min() >= -1 and (cells.max(axis=0) <= rooms.shape).all()):
+    if not (np.isfinite(points).all() and cells.min() >= -1 and (cells.max(axis=0) <= cavity.rim_m.shape).all()):
         return False
+    rooms = cavity.rim_m - cavity.floor_m > 0
     found = np.zeros(len(points), bool)
     for across in (-1, 0, 1):
         for along in (-1, 0, 1):

@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.goals import ReorientGoal
 from dextera_build.sim.primitives import base, poses
 from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
-from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
+from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
 
@@ -52,7 +52,7 @@ class Reorient(Primitive[ReorientGoal]):
         hold = 0.5 * min(grasp.fingers, 2) / 2 + 0.5 * float(grasp.opposing)
         held = grasp.fingers >= 2 and grasp.opposing
         left = poses.left(self.goal, start.world_from_object, now.world_from_object)
-        moved = float(np.clip(1.0 - left, 0.0, 1.0)) if held else 0.0
+        moved = clamp(1.0 - left, 0.0, 1.0) if held else 0.0
         return REACH * near(reach_m) + HOLD * hold + MOVE * moved + DONE * float(success)
 
     def fair(self, places: Mapping[str, np.ndarray]) -> bool:

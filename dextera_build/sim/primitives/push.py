@@ -10,7 +10,7 @@ from dextera_build.artifacts.goals import PushGoal
 from dextera_build.geometry import quaternions
 from dextera_build.sim.primitives import base, poses
 from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
-from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, near
+from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
 LIFTED_M = 0.03
@@ -86,7 +86,7 @@ class Push(Primitive[PushGoal]):
         """Reach, then bring the object to its target; one that is in the air has not moved."""
         stands = base.rise(start, now) <= LIFTED_M
         left = self._left(now.world_from_object) / max(self._left(start.world_from_object), 1e-6) if stands else 1.0
-        moved = 1.0 - float(np.clip(left, 0.0, 2.0))
+        moved = 1.0 - clamp(left, 0.0, 2.0)
         reach = 1.0 - (1.0 - near(reach_m)) * min(1.0, left)
         return REACH * reach + MOVE * moved + DONE * float(success)
 

@@ -106,9 +106,7 @@ class Environment:
     def _drawn(self, seed: int, stratum: Stratum | None, views: Mapping[str, View] | None) -> Start:
         """A start; the objects are left with its sizes."""
         sizes, fair = self._dynamics.sizes, self.primitive.fair
-        return starts.draw(
-            self.bundle, self.model, self._scratch, sizes, seed, fair, stratum=stratum, views=views
-        )
+        return starts.draw(self.bundle, self.model, self._scratch, sizes, seed, fair, stratum=stratum, views=views)
 
     def begin(self, start: Start) -> DeployableObservation:
         """Begin an episode at a given start, without state from the previous one."""
@@ -177,7 +175,8 @@ class Environment:
         found[:, :3] = positions @ self._base_from_world[:3, :3].T + self._base_from_world[:3, 3]
         for row, quaternion in zip(found[:, 3:], turns, strict=True):
             mujoco.mju_mulQuat(row, self._base_turn, quaternion)
-        found[found[:, 3] < 0, 3:] *= -1
+            if row[0] < 0:
+                row *= -1
         return found
 
     def palm_poses(self) -> np.ndarray:
@@ -215,9 +214,7 @@ class Environment:
 
     def _pose_of(self, body: int) -> np.ndarray:
         """T_world_body (4, 4)."""
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = self._xmat[body].reshape(3, 3), self._xpos[body]
-        return pose
+        return transforms.rigid(self._xmat[body].reshape(3, 3), self._xpos[body])
 
     def _advance(self, target: np.ndarray) -> None:
         earlier, before = self._earlier, self.previous_action
