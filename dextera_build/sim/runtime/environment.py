@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import mujoco
@@ -133,13 +133,36 @@ class Environment:
 
         A non-finite target is not sent; it ends the episode with a reason.
         """
+        target = self.limited(action)
+        if target is None:
+            return self.broken(action)
+        self._advance(target)
+        return self.conclude(target)
+
+    def limited(self, action: np.ndarray) -> np.ndarray | None:
+        """The targets (A,) [rad] that are sent for an action; None if it has another shape or is not finite."""
         action = np.asarray(action, np.float64)
         if action.shape != self.lower.shape or not np.isfinite(action).all():
-            return self._broken(action)
+            return None
         before = self.previous_action
         near = np.minimum(np.maximum(action, before - self._reach), before + self._reach)
-        target = np.minimum(np.maximum(near, self.lower), self.upper)
-        self._advance(target)
+        return np.asarray(np.minimum(np.maximum(near, self.lower), self.upper))
+
+    def commands(self, target: np.ndarray) -> Iterator[int]:
+        """Set the robot's controllers to each command on the way to `target`, and give the substeps to take with it."""
+        earlier, before = self._earlier, self.previous_action
+        ahead, behind = target - before, before - earlier
+        for part, steps in self._ramp:
+            self._ctrl[self._actuators] = before + ahead * part if part >= 0 else earlier + behind * (1 + part)
+            yield steps
+
+    def arrive(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
+        """Take over positions and velocities that another simulator reached with `commands`."""
+        self._qpos[:], self._qvel[:] = qpos, qvel
+        self._forward()
+
+    def conclude(self, target: np.ndarray) -> Outcome:
+        """End a control period in which `target` was sent, with positions and forces up to date."""
         self._earlier, self.previous_action = self.previous_action, target
         self.steps += 1
         # Written to be true on NaN.
@@ -217,12 +240,9 @@ class Environment:
         return transforms.rigid(self._xmat[body].reshape(3, 3), self._xpos[body])
 
     def _advance(self, target: np.ndarray) -> None:
-        earlier, before = self._earlier, self.previous_action
-        ahead, behind = target - before, before - earlier
         # The first step need not compute again what `mj_forward` did, unless somebody moved something since.
         ready = self._seen == (self._qpos.tobytes(), self._qvel.tobytes())
-        for part, steps in self._ramp:
-            self._ctrl[self._actuators] = before + ahead * part if part >= 0 else earlier + behind * (1 + part)
+        for steps in self.commands(target):
             if ready:
                 mujoco.mj_step2(self.model, self.data)
             if steps > ready:
@@ -235,7 +255,9 @@ class Environment:
         mujoco.mj_forward(self.model, self.data)
         self._seen = self._qpos.tobytes(), self._qvel.tobytes()
 
-    def _broken(self, action: np.ndarray) -> Outcome:
+    def broken(self, action: np.ndarray) -> Outcome:
+        """The outcome of an action that cannot be sent."""
+        action = np.asarray(action, np.float64)
         if action.shape != self.lower.shape:
             reason = f"the action has shape {action.shape}, but the robot has {len(self.lower)} joints"
         else:

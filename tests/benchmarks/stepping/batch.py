@@ -1,0 +1,120 @@
+"""Verdicts of MuJoCo Warp beside those of MuJoCo on the same actions, and steps per second of batches.
+
+    python -m tests.benchmarks.stepping.batch task/kl/lift_mustard_bottle:attempts task/lift_blue_mug:sources
+
+Every recorded episode is replayed from its start, and from that of another one, where its actions are mostly wrong.
+Objects have their nominal sizes, because worlds of a batch share meshes. Needs the extra `batch`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Callable, Sequence
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+
+from dextera_build import Project
+from dextera_build.artifacts.episode import Episode, Episodes, Start
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.sim.runtime.batch import Batch
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.rollout import open_loop
+
+LINGER_S = 1.0
+"""Time to hold the last target, because success needs time to be confirmed [s]."""
+STEPS = 100
+"""Steps that are timed."""
+
+
+def replays(episodes: Sequence[Episode]) -> tuple[list[Start], list[np.ndarray]]:
+    """Starts with nominal sizes and joint targets (T, A): every episode's own, then the actions of the next one."""
+    moved = [episode for episode in episodes if len(episode.executed)]
+    starts = [episode.start.model_copy(update={"size_scale": {}}) for episode in moved]
+    actions = [np.asarray(episode.executed, np.float64) for episode in moved]
+    return [*starts, *starts], [*actions, *actions[1:], actions[0]]
+
+
+def in_turn(bundle: TaskBundle, starts: Sequence[Start], actions: Sequence[np.ndarray]) -> list[bool]:
+    """Successes of MuJoCo."""
+    environment = Environment(bundle)
+    return [open_loop(environment, start, each, LINGER_S).success for start, each in zip(starts, actions, strict=True)]
+
+
+def at_once(bundle: TaskBundle, starts: Sequence[Start], actions: Sequence[np.ndarray]) -> list[bool]:
+    """Successes of MuJoCo Warp."""
+    batch = Batch(bundle, starts, "cpu")
+    linger = round(LINGER_S / batch.worlds[0].period_s)
+    verdicts: list[bool | None] = [None] * len(starts)
+    for period in range(max(map(len, actions)) + linger):
+        outcomes = batch.step(np.array([each[min(period, len(each) - 1)] for each in actions]))
+        for world, (each, outcome) in enumerate(zip(actions, outcomes, strict=True)):
+            if verdicts[world] is None and (outcome.over or period >= len(each) + linger - 1):
+                verdicts[world] = outcome.success
+        if None not in verdicts:
+            break
+    return [bool(verdict) for verdict in verdicts]
+
+
+def rate(work: Callable[[], object], steps: int) -> float:
+    """Steps per second, the middle one of five runs."""
+    work()
+    times = []
+    for _ in range(5):
+        began = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - began)
+    return steps / float(np.median(times))
+
+
+def rates(bundle: TaskBundle, worlds: int) -> dict[str, float]:
+    """Steps per second of all worlds together, from the photograph with the robot at home."""
+    environment = Environment(bundle)
+    model, cores, home = environment.model, os.cpu_count() or 1, environment.previous_action
+    state = np.zeros((1, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
+    mujoco.mj_getState(model, environment.data, state[0], mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    datas = [mujoco.MjData(model) for _ in range(cores)]
+    control = np.broadcast_to(environment.data.ctrl, (worlds, STEPS, model.nu)).copy()
+    batch = Batch(bundle, [environment.start] * worlds, "cpu")
+    found = {
+        "`mj_step`, one thread": rate(lambda: mujoco.mj_step(model, environment.data, STEPS), STEPS),
+        f"`mujoco.rollout`, {cores} threads": rate(
+            lambda: rollout.rollout(model, datas, np.repeat(state, worlds, 0), control), STEPS * worlds
+        ),
+    }
+    actions = np.tile(home, (worlds, 1))
+    found["MuJoCo Warp, one thread, verdicts included"] = rate(
+        lambda: batch.step(actions), environment.substeps * worlds
+    )
+    return found
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("nodes", nargs="+", help="nodes of tasks that return episodes")
+    parser.add_argument("--worlds", type=int, default=64, help="worlds that are timed")
+    arguments = parser.parse_args()
+    project = Project.find()
+    print("| task | replays | succeed in MuJoCo | in MuJoCo Warp | verdicts alike |\n|---|---|---|---|---|")
+    bundles = []
+    for node in arguments.nodes:
+        bundle, shown = project.get(node.partition(":")[0] + ":task"), project.get(node)
+        assert isinstance(bundle, TaskBundle)
+        assert isinstance(shown, Episodes)
+        bundles.append(bundle)
+        starts, actions = replays([*shown.items.values(), *shown.failures.values()])
+        one, other = in_turn(bundle, starts, actions), at_once(bundle, starts, actions)
+        alike = sum(a == b for a, b in zip(one, other, strict=True))
+        print(f"| {bundle.task.name} | {len(one)} | {sum(one)} | {sum(other)} | {alike} |", flush=True)
+    for bundle in bundles:
+        print(f"\n{bundle.task.name}, {arguments.worlds} worlds\n\n| backend | steps per second |\n|---|---|")
+        for name, value in rates(bundle, arguments.worlds).items():
+            print(f"| {name} | {value:,.0f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
