@@ -123,11 +123,12 @@ class Batch:
 def _installed() -> tuple[Any, Any]:
     """The modules `warp` and `mujoco_warp`."""
     try:
-        import mujoco_warp
         import warp
+
+        warp.config.log_level = warp.LOG_WARNING
+        import mujoco_warp
     except ImportError:
         raise MachineError(
             "worlds in a batch need `mujoco_warp`", code="DXB-E302", hint=install_extra("batch")
         ) from None
-    warp.config.quiet = True
     return warp, mujoco_warp

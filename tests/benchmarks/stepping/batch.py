@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.stepping.batch task/kl/lift_mustard_bottle:attempts task/lift_blue_mug:sources
 
-Every recorded episode is replayed from its start, and from that of another one, where its actions are mostly wrong.
+Every recorded episode is replayed from its start, and from that of another one, which its actions were not made for.
 Objects have their nominal sizes, because worlds of a batch share meshes. Needs the extra `batch`.
 """
 

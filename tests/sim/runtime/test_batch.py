@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.episode import Start
+from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.task import Reset, TaskBundle
 from dextera_build.errors import MachineError, RuleError
 from dextera_build.sim.runtime import batch
@@ -70,6 +74,16 @@ class TestWithWarp:
         bad, good = two.step(actions)
         assert (bad.over, bad.reason) == (True, "the action for `x` is not a finite number")
         assert not good.over
+
+    def test_the_code_of_the_page_runs(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
+        page = Path(batch.__file__).parents[2] / "docs" / "gymnasium.md"
+        (code,) = re.findall(r"^```py\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
+        (tmp_path / "bundles").mkdir()
+        bundle = task_bundles.lift(reset=Reset(position_m=0.03))
+        (tmp_path / "bundles" / "LiftBlueMug-KL-v0.bundle").write_bytes(pack(bundle))
+        monkeypatch.chdir(tmp_path)
+        exec(code.replace("range(64)", "range(3)"), {})
+        assert capsys.readouterr().out.startswith("False [[")
 
     def test_sizes_that_differ_are_refused(self) -> None:
         start = Environment(task_bundles.lift()).start
