@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import time
 from collections.abc import Callable, Sequence
 
 import mujoco
@@ -23,6 +22,8 @@ from dextera_build.artifacts.task import TaskBundle
 from dextera_build.sim.runtime.batch import Batch
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import open_loop
+
+from . import ours
 
 LINGER_S = 1.0
 """Time to hold the last target, because success needs time to be confirmed [s]."""
@@ -60,36 +61,38 @@ def at_once(bundle: TaskBundle, starts: Sequence[Start], actions: Sequence[np.nd
 
 
 def rate(work: Callable[[], object], steps: int) -> float:
-    """Steps per second, the middle one of five runs."""
+    """Steps per second of processor time, the middle one of nine runs."""
     work()
-    times = []
-    for _ in range(5):
-        began = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - began)
-    return steps / float(np.median(times))
+    return steps / float(np.median([ours.seconds(work) for _ in range(9)]))
 
 
 def rates(bundle: TaskBundle, worlds: int) -> dict[str, float]:
-    """Steps per second of all worlds together, from the photograph with the robot at home."""
+    """Steps per second and core, from the photograph with the robot at home, where all bodies are awake."""
     environment = Environment(bundle)
-    model, cores, home = environment.model, os.cpu_count() or 1, environment.previous_action
-    state = np.zeros((1, mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
-    mujoco.mj_getState(model, environment.data, state[0], mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    model, cores, data = environment.model, os.cpu_count() or 1, environment.data
+    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    state = np.zeros((1, mujoco.mj_stateSize(model, kind)))
+    mujoco.mj_getState(model, data, state[0], kind)
     datas = [mujoco.MjData(model) for _ in range(cores)]
-    control = np.broadcast_to(environment.data.ctrl, (worlds, STEPS, model.nu)).copy()
+    control = np.broadcast_to(data.ctrl, (worlds, STEPS, model.nu)).copy()
     batch = Batch(bundle, [environment.start] * worlds, "cpu")
-    found = {
-        "`mj_step`, one thread": rate(lambda: mujoco.mj_step(model, environment.data, STEPS), STEPS),
-        f"`mujoco.rollout`, {cores} threads": rate(
+    actions = np.tile(environment.previous_action, (worlds, 1))
+
+    def alone() -> None:
+        mujoco.mj_resetData(model, data)
+        mujoco.mj_setState(model, data, state[0], kind)
+        data.ctrl[:] = control[0, 0]
+        mujoco.mj_step(model, data, STEPS)
+
+    return {
+        "`mj_step`": rate(alone, STEPS),
+        f"`mujoco.rollout`, {worlds} worlds, {cores} threads": rate(
             lambda: rollout.rollout(model, datas, np.repeat(state, worlds, 0), control), STEPS * worlds
         ),
+        f"MuJoCo Warp, {worlds} worlds, verdicts included": rate(
+            lambda: batch.step(actions), environment.substeps * worlds
+        ),
     }
-    actions = np.tile(home, (worlds, 1))
-    found["MuJoCo Warp, one thread, verdicts included"] = rate(
-        lambda: batch.step(actions), environment.substeps * worlds
-    )
-    return found
 
 
 def main() -> None:
@@ -111,7 +114,7 @@ def main() -> None:
         alike = sum(a == b for a, b in zip(one, other, strict=True))
         print(f"| {bundle.task.name} | {len(one)} | {sum(one)} | {sum(other)} | {alike} |", flush=True)
     for bundle in bundles:
-        print(f"\n{bundle.task.name}, {arguments.worlds} worlds\n\n| backend | steps per second |\n|---|---|")
+        print(f"\n{bundle.task.name}\n\n| backend | steps per second and core |\n|---|---|")
         for name, value in rates(bundle, arguments.worlds).items():
             print(f"| {name} | {value:,.0f} |", flush=True)
 
