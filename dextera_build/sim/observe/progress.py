@@ -71,9 +71,9 @@ class Progress:
 
     def _distances(self, state: TaskState, tips: np.ndarray) -> np.ndarray:
         local = (tips - state.world_from_object[:3, 3]) @ state.world_from_object[:3, :3]
-        # Coordinate by coordinate: NumPy takes four times as long to sum over an axis of three.
-        x, y, z = (here[:, None] - there for here, there in zip(local.T, self._points, strict=True))
-        return np.asarray(np.sqrt((x * x + y * y + z * z).min(axis=1)))
+        # NumPy sums over a first axis four times as fast as over a last one of three.
+        apart = local.T[:, :, None] - self._points[:, None]
+        return np.asarray(np.sqrt((apart * apart).sum(axis=0).min(axis=1)))
 
 
 def _sites(environment: Environment) -> list[np.ndarray]:

@@ -178,6 +178,8 @@ def apart(one: np.ndarray, other: np.ndarray, symmetry: int) -> float:
     """
     if symmetry == 0:
         return float(np.arccos(clamp(float(one[:, 2] @ other[:, 2]), -1.0, 1.0)))
+    if symmetry == 1:
+        return transforms.angle(one.T @ other)
     turns = 2.0 * np.pi * np.arange(symmetry) / symmetry
     return min(transforms.angle(one.T @ other @ _about_z(turn)) for turn in turns)
 

@@ -139,10 +139,12 @@ def inside(cavity: Cavity, points: np.ndarray) -> bool:
 
     A point beside a wall counts for the nearest columns too, because walls are as thick as their columns.
     """
-    cells = np.floor((points[:, :2] - cavity.corner_m) / cavity.cell_m)
-    # Most of the time an object is elsewhere: a point has no column next to it. False on NaN.
-    if not (np.isfinite(points).all() and cells.min() >= -1 and (cells.max(axis=0) <= cavity.rim_m.shape).all()):
+    cells = (points[:, :2] - cavity.corner_m) / cavity.cell_m
+    # Most of the time an object is elsewhere: its first point already has no column next to it.
+    (x, y), (rows, columns) = cells[0].tolist(), cavity.rim_m.shape
+    if not (-1 <= x < rows + 1 and -1 <= y < columns + 1 and np.isfinite(points).all()):
         return False
+    cells = np.floor(cells)
     rooms = cavity.rim_m - cavity.floor_m > 0
     found = np.zeros(len(points), bool)
     for across in (-1, 0, 1):

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from dextera_build.artifacts.goals import PushGoal
+from dextera_build.artifacts.task import TaskObject, TaskSpec
 from dextera_build.geometry import quaternions
 from dextera_build.sim.primitives import base, poses
 from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
@@ -59,6 +60,10 @@ class Push(Primitive[PushGoal]):
     parameters = Parameters
     carries = False
 
+    def __init__(self, task: TaskSpec, objects: Mapping[str, TaskObject] | None = None) -> None:
+        super().__init__(task, objects)
+        self._turn = self.goal.turn
+
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
         """Whether it was pushed, stands, and is where it should be."""
         stands = abs(base.rise(start, now)) <= STANDS_M and now.supported
@@ -104,4 +109,4 @@ class Push(Primitive[PushGoal]):
         """Distance on the support [m] and rotation [rad] from the target; NaN where the pose is."""
         symmetry = self.goal.tolerance.symmetry if self.goal.yaw_rad is not None else 0
         position = float(np.linalg.norm(pose[:2, 3] - self.goal.place_m))
-        return position, base.apart(pose[:3, :3], self.goal.turn, symmetry)
+        return position, base.apart(pose[:3, :3], self._turn, symmetry)
