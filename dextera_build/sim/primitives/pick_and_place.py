@@ -116,8 +116,9 @@ class Place(Primitive[PlaceGoal]):
         if not self.goal.into:
             return poses.reached(self.goal, now.world_from_object)
         container = now.others[self.goal.into]
-        tipped = poses.turned(container, start.others[self.goal.into])
-        return bool(tipped <= TIPPED_RAD) and self._inside(now.world_from_object, container)
+        if not self._inside(now.world_from_object, container):
+            return False
+        return poses.turned(container, start.others[self.goal.into]) <= TIPPED_RAD
 
     def _left(self, start: TaskState, now: TaskState) -> float:
         if not self.goal.into:
@@ -130,8 +131,19 @@ class Place(Primitive[PlaceGoal]):
 
     def _inside(self, pose: np.ndarray, container: np.ndarray) -> bool:
         cavity = self.objects[self.goal.into].cavity
-        points = self.objects[self.task.object].points.astype(np.float64)
-        return cavity is not None and inside(cavity, transforms.apply(transforms.invert(container) @ pose, points))
+        points = self.objects[self.task.object].points
+        container_from_object = transforms.invert(container) @ pose
+        # Most of the time an object is elsewhere, and one of its points is enough to know.
+        if cavity is None or not _beside(cavity, transforms.apply(container_from_object, points[0].astype(np.float64))):
+            return False
+        return inside(cavity, transforms.apply(container_from_object, points.astype(np.float64)))
+
+
+def _beside(cavity: Cavity, point: np.ndarray) -> bool:
+    """Whether a point (3,) in the container's frame [m] has a column of the grid next to it; False on NaN."""
+    x, y = ((point[:2] - cavity.corner_m) / cavity.cell_m).tolist()
+    rows, columns = cavity.rim_m.shape
+    return bool(-1 <= x < rows + 1 and -1 <= y < columns + 1)
 
 
 def inside(cavity: Cavity, points: np.ndarray) -> bool:
@@ -139,13 +151,10 @@ def inside(cavity: Cavity, points: np.ndarray) -> bool:
 
     A point beside a wall counts for the nearest columns too, because walls are as thick as their columns.
     """
-    cells = (points[:, :2] - cavity.corner_m) / cavity.cell_m
-    # Most of the time an object is elsewhere: its first point already has no column next to it.
-    (x, y), (rows, columns) = cells[0].tolist(), cavity.rim_m.shape
-    if not (-1 <= x < rows + 1 and -1 <= y < columns + 1 and np.isfinite(points).all()):
-        return False
-    cells = np.floor(cells)
     rooms = cavity.rim_m - cavity.floor_m > 0
+    cells = np.floor((points[:, :2] - cavity.corner_m) / cavity.cell_m)
+    if not np.isfinite(points).all():
+        return False
     found = np.zeros(len(points), bool)
     for across in (-1, 0, 1):
         for along in (-1, 0, 1):
