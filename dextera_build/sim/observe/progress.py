@@ -96,10 +96,14 @@ class _Link:
         self._pushed: dict[float, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
     def _push(self, way: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Contact point, direction of the push and direction away from the axis, (3,) in the link's frame [m]."""
+        """Contact point and the place behind it (2, 3), direction of the push and away from the axis (3,).
+
+        They are in the link's frame [m].
+        """
         place, along = self._mechanism.pushed_at(way, SHARE)
         outwards = np.cross(along, self._mechanism.axis) * way
-        return place, along, outwards * np.sign(outwards @ (place - self._mechanism.pivot))
+        outwards *= np.sign(outwards @ (place - self._mechanism.pivot))
+        return np.stack([place, place - BEHIND_M * along]), along, outwards
 
     def distances(self, data: mujoco.MjData, way: float, points: np.ndarray) -> np.ndarray:
         """Path lengths (N,) [m] from points (N, 3) to the place where the joint is pushed by `way`, all in the world.
@@ -109,9 +113,9 @@ class _Link:
         sign = float(np.sign(way))
         if sign not in self._pushed:
             self._pushed[sign] = self._push(sign)
-        place, along, outwards = self._pushed[sign]
+        places, along, outwards = self._pushed[sign]
         pose = transforms.rigid(data.xmat[self._body].reshape(3, 3), data.xpos[self._body])
-        surface, target = transforms.apply(pose, np.stack([place, place - BEHIND_M * along]))
+        surface, target = transforms.apply(pose, places)
         straight = np.linalg.norm(points - target, axis=1)
         if not self._mechanism.turns:
             return np.asarray(straight)
