@@ -21,10 +21,10 @@ pytestmark = pytest.mark.slow
 
 def test_a_row_has_a_cell_for_every_measurement(capsys: pytest.CaptureFixture[str]) -> None:
     with capsys.disabled():
-        row = program.row(task_bundles.lift(), 20)
+        row = program.row("small", task_bundles.lift(), 20)
         print(f"\n{row}")
     cells = [cell.strip() for cell in row.strip("|").split("|")]
-    assert cells[:2] == ["LiftBox", "18, 25 x 2 ms"]
+    assert cells[:2] == ["`small`", "18, 25 x 2 ms"]
     verdict, reward = (float(cell.rstrip(" %")) for cell in cells[2:4])
     assert 30 < reward < verdict < 100
     assert float(cells[5]) > 20, "times real time"

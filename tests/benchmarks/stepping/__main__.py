@@ -23,7 +23,7 @@ SIZE = (320, 240)
 """Width and height of pictures [px]."""
 
 
-def row(bundle: TaskBundle, rounds: int) -> str:
+def row(name: str, bundle: TaskBundle, rounds: int) -> str:
     """One task."""
     environment = Environment(bundle)
     alone = ours.stepped(bundle, rounds)
@@ -32,7 +32,7 @@ def row(bundle: TaskBundle, rounds: int) -> str:
     model = environment.model
     return " | ".join(
         [
-            f"| {bundle.task.name}",
+            f"| `{name}`",
             f"{model.nv}, {environment.substeps} x {1e3 * model.opt.timestep:g} ms",
             f"{100 * alone.runtime:.0f} %",
             f"{100 * alone.share:.0f} %",
@@ -72,7 +72,9 @@ def main() -> None:
     ]
     print(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|")
     for path in arguments.bundles:
-        print(row(unpack(TaskBundle, path.read_bytes()), arguments.rounds), flush=True)
+        # `dxb build` writes to `out/RECIPE/task`.
+        name = path.resolve().parents[1].as_posix().rpartition("/out/")[2]
+        print(row(name, unpack(TaskBundle, path.read_bytes()), arguments.rounds), flush=True)
     if arguments.peers:
         print("\n| environment | degrees of freedom, substeps | of `mj_step` |\n|---|---|---|", flush=True)
         command = [str(arguments.peers), str(peers.__file__), str(arguments.rounds)]
