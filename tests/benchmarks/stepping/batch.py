@@ -39,10 +39,18 @@ def replays(episodes: Sequence[Episode]) -> tuple[list[Start], list[np.ndarray]]
     return [*starts, *starts], [*actions, *actions[1:], actions[0]]
 
 
-def in_turn(bundle: TaskBundle, starts: Sequence[Start], actions: Sequence[np.ndarray]) -> list[bool]:
-    """Successes of MuJoCo."""
+def in_turn(
+    bundle: TaskBundle, starts: Sequence[Start], actions: Sequence[np.ndarray]
+) -> tuple[list[bool], list[float]]:
+    """Successes of MuJoCo, and simulated time over processor time with all that an episode records."""
     environment = Environment(bundle)
-    return [open_loop(environment, start, each, LINGER_S).success for start, each in zip(starts, actions, strict=True)]
+    found: list[Episode] = []
+    verdicts, speeds = [], []
+    for start, each in zip(starts, actions, strict=True):
+        spent = ours.seconds(lambda now=start, sent=each: found.append(open_loop(environment, now, sent, LINGER_S)))
+        verdicts.append(found[-1].success)
+        speeds.append(environment.steps * environment.period_s / spent)
+    return verdicts, speeds
 
 
 def at_once(bundle: TaskBundle, starts: Sequence[Start], actions: Sequence[np.ndarray]) -> list[bool]:
@@ -102,18 +110,24 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=64, help="worlds that are timed")
     arguments = parser.parse_args()
     project = Project.find()
-    print("| task | replays | succeed in MuJoCo | in MuJoCo Warp | verdicts alike |\n|---|---|---|---|---|")
-    bundles = []
+    replayed = []
+    print("| task | replays | x real time, median | least |\n|---|---|---|---|")
     for node in arguments.nodes:
         bundle, shown = project.get(node.partition(":")[0] + ":task"), project.get(node)
         assert isinstance(bundle, TaskBundle)
         assert isinstance(shown, Episodes)
-        bundles.append(bundle)
         starts, actions = replays([*shown.items.values(), *shown.failures.values()])
-        one, other = in_turn(bundle, starts, actions), at_once(bundle, starts, actions)
+        verdicts, speeds = in_turn(bundle, starts, actions)
+        print(f"| {bundle.task.name} | {len(speeds)} | {np.median(speeds):.0f} | {min(speeds):.0f} |", flush=True)
+        replayed.append((bundle, starts, actions, verdicts))
+    print(
+        "\n| task | replays | succeed in MuJoCo | in MuJoCo Warp | verdicts alike |\n|---|---|---|---|---|", flush=True
+    )
+    for bundle, starts, actions, one in replayed:
+        other = at_once(bundle, starts, actions)
         alike = sum(a == b for a, b in zip(one, other, strict=True))
         print(f"| {bundle.task.name} | {len(one)} | {sum(one)} | {sum(other)} | {alike} |", flush=True)
-    for bundle in bundles:
+    for bundle, *_ in replayed:
         print(f"\n{bundle.task.name}\n\n| backend | steps per second and core |\n|---|---|")
         for name, value in rates(bundle, arguments.worlds).items():
             print(f"| {name} | {value:,.0f} |", flush=True)
