@@ -7,9 +7,10 @@ import numpy as np
 
 def rigid(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
     """(4, 4) float64 from a (3, 3) rotation and a (3,) translation [m]."""
-    matrix = np.eye(4)
+    matrix = np.zeros((4, 4))
     matrix[:3, :3] = rotation
     matrix[:3, 3] = translation
+    matrix[3, 3] = 1.0
     return matrix
 
 

@@ -7,6 +7,7 @@ them. `Layout.terms` resolves a declaration for one robot, its objects and its c
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 from dextera_build.artifacts.noise import ColourNoise, DepthNoise
@@ -90,7 +91,7 @@ class Term:
     camera: str = ""
     """Its camera; empty where there is none."""
 
-    @property
+    @cached_property
     def key(self) -> str:
         """Its name in observations of Gymnasium: `deployable/joints`, `deployable/depth/workspace`."""
         side = "deployable" if self.declared.seen_by == "policies" else "privileged"

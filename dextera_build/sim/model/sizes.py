@@ -41,7 +41,7 @@ class Sizes:
             self._now[name] = factor
 
 
-_Part = tuple[str, np.ndarray, np.ndarray]
+_Part = tuple[str, slice | np.ndarray, np.ndarray]
 """Field of the model, its rows, and their original values."""
 
 
@@ -72,7 +72,13 @@ def _lengths(model: Any, root: int) -> list[_Part]:
         "mesh_vert": np.array(_spans(model.mesh_vertadr[meshes], model.mesh_vertnum[meshes]), int),
         "bvh_aabb": np.array(boxes, int),
     }
-    return [(field, at, getattr(model, field)[at].copy()) for field, at in rows.items() if len(at)]
+    return [(field, _run(at), getattr(model, field)[at].copy()) for field, at in rows.items() if len(at)]
+
+
+def _run(rows: np.ndarray) -> slice | np.ndarray:
+    """Rows that follow one another as a slice, which NumPy writes ten times as fast."""
+    first = int(rows[0])
+    return slice(first, first + len(rows)) if (rows == np.arange(first, first + len(rows))).all() else rows
 
 
 def _spans(starts: np.ndarray, counts: np.ndarray) -> list[int]:

@@ -11,7 +11,7 @@ from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.sim.primitives import base
 from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
-from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, near
+from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
 LIMIT_RAD = 0.05
@@ -133,6 +133,6 @@ def value(progress: Progress) -> float:
     The weight of reaching falls as the joints approach their commands, so the hand may release a joint that has
     arrived. Dragging the object reduces the value.
     """
-    moved = 1.0 - float(np.clip(progress.left, 0.0, 2.0))
+    moved = 1.0 - clamp(progress.left, 0.0, 2.0)
     reach = 1.0 - (1.0 - near(progress.reach_m)) * min(1.0, progress.left)
     return REACH * reach - DRAG * min(2.0, progress.strayed) + MOVE * moved + DONE * float(progress.success)

@@ -18,6 +18,7 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskObject, TaskSpec
 from dextera_build.errors import listing
 from dextera_build.geometry import transforms
+from dextera_build.sim.primitives.stages import clamp
 from dextera_build.sim.primitives.state import TaskState
 
 JUMP_M_S = 3.0
@@ -191,7 +192,9 @@ def apart(one: np.ndarray, other: np.ndarray, symmetry: int) -> float:
         symmetry: Number of alike orientations about the object's own z axis; 0: all.
     """
     if symmetry == 0:
-        return float(np.arccos(np.clip(one[:, 2] @ other[:, 2], -1.0, 1.0)))
+        return float(np.arccos(clamp(float(one[:, 2] @ other[:, 2]), -1.0, 1.0)))
+    if symmetry == 1:
+        return transforms.angle(one.T @ other)
     turns = 2.0 * np.pi * np.arange(symmetry) / symmetry
     return min(transforms.angle(one.T @ other @ _about_z(turn)) for turn in turns)
 

@@ -71,11 +71,10 @@ class Hands:
         forces, supported = _forces(model, data, self._inside[body], self.fingers, self.count)
         # Bodies that sleep have no contacts; only what rests on something falls asleep.
         supported |= not data.tree_awake[model.body_treeid[body]]
-        found, motion = {}, _motion(model, data, body)
-        for number, name in enumerate(self.names):
-            slip = _slip(model, data, body, motion, self.palms[number])
-            found[name] = _state(forces[self.of(number)], supported, slip)
-        return found
+        return {
+            name: _state(model, data, body, forces[self.of(number)], supported, self.palms[number])
+            for number, name in enumerate(self.names)
+        }
 
     def tip_forces(self, model: Any, data: Any) -> np.ndarray:
         """Force on each finger from everything else, (F, 3) [N] in the world frame; palms are left out."""
@@ -123,12 +122,13 @@ def estimate(model: Any, data: Any, body: int, fingers: np.ndarray, palm: int) -
         palm: Site of the palm, the reference for slip, or -1.
     """
     forces, supported = _forces(model, data, _inside(model, body), fingers, int(fingers.max(initial=0)) + 1)
-    return _state(forces, supported, _slip(model, data, body, _motion(model, data, body), palm))
+    return _state(model, data, body, forces, supported, palm)
 
 
-def _state(forces: np.ndarray, supported: bool, slip: float) -> GraspState:
+def _state(model: Any, data: Any, body: int, forces: np.ndarray, supported: bool, palm: int) -> GraspState:
     if not forces.any():
-        return GraspState(supported=supported, slip_m_s=slip)
+        return GraspState(supported=supported)
+    slip = _slip(model, data, body, palm)
     pressing = forces[np.linalg.norm(forces, axis=1) > PRESS_N]
     unit = pressing / np.maximum(np.linalg.norm(pressing, axis=1, keepdims=True), 1e-12)
     pushes: Sequence[Any] = [tuple(row) for row in unit.tolist()]
@@ -168,18 +168,13 @@ def _on_second(model: Any, data: Any, number: int) -> np.ndarray:
     return np.asarray(data.contact.frame[number].reshape(3, 3).T @ local[:3])
 
 
-def _motion(model: Any, data: Any, body: int) -> np.ndarray:
-    """Velocity of a body's centre of mass (6,): angular [rad/s], linear [m/s], along the world's axes."""
-    found = np.zeros(6)
-    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, found, 0)
-    return found
-
-
-def _slip(model: Any, data: Any, body: int, motion: np.ndarray, palm: int) -> float:
-    """Speed of the object's centre of mass, which has `motion`, relative to a rigid attachment to the palm [m/s]."""
+def _slip(model: Any, data: Any, body: int, palm: int) -> float:
+    """Speed of the object's centre of mass relative to a rigid attachment to the palm [m/s]."""
     if palm < 0:
         return 0.0
-    hand = np.zeros(6)
+    # Angular [rad/s], then linear [m/s], along the world's axes.
+    motion, hand = np.zeros(6), np.zeros(6)
+    mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, motion, 0)
     mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_SITE, palm, hand, 0)
     x, y, z = (data.xipos[body] - data.site_xpos[palm]).tolist()
     wx, wy, wz = hand[:3].tolist()

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 from pydantic import PositiveFloat
 
 from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.sim.primitives import base
 from dextera_build.sim.primitives.base import Past, Primitive, Setting
-from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
+from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import SLIP_M_S as SLIP_M_S
 from dextera_build.sim.primitives.state import GraspState, TaskState
 
@@ -74,5 +73,5 @@ def value(progress: Progress) -> float:
     grasp = progress.grasp
     hold = 0.5 * min(grasp.fingers, 2) / 2 + 0.5 * float(grasp.opposing)
     held = grasp.fingers >= 2 and grasp.opposing
-    rise = float(np.clip(progress.rise, 0.0, 1.0)) if held else 0.0
+    rise = clamp(progress.rise, 0.0, 1.0) if held else 0.0
     return REACH * near(progress.reach_m) + HOLD * hold + MOVE * rise + DONE * float(progress.success)

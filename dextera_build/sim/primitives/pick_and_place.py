@@ -13,7 +13,7 @@ from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import transforms
 from dextera_build.sim.primitives import base, poses
 from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
-from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
+from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
 DROP_M = 0.08
@@ -108,7 +108,7 @@ class Place(Primitive[PlaceGoal]):
         if self._there(start, now) and now.supported:
             return REACH + HOLD + MOVE + DONE * float(success)
         held = grasp.fingers >= 2 and grasp.opposing
-        moved = float(np.clip(1.0 - self._left(start, now), 0.0, 0.9)) if held else 0.0
+        moved = clamp(1.0 - self._left(start, now), 0.0, 0.9) if held else 0.0
         return REACH * near(reach_m) + HOLD * hold + MOVE * moved
 
     def fair(self, places: Mapping[str, np.ndarray]) -> bool:
@@ -138,8 +138,9 @@ class Place(Primitive[PlaceGoal]):
         if not self.goal.into:
             return poses.reached(self.goal, now.world_from_object)
         container = now.others[self.goal.into]
-        tipped = poses.turned(container, start.others[self.goal.into])
-        return bool(tipped <= TIPPED_RAD) and self._inside(now.world_from_object, container)
+        if not self._inside(now.world_from_object, container):
+            return False
+        return poses.turned(container, start.others[self.goal.into]) <= TIPPED_RAD
 
     def _left(self, start: TaskState, now: TaskState) -> float:
         if not self.goal.into:
@@ -152,8 +153,19 @@ class Place(Primitive[PlaceGoal]):
 
     def _inside(self, pose: np.ndarray, container: np.ndarray) -> bool:
         cavity = self.objects[self.goal.into].cavity
-        points = self.objects[self.task.object].points.astype(np.float64)
-        return cavity is not None and inside(cavity, transforms.apply(transforms.invert(container) @ pose, points))
+        points = self.objects[self.task.object].points
+        container_from_object = transforms.invert(container) @ pose
+        # Most of the time an object is elsewhere, and one of its points is enough to know.
+        if cavity is None or not _beside(cavity, transforms.apply(container_from_object, points[0].astype(np.float64))):
+            return False
+        return inside(cavity, transforms.apply(container_from_object, points.astype(np.float64)))
+
+
+def _beside(cavity: Cavity, point: np.ndarray) -> bool:
+    """Whether a point (3,) in the container's frame [m] has a column of the grid next to it; False on NaN."""
+    x, y = ((point[:2] - cavity.corner_m) / cavity.cell_m).tolist()
+    rows, columns = cavity.rim_m.shape
+    return bool(-1 <= x < rows + 1 and -1 <= y < columns + 1)
 
 
 def inside(cavity: Cavity, points: np.ndarray) -> bool:

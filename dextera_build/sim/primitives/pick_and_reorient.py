@@ -10,7 +10,7 @@ from pydantic import model_validator
 from dextera_build.artifacts.goals import ReorientGoal
 from dextera_build.sim.primitives import base, poses
 from dextera_build.sim.primitives.base import Past, Primitive, Setting
-from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
+from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
 
@@ -37,8 +37,8 @@ class Reorient(Primitive[ReorientGoal]):
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
         """Whether it is there, in the hands that the task names."""
-        there = poses.reached(self.goal, now.world_from_object)
-        return there and not past.fault and now.grasp(self.task.limbs).alone
+        held = not past.fault and now.grasp(self.task.limbs).alone
+        return held and poses.reached(self.goal, now.world_from_object)
 
     def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
         """Whether the object jumped."""
@@ -60,8 +60,10 @@ class Reorient(Primitive[ReorientGoal]):
         grasp = now.grasp(self.task.limbs)
         hold = 0.5 * min(grasp.fingers, 2) / 2 + 0.5 * float(grasp.opposing)
         held = grasp.fingers >= 2 and grasp.opposing
-        left = poses.left(self.goal, start.world_from_object, now.world_from_object)
-        moved = float(np.clip(1.0 - left, 0.0, 1.0)) if held else 0.0
+        moved = 0.0
+        if held:
+            left = poses.left(self.goal, start.world_from_object, now.world_from_object)
+            moved = clamp(1.0 - left, 0.0, 1.0)
         return REACH * near(reach_m) + HOLD * hold + MOVE * moved + DONE * float(success)
 
     def fair(self, places: Mapping[str, np.ndarray]) -> bool:

@@ -6,9 +6,10 @@ import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
 from dextera_build.artifacts.goals import PoseGoal, Tolerance
-from dextera_build.geometry import quaternions, registration, transforms
+from dextera_build.geometry import quaternions, registration
 from dextera_build.sim.primitives import base
 from dextera_build.sim.primitives.base import Setting
+from dextera_build.sim.primitives.stages import clamp
 
 RADIAN_M = 0.1
 """Distance that weighs as much as a rotation by one radian [m]."""
@@ -92,4 +93,4 @@ def left(goal: PoseGoal, start: np.ndarray, now: np.ndarray) -> float:
 
 def turned(pose: np.ndarray, start: np.ndarray) -> float:
     """How far an object's own z axis leans from where it pointed at the start [rad]."""
-    return float(np.arccos(np.clip(transforms.invert(start)[2, :3] @ pose[:3, 2], -1.0, 1.0)))
+    return float(np.arccos(clamp(float(start[:3, 2] @ pose[:3, 2]), -1.0, 1.0)))

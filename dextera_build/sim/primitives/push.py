@@ -8,10 +8,11 @@ import numpy as np
 from pydantic import model_validator
 
 from dextera_build.artifacts.goals import PushGoal
+from dextera_build.artifacts.task import TaskObject, TaskSpec
 from dextera_build.geometry import quaternions
 from dextera_build.sim.primitives import base, poses
 from dextera_build.sim.primitives.base import Past, Primitive, Setting
-from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, near
+from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
 LIFTED_M = 0.03
@@ -61,6 +62,10 @@ class Push(Primitive[PushGoal]):
     parameters = Parameters
     carries = False
 
+    def __init__(self, task: TaskSpec, objects: Mapping[str, TaskObject] | None = None) -> None:
+        super().__init__(task, objects)
+        self._turn = self.goal.turn
+
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
         """Whether it was pushed, stands, and is where it should be."""
         stands = abs(base.rise(start, now)) <= STANDS_M and now.supported
@@ -88,7 +93,7 @@ class Push(Primitive[PushGoal]):
         """Reach, then bring the object to its target; one that is in the air has not moved."""
         stands = base.rise(start, now) <= LIFTED_M
         left = self._left(now.world_from_object) / max(self._left(start.world_from_object), 1e-6) if stands else 1.0
-        moved = 1.0 - float(np.clip(left, 0.0, 2.0))
+        moved = 1.0 - clamp(left, 0.0, 2.0)
         reach = 1.0 - (1.0 - near(reach_m)) * min(1.0, left)
         return REACH * reach + MOVE * moved + DONE * float(success)
 
@@ -110,4 +115,4 @@ class Push(Primitive[PushGoal]):
         """Distance on the support [m] and rotation [rad] from the target; NaN where the pose is."""
         symmetry = self.goal.tolerance.symmetry if self.goal.yaw_rad is not None else 0
         position = float(np.linalg.norm(pose[:2, 3] - self.goal.place_m))
-        return position, base.apart(pose[:3, :3], self.goal.turn, symmetry)
+        return position, base.apart(pose[:3, :3], self._turn, symmetry)

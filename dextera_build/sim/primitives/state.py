@@ -24,7 +24,7 @@ class GraspState:
     supported: bool = True
     """Whether anything other than a hand, this one or another, touches the object."""
     slip_m_s: float = 0.0
-    """Speed of the object relative to the palm [m/s]."""
+    """Speed of the object relative to the palm [m/s]; 0 where no finger presses."""
     pushes: tuple[tuple[float, float, float], ...] = ()
     """Unit direction of the force of every finger that presses, in the world."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import mujoco
@@ -60,7 +60,7 @@ class Environment:
         self.bundle = bundle
         self._set_goal(bundle.task.goal)
         self.model = compile_folder(bundle.model) if model is None else model
-        self.data = mujoco.MjData(self.model)
+        self.data, self._scratch = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         # Sleeping bodies cost nothing, and most objects sleep nearly all the time.
         self.model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
@@ -106,7 +106,7 @@ class Environment:
     def _drawn(self, seed: int, stratum: Stratum | None, views: Mapping[str, View] | None) -> Start:
         """A start; the objects are left with its sizes."""
         sizes, fair = self._dynamics.sizes, self.primitive.fair
-        return starts.draw(self.bundle, self.model, sizes, seed, fair, stratum=stratum, views=views)
+        return starts.draw(self.bundle, self.model, self._scratch, sizes, seed, fair, stratum=stratum, views=views)
 
     def begin(self, start: Start) -> DeployableObservation:
         """Begin an episode at a given start, without state from the previous one."""
@@ -133,13 +133,36 @@ class Environment:
 
         A non-finite target is not sent; it ends the episode with a reason.
         """
+        target = self.limited(action)
+        if target is None:
+            return self.broken(action)
+        self._advance(target)
+        return self.conclude(target)
+
+    def limited(self, action: np.ndarray) -> np.ndarray | None:
+        """The targets (A,) [rad] that are sent for an action; None if it has another shape or is not finite."""
         action = np.asarray(action, np.float64)
         if action.shape != self.lower.shape or not np.isfinite(action).all():
-            return self._broken(action)
+            return None
         before = self.previous_action
         near = np.minimum(np.maximum(action, before - self._reach), before + self._reach)
-        target = np.minimum(np.maximum(near, self.lower), self.upper)
-        self._advance(target)
+        return np.asarray(np.minimum(np.maximum(near, self.lower), self.upper))
+
+    def commands(self, target: np.ndarray) -> Iterator[int]:
+        """Set the robot's controllers to each command on the way to `target`, and give the substeps to take with it."""
+        earlier, before = self._earlier, self.previous_action
+        ahead, behind = target - before, before - earlier
+        for part, steps in self._ramp:
+            self._ctrl[self._actuators] = before + ahead * part if part >= 0 else earlier + behind * (1 + part)
+            yield steps
+
+    def arrive(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
+        """Take over positions and velocities that another simulator reached with `commands`."""
+        self._qpos[:], self._qvel[:] = qpos, qvel
+        self._forward()
+
+    def conclude(self, target: np.ndarray) -> Outcome:
+        """End a control period in which `target` was sent, with positions and forces up to date."""
         self._earlier, self.previous_action = self.previous_action, target
         self.steps += 1
         # Written to be true on NaN.
@@ -175,7 +198,8 @@ class Environment:
         found[:, :3] = positions @ self._base_from_world[:3, :3].T + self._base_from_world[:3, 3]
         for row, quaternion in zip(found[:, 3:], turns, strict=True):
             mujoco.mju_mulQuat(row, self._base_turn, quaternion)
-        found[found[:, 3] < 0, 3:] *= -1
+            if row[0] < 0:
+                row *= -1
         return found
 
     def palm_poses(self) -> np.ndarray:
@@ -213,17 +237,12 @@ class Environment:
 
     def _pose_of(self, body: int) -> np.ndarray:
         """T_world_body (4, 4)."""
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = self._xmat[body].reshape(3, 3), self._xpos[body]
-        return pose
+        return transforms.rigid(self._xmat[body].reshape(3, 3), self._xpos[body])
 
     def _advance(self, target: np.ndarray) -> None:
-        earlier, before = self._earlier, self.previous_action
-        ahead, behind = target - before, before - earlier
         # The first step need not compute again what `mj_forward` did, unless somebody moved something since.
-        ready = np.array_equal(self._seen[0], self._qpos) and np.array_equal(self._seen[1], self._qvel)
-        for part, steps in self._ramp:
-            self._ctrl[self._actuators] = before + ahead * part if part >= 0 else earlier + behind * (1 + part)
+        ready = self._seen == (self._qpos.tobytes(), self._qvel.tobytes())
+        for steps in self.commands(target):
             if ready:
                 mujoco.mj_step2(self.model, self.data)
             if steps > ready:
@@ -234,9 +253,11 @@ class Environment:
     def _forward(self) -> None:
         """Update positions, contacts and forces, which `mj_step` leaves one step behind."""
         mujoco.mj_forward(self.model, self.data)
-        self._seen = self._qpos.copy(), self._qvel.copy()
+        self._seen = self._qpos.tobytes(), self._qvel.tobytes()
 
-    def _broken(self, action: np.ndarray) -> Outcome:
+    def broken(self, action: np.ndarray) -> Outcome:
+        """The outcome of an action that cannot be sent."""
+        action = np.asarray(action, np.float64)
         if action.shape != self.lower.shape:
             reason = f"the action has shape {action.shape}, but the robot has {len(self.lower)} joints"
         else:

@@ -40,6 +40,7 @@ Fair = Callable[[Mapping[str, np.ndarray]], bool]
 def draw(
     bundle: TaskBundle,
     model: Any,
+    data: Any,
     sizes: Sizes,
     seed: int,
     fair: Fair = lambda places: True,
@@ -52,6 +53,7 @@ def draw(
     Args:
         bundle: The task.
         model: Its compiled model; its objects are left with the sizes of the start.
+        data: A `mujoco.MjData` of that model to draw in, whatever it holds.
         sizes: Of that model.
         seed: Any integer from 0 to 2^63.
         fair: Refuses starts at which the goal is reached.
@@ -63,7 +65,6 @@ def draw(
     """
     generator = np.random.default_rng([seed])
     random = generator if stratum is None else Strata(stratum, generator)
-    data = mujoco.MjData(model)
     dynamics = _dynamics(bundle, random)
     sizes.put(dynamics["size_scale"])
     first = random.asked if isinstance(random, Strata) else 0

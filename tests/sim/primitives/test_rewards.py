@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build.sim.observe.progress import Progress
-from dextera_build.sim.primitives import articulate, lift
+from dextera_build.sim.primitives import articulate, lift, stages
 from dextera_build.sim.primitives.state import GraspState
 from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles
@@ -103,3 +103,8 @@ def test_moving_the_lid_to_its_command_is_what_pays():
     environment.data.joint("case_lid_hinge").qpos[0] = 1.8
     assert left() == pytest.approx(1.2)
     assert progress.value(False) < best
+
+
+def test_clamping_keeps_what_is_not_a_number():
+    assert [stages.clamp(value, 0.0, 1.0) for value in (-2.0, 0.25, 2.0)] == [0.0, 0.25, 1.0]
+    assert np.isnan(stages.clamp(float("nan"), 0.0, 1.0))

@@ -1,0 +1,134 @@
+"""Several worlds of one task at once, stepped by MuJoCo Warp in single precision, on a processor or a GPU.
+
+Warp computes positions and velocities alone. What follows from them, the state that a task is judged by and all that is
+observed, comes from the same `Environment` as everywhere, one for each world.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dextera_build.artifacts.episode import Start
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.errors import MachineError, RuleError, install_extra
+from dextera_build.sim.runtime.environment import Environment, Outcome
+
+CONTACTS, CONSTRAINTS = 256, 1024
+"""Room for contacts, on average, and for rows of constraints in each world; more of them is an error."""
+
+
+class Batch:
+    """Worlds of one task that are stepped together, each from its own start with its own dynamics.
+
+    Args:
+        bundle: The task.
+        starts: The start of every world; all have objects of the same sizes, because meshes are shared.
+        device: A device of Warp, `cpu` or `cuda:0`; None: a GPU if there is one.
+
+    Raises:
+        MachineError: MuJoCo Warp is not installed.
+        RuleError: Sizes differ, or MuJoCo Warp does not know something in the model.
+    """
+
+    def __init__(self, bundle: TaskBundle, starts: Sequence[Start], device: str | None = None) -> None:
+        warp, self._mjw = _installed()
+        if any(start.size_scale != starts[0].size_scale for start in starts):
+            raise RuleError(
+                "worlds of a batch have objects of the same sizes",
+                code="DXB-B221",
+                hint="give all starts one `size_scale`, or run one batch for each",
+            )
+        first = Environment(bundle)
+        others = [Environment(bundle, copy.copy(first.model)) for _ in starts[1:]]
+        self.worlds = [first, *others]
+        """The world of every start: what can be observed, and the verdict."""
+        for world, start in zip(self.worlds, starts, strict=True):
+            world.begin(start)
+        self._device = warp.ScopedDevice(device)
+        known = copy.copy(first.model)
+        # MuJoCo Warp never resets by itself; what sleeps takes it longer than what rests.
+        known.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        known.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+        with self._device:
+            self._model = self._shared(warp, known)
+            self._data = self._mjw.make_data(known, nworld=len(starts), nconmax=CONTACTS, njmax=CONSTRAINTS)
+            self._put("qpos", "qvel", "ctrl", "qacc_warmstart")
+
+    def step(self, actions: np.ndarray) -> list[Outcome]:
+        """Send joint targets (N, A) [rad] for one control period; a world goes on after its episode is over.
+
+        Raises:
+            RuleError: A world has more contacts or constraints than there is room for.
+        """
+        limited = [world.limited(action) for world, action in zip(self.worlds, actions, strict=True)]
+        targets = [world.previous_action if to is None else to for world, to in zip(self.worlds, limited, strict=True)]
+        commands = (world.commands(target) for world, target in zip(self.worlds, targets, strict=True))
+        with self._device:
+            for steps, *_ in zip(*commands, strict=True):
+                self._put("ctrl")
+                for _ in range(steps):
+                    self._mjw.step(self._model, self._data)
+            qpos, qvel = self._data.qpos.numpy(), self._data.qvel.numpy()
+            self._check_room()
+        for world, positions, velocities in zip(self.worlds, qpos, qvel, strict=True):
+            world.arrive(positions, velocities)
+        return [
+            world.broken(action) if to is None else world.conclude(to)
+            for world, action, to in zip(self.worlds, actions, limited, strict=True)
+        ]
+
+    def _shared(self, warp: Any, known: mujoco.MjModel) -> Any:
+        """The model on the device, with what differs between worlds once for each of them."""
+        models = [world.model for world in self.worlds]
+        try:
+            shared = self._mjw.put_model(known)
+        except NotImplementedError as error:
+            raise RuleError(
+                "MuJoCo Warp does not know something in the model", code="DXB-B222", facts={"MuJoCo Warp": error}
+            ) from None
+        for field in fields(shared):
+            # Fields whose first axis is that of worlds; one row serves them all.
+            if getattr(field.type, "shape", ("",))[0] != "*" or not hasattr(models[0], field.name):
+                continue
+            values = [getattr(model, field.name) for model in models]
+            if any(not np.array_equal(value, values[0]) for value in values):
+                setattr(shared, field.name, warp.array(np.stack(values), dtype=getattr(shared, field.name).dtype))
+        return shared
+
+    def _put(self, *names: str) -> None:
+        """Copy parts of the state of all worlds to the device."""
+        for name in names:
+            getattr(self._data, name).assign(np.stack([getattr(world.data, name) for world in self.worlds]))
+
+    def _check_room(self) -> None:
+        contacts, rows = int(self._data.nacon.numpy()[0]), int(self._data.nefc.numpy().max())
+        if contacts > CONTACTS * len(self.worlds) or rows > CONSTRAINTS:
+            raise RuleError(
+                "a batch has more contacts or constraints than there is room for",
+                code="DXB-B223",
+                facts={
+                    "contacts": f"{contacts}, room for {CONTACTS * len(self.worlds)}",
+                    "rows of constraints of one world": f"{rows}, room for {CONSTRAINTS}",
+                },
+                hint="make a start without so many things in contact",
+            )
+
+
+def _installed() -> tuple[Any, Any]:
+    """The modules `warp` and `mujoco_warp`."""
+    try:
+        import warp
+
+        warp.config.log_level = warp.LOG_WARNING
+        import mujoco_warp
+    except ImportError:
+        raise MachineError(
+            "worlds in a batch need `mujoco_warp`", code="DXB-E302", hint=install_extra("batch")
+        ) from None
+    return warp, mujoco_warp

@@ -1,0 +1,1 @@
+"""What stepping a task costs, beside MuJoCo alone, other environments and batches."""
