@@ -76,7 +76,7 @@ class Room:
             solved = self._solved(reach, legs, seed)
             if solved is None:
                 return None
-            if legs is rows[first] and not self._free(reach, solved.joints, legs, touching=True):
+            if legs is rows[first] and not self._grasps(reach, solved.joints, rows[first:]):
                 return None
             seed = solved.joints
             margin, far = min(margin, solved.margin_rad), max(far, float(np.abs(seed - reach.arm.home).max()))
@@ -87,6 +87,13 @@ class Room:
                 if self._solved(more, legs, seed) is None and self._solved(more, legs, None) is None:
                     return None
         return 3.0 * min(margin, ENOUGH_RAD) - far if self._clear(reach, plan, first, state) else None
+
+    def _grasps(self, reach: Reach, joints: np.ndarray, rows: Sequence[Sequence[Leg]]) -> bool:
+        """Whether nothing but the object is in the way at the first contact, and of hands that close there."""
+        if not self._free(reach, joints, rows[0], object_m=-TOUCH_M):
+            return False
+        closing = rows[1] if len(rows) > 1 and rows[1][0].segment == "grasp" else rows[0]
+        return self._free(reach, joints, closing, object_m=-np.inf)
 
     def _solved(self, reach: Reach, legs: Sequence[Leg], seed: np.ndarray | None) -> Solution | None:
         """The arms' joints at the ends of legs, or None."""
@@ -118,8 +125,11 @@ class Room:
         for name, position in state.displacement.items():
             self._data.joint(name).qpos[0] = position
 
-    def _free(self, reach: Reach, joints: np.ndarray, aims: Sequence[Leg | Aim], *, touching: bool) -> bool:
-        """Whether nothing collides with the arms at `joints` (A,) and the fingers as in `aims`, by limb."""
+    def _free(self, reach: Reach, joints: np.ndarray, aims: Sequence[Leg | Aim], *, object_m: float) -> bool:
+        """Whether nothing collides with the arms at `joints` (A,) and the fingers as in `aims`, by limb.
+
+        The task's object may be `object_m` near [m], negative inside.
+        """
         model, data = self._model, self._data
         data.qpos[self._joints[reach.places(reach.arm.joints)]] = joints
         for limb, aim in zip(reach.limbs, aims, strict=True):
@@ -137,8 +147,8 @@ class Room:
             apart = CLEAR_M
             if self._robot[one] and self._robot[other]:
                 apart = 0.0
-            elif touching and (self._object[one] or self._object[other]):
-                apart = -TOUCH_M
+            elif self._object[one] or self._object[other]:
+                apart = object_m
             if contact.dist < apart:
                 return False
         return True

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from pydantic import PositiveFloat
 
 from dextera_build.artifacts.goals import LiftGoal

@@ -10,10 +10,10 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.grasps import candidates
 from dextera_build.sim.experts.place import Place
-from dextera_build.sim.experts.ways import EXPERTS
 from dextera_build.sim.experts.push import Push, Stroke
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.room import Room
+from dextera_build.sim.experts.ways import EXPERTS
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
