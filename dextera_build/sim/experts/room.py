@@ -111,7 +111,8 @@ class Room:
             joints = reach.arm.track(np.array([aim.palm for aim in aims]), joints, 1.0 / self._rate)
             looked = number % EVERY == 0 or number == len(commands) - 1
             if looked and not (
-                _follows(reach, joints, aims) and self._free(reach, joints, aims, touching=command.contact)
+                _follows(reach, joints, aims)
+                and self._free(reach, joints, aims, object_m=-TOUCH_M if command.contact else CLEAR_M)
             ):
                 return False
         return True
@@ -128,7 +129,8 @@ class Room:
     def _free(self, reach: Reach, joints: np.ndarray, aims: Sequence[Leg | Aim], *, object_m: float) -> bool:
         """Whether nothing collides with the arms at `joints` (A,) and the fingers as in `aims`, by limb.
 
-        The task's object may be `object_m` near [m], negative inside.
+        The task's object may be `object_m` near [m], negative inside; at minus infinity a hand closes around it, and its
+        fingers may meet.
         """
         model, data = self._model, self._data
         data.qpos[self._joints[reach.places(reach.arm.joints)]] = joints
@@ -146,7 +148,7 @@ class Room:
                 continue
             apart = CLEAR_M
             if self._robot[one] and self._robot[other]:
-                apart = 0.0
+                apart = 0.0 if np.isfinite(object_m) else object_m
             elif self._object[one] or self._object[other]:
                 apart = object_m
             if contact.dist < apart:
