@@ -30,6 +30,8 @@ class HandKinematics:
         """Role of the fingertip that opposes the others."""
         self.fingers: tuple[str, ...] = own.fingers
         """Roles of the fingertips that oppose the thumb."""
+        self.roles: tuple[str, ...] = (*((own.thumb,) if own.thumb else ()), *own.fingers)
+        """Roles of all fingertips."""
         self.home = np.array([robot.home[name] for name in self.joints])
         """(H,) home [rad]."""
         self._robot, self._palm = robot, own.palm

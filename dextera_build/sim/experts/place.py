@@ -21,6 +21,10 @@ OVER_M = 0.08
 """Height at which the object is carried above its start and its target [m]."""
 SPARE_M = 0.006
 """Height above its support at which the object is let go [m]."""
+BELOW_M = 0.08
+"""How far an object is lowered below the rim of a container at most; fingers stay above it [m]."""
+FINGER_M = 0.015
+"""Thickness of a fingertip below its middle, with a clearance [m]."""
 WALL_M = 0.012
 """Distance from a container's walls that is enough when an object is let go [m]."""
 TURNS = np.radians([0, 15, -15, 30, -30, 45, -45, 60, -60, 75, -75, 90, -90])
@@ -34,9 +38,11 @@ class Target:
 
     Args:
         environment: The task; only its data are used.
+        below_m: How far below the rim of a container its lowest point may be [m].
     """
 
-    def __init__(self, environment: Environment) -> None:
+    def __init__(self, environment: Environment, below_m: float = 0.0) -> None:
+        self._below = below_m
         task, bundle = environment.task, environment.bundle
         assert isinstance(task.goal, PlaceGoal)
         self._goal = task.goal
@@ -57,9 +63,10 @@ class Target:
         return found
 
     def _over(self, container: np.ndarray, found: np.ndarray) -> np.ndarray:
-        """At the height of the rim, so that the hand stays out, with the footprint's middle over the cavity's."""
+        """Near the rim, so that the hand stays out, with the footprint's middle over the cavity's."""
         assert self._cavity is not None
         columns, rim = _columns(self._cavity)
+        rim -= min(self._below, 0.7 * float((self._cavity.rim_m - self._cavity.floor_m).max()))
         middle = transforms.apply(container, np.array([*columns.mean(axis=0), rim]))
         best, most = found, -np.inf
         for turn in TURNS:
@@ -87,7 +94,10 @@ class Place(Taking):
 
     def __init__(self, environment: Environment, reach: Reach, grasp: Grasp) -> None:
         super().__init__(environment, reach)
-        self._target = Target(environment)
+        points = environment.bundle.objects[self._object].points
+        tips = [transforms.apply(grasp.palm, reach.fingers.tip(role, grasp.closed)) for role in reach.fingers.roles]
+        free = float(min(tip[2] for tip in tips) - points[:, 2].min()) - FINGER_M
+        self._target = Target(environment, float(np.clip(free, 0.0, BELOW_M)))
         self.grasp = grasp
 
     def taking(self, state: State) -> Plan:

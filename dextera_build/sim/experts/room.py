@@ -24,6 +24,8 @@ CLEAR_M = 0.010
 """Clearance of the robot from everything else [m]."""
 LAG_M = 0.015
 """Allowed lag of the palms behind their commands on the way [m]."""
+CLOSING_M = 0.003
+"""Clearance of closing fingers from everything but the object [m]."""
 RESTARTS = 3
 """Further starts of the inverse kinematics for the first pose of a plan."""
 EVERY = 2
@@ -110,10 +112,8 @@ class Room:
             aims = [command.aims[limb] for limb in reach.limbs]
             joints = reach.arm.track(np.array([aim.palm for aim in aims]), joints, 1.0 / self._rate)
             looked = number % EVERY == 0 or number == len(commands) - 1
-            if looked and not (
-                _follows(reach, joints, aims)
-                and self._free(reach, joints, aims, object_m=-TOUCH_M if command.contact else CLEAR_M)
-            ):
+            near = -TOUCH_M if command.contact else CLEAR_M
+            if looked and not (_follows(reach, joints, aims) and self._free(reach, joints, aims, object_m=near)):
                 return False
         return True
 
@@ -129,7 +129,7 @@ class Room:
     def _free(self, reach: Reach, joints: np.ndarray, aims: Sequence[Leg | Aim], *, object_m: float) -> bool:
         """Whether nothing collides with the arms at `joints` (A,) and the fingers as in `aims`, by limb.
 
-        The task's object may be `object_m` near [m], negative inside; at minus infinity a hand closes around it, and its
+        The task's object may be `object_m` near [m], negative inside; at minus infinity a hand closes at it, and its
         fingers may meet.
         """
         model, data = self._model, self._data
@@ -146,7 +146,7 @@ class Room:
             one, other = contact.geom
             if not (self._robot[one] or self._robot[other]):
                 continue
-            apart = CLEAR_M
+            apart = CLEAR_M if np.isfinite(object_m) else CLOSING_M
             if self._robot[one] and self._robot[other]:
                 apart = 0.0 if np.isfinite(object_m) else object_m
             elif self._object[one] or self._object[other]:
