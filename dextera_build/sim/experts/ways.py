@@ -32,6 +32,8 @@ LOOKED, FEW = 800, 12
 """Candidates after which this many free paths are enough, too."""
 SOME = 12
 """Grasps of the giver that are combined with those of the receiver."""
+SHARE, MEETINGS = 8, 60
+"""One in so many of the receiver's grasps is tried at each of so many places to meet."""
 PAIRS = 20
 """Pairs of grasps that are rehearsed at most."""
 TURNS = (0.0, 0.4, -0.4, 0.8, -0.8, np.pi / 2, -np.pi / 2, np.pi, np.pi - 0.6, np.pi + 0.6)
@@ -140,19 +142,20 @@ def _handovers(search: Search) -> list[Candidate]:
     up = environment.bundle.base_pose.inverse().matrix[:3, 2]
     found: list[tuple[float, Candidate]] = []
     tried = _mixed(list(itertools.product(gives, list(meetings(state.objects[name], palms, up)))))
-    for given, meeting in tried:
+    for number, (given, meeting) in enumerate(tried[:MEETINGS]):
         solved = giver.arm.solve(meeting @ given.palm, giver.joints(state), posture=giver.arm.home)
         if not solved.reached():
             continue
         there = _handed(state, giver, solved.joints, given.closed, name, meeting)
-        for received in (each for each in takes if _far_apart(given, each)):
+        apart = [each for each in takes if _far_apart(given, each)]
+        for received in apart[number % SHARE :: SHARE]:
             operator = Handover(environment, reach, meeting, given, received)
             comfort = room.comfort([operator.given_up(there)], there)
             if comfort is not None:
                 way = f"{given.way} to {received.way}"
                 found.append((comfort, Candidate(f"{given.name}, then {received.name}", way, operator)))
                 break
-        if len(found) >= PAIRS:
+        if len(found) >= min(PAIRS, search.enough):
             break
     ordered = [each for _, each in sorted(found, key=lambda one: -one[0])]
     return taking_turns(ordered, [each.way for each in ordered])
