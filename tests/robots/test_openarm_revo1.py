@@ -67,12 +67,13 @@ def test_one_side_mirrors_the_other(robot: RobotModel, model: Any, seed: int) ->
         np.testing.assert_array_equal(data.site(frame).xpos, right)  # without a side: the right hand
 
 
-def test_palms_face_each_other_and_thumbs_oppose(robot: RobotModel, model: Any) -> None:
-    data = at(model, robot.home)
-    across = data.site("left_palm").xpos - data.site("right_palm").xpos
-    normal = data.site("right_palm").xmat.reshape(3, 3)[:, 0]
-    assert normal @ across / np.linalg.norm(across) > 0.99
-    opposed = at(model, robot.home | {"right_thumb_rotation": 1.57})
+def test_palms_face_down_on_level_forearms_and_thumbs_oppose(robot: RobotModel, model: Any) -> None:
+    level = robot.home | {"left_joint_4": np.pi / 2, "right_joint_4": np.pi / 2}
+    data = at(model, level)
+    assert data.site("left_palm").xmat.reshape(3, 3)[2, 0] < -0.99
+    normal = data.site("right_palm").xmat.reshape(3, 3)[:, 0].copy()
+    assert normal[2] < -0.99
+    opposed = at(model, level | {"right_thumb_rotation": 1.57})
     ahead = (opposed.site("right_tip_thumb").xpos - opposed.site("right_palm").xpos) @ normal
     assert ahead > 0.03
 

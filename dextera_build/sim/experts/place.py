@@ -38,11 +38,9 @@ class Target:
 
     Args:
         environment: The task; only its data are used.
-        below_m: How far below the rim of a container its lowest point may be [m].
     """
 
-    def __init__(self, environment: Environment, below_m: float = 0.0) -> None:
-        self._below = below_m
+    def __init__(self, environment: Environment) -> None:
         task, bundle = environment.task, environment.bundle
         assert isinstance(task.goal, PlaceGoal)
         self._goal = task.goal
@@ -52,7 +50,7 @@ class Target:
         self._cavity = bundle.objects[task.goal.into].cavity if task.goal.into else None
 
     def pose(self, state: State, base: np.ndarray) -> np.ndarray:
-        """T_base_object (4, 4) where it is let go; turned as it stands at `base` (4, 4) if that fits."""
+        """T_base_object (4, 4) at its goal or on the rim; turned as it stands at `base` (4, 4) if that fits."""
         found = base.copy()
         if self._goal.quaternion is not None:
             found[:3, :3] = self._base_from_world[:3, :3] @ quaternions.to_matrix(np.array(self._goal.quaternion))
@@ -62,11 +60,22 @@ class Target:
         found[:3, 3] = (self._base_from_world @ [*self._goal.place_m, 1.0])[:3] + self._up * SPARE_M
         return found
 
+    def lowered(self, pose: np.ndarray, below_m: float) -> np.ndarray:
+        """T_base_object (4, 4) where a hand lets go of it: below the rim of a container, else at `pose` (4, 4).
+
+        Args:
+            pose: At its goal or on the rim.
+            below_m: How far below the rim it is lowered at most [m].
+        """
+        if self._cavity is None:
+            return pose
+        half = 0.5 * float((self._cavity.rim_m - self._cavity.floor_m).max())
+        return shifted(pose, -self._up * min(below_m, half))
+
     def _over(self, container: np.ndarray, found: np.ndarray) -> np.ndarray:
-        """Near the rim, so that the hand stays out, with the footprint's middle over the cavity's."""
+        """At the height of the rim, with the footprint's middle over the cavity's."""
         assert self._cavity is not None
         columns, rim = _columns(self._cavity)
-        rim -= min(self._below, 0.7 * float((self._cavity.rim_m - self._cavity.floor_m).max()))
         middle = transforms.apply(container, np.array([*columns.mean(axis=0), rim]))
         best, most = found, -np.inf
         for turn in TURNS:
@@ -97,7 +106,8 @@ class Place(Taking):
         points = environment.bundle.objects[self._object].points
         tips = [transforms.apply(grasp.palm, reach.fingers.tip(role, grasp.closed)) for role in reach.fingers.roles]
         free = float(min(tip[2] for tip in tips) - points[:, 2].min()) - FINGER_M
-        self._target = Target(environment, float(np.clip(free, 0.0, BELOW_M)))
+        self._below = float(np.clip(free, 0.0, BELOW_M))
+        self._target = Target(environment)
         self.grasp = grasp
 
     def taking(self, state: State) -> Plan:
@@ -111,7 +121,7 @@ class Place(Taking):
     def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
         """The way to the target and back from it."""
         grasp, limb = self.grasp, self._reach.limb
-        laid = self._target.pose(state, base) @ held[limb]
+        laid = self._target.lowered(self._target.pose(state, base), self._below) @ held[limb]
         above = shifted(laid, self._up * float((last[limb].palm[:3, 3] - laid[:3, 3]) @ self._up))
         away = laid[:3, :3] @ grasp.palm[:3, :3].T @ grasp.away
         back = shifted(laid, away + self._up * 0.03)
