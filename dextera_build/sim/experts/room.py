@@ -74,7 +74,7 @@ class Room:
         seed: np.ndarray | None = None
         margin, far = np.inf, 0.0
         # The most frequent failures first: the grasp, then the approach, then the end.
-        for legs in (rows[first], *reversed(rows[:first]), rows[-1]):
+        for legs in (rows[first], *reversed(rows[:first]), *rows[first + 1 : first + 2], rows[-1]):
             solved = self._solved(reach, legs, seed)
             if solved is None:
                 return None
@@ -85,7 +85,7 @@ class Room:
         for later in phases[1:]:
             more = self._reach.some(tuple(later))
             seed = seed if more is reach else None
-            for legs in (ends := list(zip(*later.values(), strict=True)))[:1] + ends[-1:]:
+            for legs in zip(*later.values(), strict=True):
                 if self._solved(more, legs, seed) is None and self._solved(more, legs, None) is None:
                     return None
         return 3.0 * min(margin, ENOUGH_RAD) - far if self._clear(reach, plan, first, state) else None
