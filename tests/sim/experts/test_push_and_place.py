@@ -13,7 +13,7 @@ from dextera_build.sim.experts.place import Place
 from dextera_build.sim.experts.push import Push, Stroke
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.room import Room
-from dextera_build.sim.experts.ways import EXPERTS
+from dextera_build.sim.experts.ways import EXPERTS, Search
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
@@ -54,9 +54,11 @@ def test_fingertips_push_a_box_to_its_target(robot: RobotModel) -> None:
     made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
     reach = Reach(robot, "arm")
     expert = next(expert for expert in EXPERTS if expert.primitive == "push")
-    found = expert.plan(made.environment, reach, Room(made.environment, reach), made.state())
+    found = expert.plan(Search(made.environment, reach, Room(made.environment, reach), made.state()))
     start = starts.photographed(made.environment.bundle, made.environment.model)
-    assert any(made.run(each.operator, start, origin="operator").success for each in found[:3])
+    episodes = [made.run(each.operator, start, origin="operator") for each in found[:8]]
+    # A rehearsal keeps the best of them.
+    assert sum(episode.success for episode in episodes) >= 2, [episode.reason for episode in episodes]
 
 
 @pytest.mark.slow
