@@ -9,9 +9,14 @@ from typing import Any
 from dextera_build.artifacts.object import Element
 from dextera_build.errors import RuleError, listing
 
-from ..overlap import Box, box_area, box_iou
+from ..overlap import Box, box_area, box_inside, box_iou
 from .naming import unique
 from .scene_file import Wanted
+
+PART = 0.85
+"""Fraction of a proposal inside a wanted box from which it may be a part of that element."""
+SMALL = 0.35
+"""A part is small if its box has less than this fraction of the area of the wanted one."""
 
 Find = Callable[[tuple[int, int]], Box | None]
 """The box of the proposal that has a pixel (column, row); None if none has."""
@@ -22,8 +27,9 @@ def match(
 ) -> tuple[Element, ...]:
     """Give each wanted element the box of its proposal; proposals that no element takes become static.
 
-    A point matches the proposal that has its pixel, a box the one that overlaps it most, and a phrase the only one
-    that shares most of its words of colour and shape.
+    A point matches the proposal that has its pixel, a box the one that overlaps it most, or else several within it
+    that fill it together, and a phrase the only one that shares most of its words of colour and shape. A small
+    proposal within a wanted box is a part of that element, not static.
 
     Args:
         wanted: Entries of the file.
@@ -44,6 +50,8 @@ def match(
             raise _unmatched(item, proposals, free, fitting)
         chosen[item.name] = fitting[0] if len(fitting) == 1 else None
         free = [p for p in free if p is not chosen[item.name]]
+    boxes = [item.fields["box"] for item in wanted if "box" in item.fields]
+    free = [p for p in free if not any(_is_part(p, box) for box in boxes)]
     named = [_merged(item, chosen[item.name]) for item in wanted]
     taken = {element.name for element in named}
     rest = [p.model_copy(update={"name": unique(p.name, taken), "interactive": False}) for p in free]
@@ -113,7 +121,24 @@ def _by_point(point: tuple[int, int], free: Sequence[Element], at: Find | None) 
 def _by_box(box: Box, free: Sequence[Element], smallest_iou: float) -> list[Element]:
     scored = [(box_iou(box, p.box), p) for p in free if p.box is not None]
     best = max(scored, key=lambda s: s[0], default=None)
-    return [best[1]] if best is not None and best[0] >= smallest_iou else []
+    if best is not None and best[0] >= smallest_iou:
+        return [best[1]]
+    parts = [p for p in free if p.box and box_inside(p.box, box) >= PART]
+    corners = [p.box for p in parts if p.box]
+    if not corners or box_iou(box, _around(corners)) < smallest_iou:
+        return []
+    return [max(parts, key=lambda p: box_area(p.box or (0, 0, 0, 0)))]
+
+
+def _is_part(proposal: Element, box: Box) -> bool:
+    own = proposal.box
+    return own is not None and box_inside(own, box) >= PART and box_area(own) < SMALL * box_area(box)
+
+
+def _around(boxes: Sequence[Box]) -> Box:
+    """The smallest box around several."""
+    left, top, right, bottom = zip(*boxes, strict=True)
+    return min(left), min(top), max(right), max(bottom)
 
 
 def _by_words(item: Wanted, free: Sequence[Element]) -> list[Element]:
