@@ -15,7 +15,7 @@ from .scene_file import Wanted
 
 PART = 0.85
 """Fraction of a proposal inside a wanted box from which it may be a part of that element."""
-SMALL = 0.35
+SMALL = 0.5
 """A part is small if its box has less than this fraction of the area of the wanted one."""
 
 Find = Callable[[tuple[int, int]], Box | None]

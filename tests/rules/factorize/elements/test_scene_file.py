@@ -222,3 +222,22 @@ def test_a_hinge_of_which_nothing_else_is_said_is_sought_in_the_shape():
     )
     assert element.body_type == "articulated"
     assert element.joints == ()
+
+
+def test_several_things_that_fill_a_box_together_are_one_and_small_ones_within_it_are_parts():
+    halves = [Element(name=n, category="box", phrase="box", box=(x, 10, x + 45, 30)) for n, x in (("a", 10), ("b", 57))]
+    fragment = Element(name="c", category="box", phrase="box", box=(40, 22, 60, 31))
+    beside = Element(name="d", category="box", phrase="box", box=(200, 10, 240, 30))
+    wanted = scene_file.read(b"elements:\n- {name: scissors, box: [8, 8, 105, 33]}")
+    found = matching.match(wanted, [*halves, fragment, beside], 0.5)
+    assert [(each.name, each.box, each.interactive) for each in found] == [
+        ("scissors", (8, 8, 105, 33), True),
+        ("d", beside.box, False),
+    ]
+
+
+def test_a_large_thing_within_a_wanted_box_stays_a_thing_of_its_own():
+    whole = Element(name="a", category="box", phrase="box", box=(0, 0, 100, 100))
+    large = Element(name="b", category="box", phrase="box", box=(10, 10, 90, 80))
+    wanted = scene_file.read(b"elements:\n- {name: tray, box: [0, 0, 100, 100]}")
+    assert [each.name for each in matching.match(wanted, [whole, large], 0.5)] == ["tray", "b"]
