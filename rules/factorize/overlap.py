@@ -7,6 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 Box = tuple[int, int, int, int]
+PART = 0.85
+"""Fraction of a box inside another one from which it is of a part of the same thing."""
 
 
 def box_iou(a: Box, b: Box) -> float:

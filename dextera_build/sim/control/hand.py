@@ -30,7 +30,7 @@ class HandKinematics:
         """Role of the fingertip that opposes the others."""
         self.fingers: tuple[str, ...] = own.fingers
         """Roles of the fingertips that oppose the thumb."""
-        self.roles: tuple[str, ...] = (*((own.thumb,) if own.thumb else ()), *own.fingers)
+        self.roles: tuple[str, ...] = own.tips
         """Roles of all fingertips."""
         self.home = np.array([robot.home[name] for name in self.joints])
         """(H,) home [rad]."""
@@ -52,7 +52,7 @@ class HandKinematics:
         return np.asarray(palm.xmat.reshape(3, 3).T @ away)
 
     def reach(self, posture: np.ndarray, fingers: Sequence[str] = ()) -> np.ndarray:
-        """Mean position (3,) [m] of `fingers` in the palm's frame; empty: of all that oppose the thumb."""
+        """Mean position (3,) [m] of `fingers` in the palm's frame; without them, of all opposite the thumb."""
         return np.asarray(np.mean([self.tip(role, posture) for role in fingers or self.fingers], axis=0))
 
     def pressing(self, opened: np.ndarray, closed: np.ndarray) -> tuple[str, ...]:

@@ -133,14 +133,9 @@ def squeezes(points: np.ndarray, reach: Reach, places: Mapping[str, np.ndarray])
                     other: _side(hands[other], ends[0], across, -pitch),
                 }
                 label = f"both hands at {1000 * height:.0f} mm, across {np.degrees(turn):.0f} deg"
-                said = f"{label}, pitch {np.degrees(pitch):.0f} deg"
                 for above in ABOVE_M:
-                    yield Squeeze(
-                        sides,
-                        f"{said}, from {1000 * above:.0f} mm above",
-                        f"across {np.degrees(turn) // 30:.0f}",
-                        above,
-                    )
+                    said = f"{label}, pitch {np.degrees(pitch):.0f} deg, from {1000 * above:.0f} mm above"
+                    yield Squeeze(sides, said, f"across {np.degrees(turn) // 30:.0f}", above)
 
 
 def _side(hand: Pushed, touch: np.ndarray, facing: np.ndarray, pitch: float) -> Side:

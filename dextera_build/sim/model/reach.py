@@ -13,8 +13,8 @@ from dextera_build.sim.model.robot import load
 
 
 @dataclass(frozen=True)
-class Reach:
-    """A ball outside of which no part of a limb ever is."""
+class Ball:
+    """A ball that no part of a limb ever leaves."""
 
     joint: str
     """First joint of the limb, from the base."""
@@ -24,7 +24,7 @@ class Reach:
     """Sum of the lengths from joint to joint, of the strokes of sliding joints and of what is beyond the last [m]."""
 
 
-def of_limb(robot: RobotModel, limb: str) -> Reach | None:
+def of_limb(robot: RobotModel, limb: str) -> Ball | None:
     """The reach of a limb; None for one without joints.
 
     Args:
@@ -46,7 +46,7 @@ def of_limb(robot: RobotModel, limb: str) -> Reach | None:
     first = int(model.body_jntadr[next(each for each in reversed(way) if model.body_jntnum[each])])
     base = data.body("base")
     centre = base.xmat.reshape(3, 3).T @ (data.xanchor[first] - base.xpos)
-    return Reach(model.joint(first).name, centre, _beyond(model, data, int(model.jnt_bodyid[first])))
+    return Ball(model.joint(first).name, centre, _beyond(model, data, int(model.jnt_bodyid[first])))
 
 
 def _beyond(model: Any, data: Any, body: int, pivot: np.ndarray | None = None) -> float:

@@ -8,7 +8,7 @@ from dextera_build.artifacts.goals import PoseGoal, PushGoal
 from dextera_build.artifacts.task import TaskBundle, TaskObject
 from dextera_build.geometry import transforms
 from dextera_build.sim.model import reach
-from dextera_build.sim.model.reach import Reach
+from dextera_build.sim.model.reach import Ball
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.primitives.base import UnfitError
 
@@ -39,7 +39,7 @@ def check(bundle: TaskBundle) -> None:
 
 
 def _within(
-    bundle: TaskBundle, limbs: dict[str, Reach], what: str, place: np.ndarray, slack: float, *, together: bool
+    bundle: TaskBundle, limbs: dict[str, Ball], what: str, place: np.ndarray, slack: float, *, together: bool
 ) -> None:
     """Check one place (3,) in the world, NaN where it may be anything; `slack` is added to the reach [m]."""
     ways = {limb: _distance(bundle, own, place) for limb, own in limbs.items()}
@@ -57,7 +57,7 @@ def _within(
     )
 
 
-def _distance(bundle: TaskBundle, own: Reach, place: np.ndarray) -> float:
+def _distance(bundle: TaskBundle, own: Ball, place: np.ndarray) -> float:
     """Smallest distance of a place from the limb's first joint [m]."""
     away = place - transforms.apply(bundle.base_pose.matrix, own.centre_m)
     return float(np.linalg.norm(np.nan_to_num(away)))

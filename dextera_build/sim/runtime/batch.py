@@ -1,7 +1,7 @@
 """Several worlds of one task at once, stepped by MuJoCo Warp in single precision, on a processor or a GPU.
 
-Warp computes positions and velocities alone. What follows from them, the state that a task is judged by and all that is
-observed, comes from the same `Environment` as everywhere, one for each world.
+Warp computes positions and velocities alone. An `Environment` for each world, the same as everywhere, derives from them
+the observations and the state by which a task is judged.
 """
 
 from __future__ import annotations

@@ -9,12 +9,10 @@ from typing import Any
 from dextera_build.artifacts.object import Element
 from dextera_build.errors import RuleError, listing
 
-from ..overlap import Box, box_area, box_inside, box_iou
+from ..overlap import PART, Box, box_area, box_inside, box_iou
 from .naming import unique
 from .scene_file import Wanted
 
-PART = 0.85
-"""Fraction of a proposal inside a wanted box from which it may be a part of that element."""
 SMALL = 0.5
 """A part is small if its box has less than this fraction of the area of the wanted one."""
 

@@ -10,7 +10,7 @@ from dextera_build.geometry.upright import turned
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements, Workspace, turned_elements
-from ..overlap import box_inside, box_iou
+from ..overlap import PART, box_inside, box_iou
 from ..regions.proposals import Proposal, scenery
 from . import matte
 
@@ -21,7 +21,6 @@ BACKEND = Backend(
     extra="twin",
 )
 SAME = 0.3
-PART = 0.85
 
 
 def masks(

@@ -42,7 +42,7 @@ def replays(episodes: Sequence[Episode]) -> tuple[list[Start], list[np.ndarray]]
 def in_turn(
     bundle: TaskBundle, starts: Sequence[Start], actions: Sequence[np.ndarray]
 ) -> tuple[list[bool], list[float]]:
-    """Successes of MuJoCo, and simulated time over processor time with all that an episode records."""
+    """Successes of MuJoCo, and simulated time over processor time; the time includes the recording of episodes."""
     environment = Environment(bundle)
     found: list[Episode] = []
     verdicts, speeds = [], []
