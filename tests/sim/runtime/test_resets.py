@@ -5,46 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.artifacts.task import Reset, TaskBundle
 from dextera_build.sim.runtime.environment import Environment
-from dextera_build.sim.worlds import settle
 from tests import factories, openarm_tasks, task_bundles
+from tests.held_starts import drawn, held
 from tests.robots.robot_recipes import built
 
 WIDE = Reset(position_m=0.03, yaw_rad=0.5, clutter_m=0.01, robot_rad=0.01, joint_rad=0.1, dynamics=1.0)
-HELD_S = 0.1
-FASTEST_M_S = 0.3
-"""Nothing may be faster: a fall by 4 mm."""
-DEEPEST_M = 0.002
 
 
 def exploded(environment: Environment, starts: Iterable[Start]) -> list[str]:
     """What went wrong after which start."""
-    bundle, found = environment.bundle, []
-    roots = {int(environment.model.body(name).id) for name in bundle.objects}
-    for start in starts:
-        environment.begin(start)
-        fastest = deepest = 0.0
-        for _ in range(max(1, round(HELD_S / environment.period_s))):
-            outcome = environment.step(environment.previous_action)
-            data, depths = environment.data, settle.penetrations(environment.model, environment.data)
-            fastest = max(fastest, *(float(np.linalg.norm(data.cvel[root, 3:])) for root in roots))
-            deepest = max(deepest, *(depths.get(root, 0.0) for root in roots))
-        if outcome.reason == "the simulation diverged" or not np.isfinite(data.qpos).all():
-            found.append(f"{start.seed}: diverged")
-        elif fastest > FASTEST_M_S or deepest > DEEPEST_M:
-            found.append(f"{start.seed}: {fastest:.2f} m/s, {1000 * deepest:.2f} mm deep")
-    return found
-
-
-def drawn(environment: Environment) -> Iterable[Start]:
-    """A thousand random starts."""
-    return (environment.draw(seed) for seed in range(1000))
+    return [str(each) for each in held(environment, starts) if each.exploded]
 
 
 @pytest.mark.parametrize("task", [task_bundles.lift, task_bundles.close])
