@@ -84,10 +84,12 @@ def operated(
         hint="give the twin's task bundle as `twin`, the other world's as `world`",
     )
     same_task(ctx, twin, world)
-    ways = {"twin": (twin, None), "world": (world, None)} | ({"cell": (world, cell)} if cell else {})
+    ways: dict[str, tuple[TaskBundle, Cell | None]] = {"twin": (twin, None), "world": (world, None)}
+    if cell is not None:
+        ways["cell"] = (world, cell)
     records = {name: Record(where, "tracked" if through else "exact") for name, (where, through) in ways.items()}
     drawn = seeds(options.seed, options.trials)
-    cases = [(name, Case(*way, seed)) for name, way in ways.items() for seed in drawn]
+    cases = [(name, Case(where, through, seed)) for name, (where, through) in ways.items() for seed in drawn]
 
     def make(left: list[tuple[str, Case]]) -> Iterator[Attempt]:
         made: Iterator[Attempt] = ctx.backend.operated(ctx, twin, [case for _, case in left], ctx.backend_options)

@@ -22,9 +22,7 @@ class MovedBaseOptions(Options):
 
 
 @rule(version=1, packages=("numpy",))
-def moved_base(
-    ctx: Context, bundle: TaskBundle, base: Pose, *, options: MovedBaseOptions | None = None
-) -> TaskBundle:
+def moved_base(ctx: Context, bundle: TaskBundle, base: Pose, *, options: MovedBaseOptions | None = None) -> TaskBundle:
     """Return the same task with the robot at another T_world_base [m]; objects, goal and starts stay in the world.
 
     For a task whose base was a choice, once a robot stands there and a calibration has measured where.

@@ -109,12 +109,9 @@ def with_base(model: Folder, world_from_base: np.ndarray, *, prefix: str = ROBOT
     root = ET.fromstring(model.files["scene.xml"])
     for parent in list(root.iter()):
         for body in [child for child in parent if (child.tag, child.get("name")) == ("body", f"{prefix}base")]:
-            frame = parent if parent.tag == "frame" else ET.SubElement(parent, "frame")
-            if frame is not parent:
-                parent.remove(body)
-                frame.append(body)
-            frame.set("pos", _numbers(world_from_base[:3, 3]))
-            frame.set("quat", _numbers(quaternions.from_matrix(world_from_base[:3, :3])))
+            placed = parent if parent.tag == "frame" else body
+            placed.set("pos", _numbers(world_from_base[:3, 3]))
+            placed.set("quat", _numbers(quaternions.from_matrix(world_from_base[:3, :3])))
     return Folder(files={**model.files, "scene.xml": ET.tostring(root)})
 
 
