@@ -88,9 +88,9 @@ class Trials(Artifact):
     label: str
     """Its name in tables: `ACT`, `PPO`, `replay`."""
     algorithm: str
-    """Training algorithm of the policy, `act` or `ppo`; empty for a replay."""
+    """Training algorithm of the policy, `act` or `ppo`; `script` of a scripted operator, empty for a replay."""
     source: str
-    """Digest of the checkpoint, or of the demonstrations that were replayed."""
+    """Digest of the checkpoint, of the demonstrations that were replayed, or of the twin that an operator knows."""
     task: TaskSpec
     """The objective and its success criterion."""
     embodiment: str
@@ -125,3 +125,14 @@ class Trials(Artifact):
         """Mean time of the successes until the verdict [s], including the hold time; None without successes."""
         steps = [trial.steps for trial in self.items if trial.success]
         return float(np.mean(steps)) / self.task.control_hz if steps else None
+
+
+class Operated(Artifact):
+    """Trials of one operator that practised in a twin, from the same seeds in several worlds."""
+
+    twin: Trials
+    """In the twin itself."""
+    world: Trials
+    """In the other world, with exact poses."""
+    cell: Trials | None = None
+    """In the other world, with poses from a tracker; None without a cell."""

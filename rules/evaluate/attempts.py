@@ -4,29 +4,32 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
+from typing import TypeVar
 
 from dextera_build.artifacts.packed import pack, unpack
 from dextera_build.artifacts.trials import Attempt
 from dextera_build.rule import Context
 
+Case = TypeVar("Case")
 
-def resumed(ctx: Context, seeds: Sequence[int], make: Callable[[list[int]], Iterator[Attempt]]) -> Iterator[Attempt]:
-    """One attempt per seed, in order; those of an interrupted call are read, not made again.
+
+def resumed(ctx: Context, cases: Sequence[Case], make: Callable[[list[Case]], Iterator[Attempt]]) -> Iterator[Attempt]:
+    """One attempt per case, in order; those of an interrupted call are read, not made again.
 
     Args:
         ctx: Its `keep` holds a file per attempt.
-        seeds: Seeds of the starts.
-        make: Makes attempts for seeds, in order; none may depend on the ones before.
+        cases: Seeds of the starts, or whatever tells attempts apart.
+        make: Makes attempts for cases, in order; none may depend on the ones before.
     """
     folder = ctx.keep / "attempts"
     folder.mkdir(exist_ok=True)
-    files = [folder / f"{number:05d}" for number in range(len(seeds))]
+    files = [folder / f"{number:05d}" for number in range(len(cases))]
     done = next((number for number, file in enumerate(files) if not file.exists()), len(files))
     if done:
         ctx.log(f"{done} attempts were made before the interruption")
     for file in files[:done]:
         yield unpack(Attempt, file.read_bytes())
-    for attempt, file in zip(make(list(seeds[done:])), files[done:], strict=True):
+    for attempt, file in zip(make(list(cases[done:])), files[done:], strict=True):
         fresh = file.with_suffix(".new")
         fresh.write_bytes(pack(attempt))
         os.replace(fresh, file)

@@ -19,7 +19,7 @@ class OutcomesOptions(SeriesOptions):
     """Maximum number of reasons listed, most frequent first."""
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=2, packages=("numpy",))
 def outcomes(ctx: Context, trials: Collection[Trials], *, options: OutcomesOptions) -> Table:
     """Return one row per set of trials: successes [%] with 95 % Wilson interval, mean time [s], failure reasons."""
     series = Series(ctx, trials, options.robots)
@@ -37,6 +37,7 @@ def outcomes(ctx: Context, trials: Collection[Trials], *, options: OutcomesOptio
                 100 * low,
                 100 * high,
                 cell.trials.mean_time_s,
+                _judged(cell.trials),
                 counted(cell.trials.reasons, options.reasons) or None,
                 counted(cell.trials.excluded, options.reasons) or None,
             )
@@ -52,6 +53,7 @@ def outcomes(ctx: Context, trials: Collection[Trials], *, options: OutcomesOptio
             Column(name="low", unit="%", digits=1),
             Column(name="high", unit="%", digits=1),
             Column(name="mean time", unit="s", digits=2, better="lower"),
+            Column(name="judged alike"),
             Column(name="failures"),
             Column(name="left out"),
         ),
@@ -59,10 +61,22 @@ def outcomes(ctx: Context, trials: Collection[Trials], *, options: OutcomesOptio
         notes=(
             "low, high: 95 % Wilson interval",
             "mean time: of the successes, from the start to the verdict, the time that success must hold included",
+            "judged alike: trials with a tracker in which the same predicate said of what was measured what it says of"
+            " the truth, which is what counts",
             "left out: starts that brought no trial, because no start without collisions was found, or because nothing"
             " succeeded in the twin that could be replayed; they are no failures and do not enter the rate",
         ),
     )
+
+
+def _judged(trials: Trials) -> str | None:
+    """`19 of 20`, or None where nothing was judged by what is measured."""
+    seen = [
+        trial.sighting.success == trial.success
+        for trial in trials.items
+        if trial.sighting is not None and trial.sighting.success is not None
+    ]
+    return f"{sum(seen)} of {len(seen)}" if seen else None
 
 
 def counted(reasons: dict[str, int], most: int) -> str:

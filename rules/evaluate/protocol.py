@@ -14,6 +14,7 @@ from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.trials import Actor, Attempt, Poses, Sighting, Trial, Trials
+from dextera_build.errors import listing
 from dextera_build.policy.layout import embodiment, of_bundle
 from dextera_build.rule import Context
 from dextera_build.sim.runtime.seeds import seed_of
@@ -103,6 +104,16 @@ class Record:
             displacement_names=layout.displacement,
             tip_names=self.bundle.robot.tips,
             limb_names=self.bundle.robot.limb_names,
+        )
+
+
+def same_task(ctx: Context, twin: TaskBundle, world: TaskBundle) -> None:
+    """Fail if two bundles are not one task in two worlds."""
+    if twin.task != world.task or list(twin.objects) != list(world.objects):
+        ctx.fail(
+            f"`twin` is another task than `{world.task.name}` of the world",
+            twin=f"{twin.task.name} with {listing(twin.objects)}",
+            hint="give the task that the world was made for",
         )
 
 

@@ -13,13 +13,12 @@ from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.artifacts.trials import Attempt, Trials
-from dextera_build.errors import listing
 from dextera_build.policy import contract as contracts
 from dextera_build.rule import Context, Options, rule
 
 from .attempts import resumed
-from .protocol import Record, close, seeds
-from .strip import moments, strip
+from .protocol import Record, close, same_task, seeds
+from .strip import show
 
 
 class RolloutsOptions(Options):
@@ -78,12 +77,8 @@ def rollouts(
     object is not found beforehand fails; the verdict is always on the truth. With `twin`, the task in the twin, a trial
     with a cell is also judged by what was measured. Trials of an interrupted build are kept.
     """
-    if twin is not None and (twin.task != bundle.task or list(twin.objects) != list(bundle.objects)):
-        ctx.fail(
-            f"`twin` is another task than `{bundle.task.name}` of the world",
-            twin=f"{twin.task.name} with {listing(twin.objects)}",
-            hint="give the task that the world was made for",
-        )
+    if twin is not None:
+        same_task(ctx, twin, bundle)
     contracts.check(checkpoint.contract, bundle, view=view)
     record = Record(bundle, "exact" if cell is None else "tracked")
 
@@ -97,23 +92,9 @@ def rollouts(
         record.add(attempt)
         ctx.progress(done, options.trials, f"{record.rate.successes} succeeded")
     close(ctx, record)
-    for success in (True, False):
-        if success in record.examples:
-            number, attempt = record.examples[success]
-            if attempt.episode is not None:
-                _show(ctx, bundle, attempt.episode, number, view, options.strip_frames)
+    show(ctx, record, view, options.strip_frames)
     label = options.label or _label(checkpoint.contract)
     return record.trials("policy", label=label, source=checkpoint, algorithm=checkpoint.contract.algorithm)
-
-
-def _show(ctx: Context, bundle: TaskBundle, episode: Episode, number: int, view: View | None, count: int) -> None:
-    """Show a film strip of one trial, if the backend can render."""
-    rows = moments(len(episode.action), count)
-    pictures = ctx.backend.stills(ctx, bundle, episode, rows, view, ctx.backend_options)
-    if pictures is not None:
-        verdict = "success" if episode.success else f"failure: {episode.reason}"
-        times = rows / bundle.task.control_hz
-        ctx.preview(strip({bundle.kind: pictures}, times), f"{bundle.task.name}, trial {number}, {verdict}")
 
 
 def _label(contract: PolicyContract) -> str:

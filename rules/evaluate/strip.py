@@ -7,7 +7,11 @@ from functools import reduce
 
 import numpy as np
 
+from dextera_build.artifacts.task import View
+from dextera_build.rule import Context
+
 from .panels import GAP, PAPER, beside, titled
+from .protocol import Record
 
 
 def moments(steps: int, count: int) -> np.ndarray:
@@ -31,3 +35,19 @@ def strip(rows: Mapping[str, np.ndarray], times_s: np.ndarray) -> np.ndarray:
         lines.append(reduce(lambda left, right: beside(left, right, axis=1), tiles))
     sheet = reduce(lambda upper, lower: beside(upper, lower, axis=0), lines)
     return np.pad(sheet, ((GAP, GAP), (GAP, GAP), (0, 0)), constant_values=PAPER[0])
+
+
+def show(ctx: Context, record: Record, view: View | None, count: int) -> None:
+    """Show a strip of `count` pictures of the first success and of the first failure, if the backend can render."""
+    bundle = record.bundle
+    for success in (True, False):
+        number, attempt = record.examples.get(success, (0, None))
+        episode = None if attempt is None else attempt.episode
+        if episode is None:
+            continue
+        rows = moments(len(episode.action), count)
+        pictures = ctx.backend.stills(ctx, bundle, episode, rows, view, ctx.backend_options)
+        if pictures is not None:
+            verdict = "success" if success else f"failure: {episode.reason}"
+            times = rows / bundle.task.control_hz
+            ctx.preview(strip({bundle.kind: pictures}, times), f"{bundle.task.name}, trial {number}, {verdict}")

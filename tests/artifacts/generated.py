@@ -43,6 +43,7 @@ from dextera_build.artifacts.scene_description import (
     SceneDescription,
 )
 from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.trials import Operated, Trials
 from dextera_build.artifacts.weights import Weights
 from tests.artifacts import generated_cameras
 from tests.artifacts import generated_scenes as scenes
@@ -202,6 +203,11 @@ def _attachment(draw: Draw) -> dict[str, Any]:
     return {"prefix": "robot/", "robot": draw(values(RobotModel)), "pose": scenes.pose(draw, "world", "base")}
 
 
+def _operated(draw: Draw) -> dict[str, Any]:
+    trials = draw(values(Trials))
+    return {"twin": trials, "world": trials, "cell": draw(st.sampled_from([None, trials]))}
+
+
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     # Its numbers are those of a sensor, with bounds.
     DepthNoise: lambda draw: {"smear": draw(st.floats(0, 1)), "correlation_px": draw(st.integers(1, 9))},
@@ -217,6 +223,7 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Splats: _splats,
     Room: _room,
     FeatureMap: _feature_map,
+    Operated: _operated,
     Weights: _weights,
     PretrainedModel: _pretrained,
     Adapter: _adapter,

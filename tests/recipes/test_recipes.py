@@ -22,6 +22,8 @@ INPUTS = {
     "task/on_laptop_scene": {"task": "task/close_laptop:task"},
     "task/shown": {
         "scene": "twin/bus_table:scene",
+        "world": "reference/bus_table:world",
+        "base": "task/ob/lift_toy_bus:base",
         "assets": "twin/bus_table:body.asset",
         "support": "twin/bus_table:ground",
         "robot": "robot/openarm_revo1",
@@ -69,6 +71,7 @@ def test_it_resolves(address, profile, tmp_path):
         "twin/laptop_scene",
         "twin/bin_scene",
         "task/lift_blue_mug",
+        "task/ob/lift_toy_bus:elsewhere",
     ],
 )
 def test_it_builds_with_stubs(address, tmp_path):

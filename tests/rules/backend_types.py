@@ -100,6 +100,9 @@ import rules.demonstrate.synthesize_stub
 import rules.evaluate.expert
 import rules.evaluate.expert_mujoco
 import rules.evaluate.expert_stub
+import rules.evaluate.operated
+import rules.evaluate.operated_mujoco
+import rules.evaluate.operated_stub
 import rules.evaluate.overlay
 import rules.evaluate.overlay_mujoco
 import rules.evaluate.overlay_stub
@@ -237,6 +240,8 @@ demonstrate_operate_mujoco: rules.demonstrate.operate.OperateBackend = rules.dem
 demonstrate_operate_stub: rules.demonstrate.operate.OperateBackend = rules.demonstrate.operate_stub
 demonstrate_synthesize_mujoco: rules.demonstrate.synthesize.SynthesizeBackend = rules.demonstrate.synthesize_mujoco
 demonstrate_synthesize_stub: rules.demonstrate.synthesize.SynthesizeBackend = rules.demonstrate.synthesize_stub
+evaluate_operated_mujoco: rules.evaluate.operated.OperatedBackend = rules.evaluate.operated_mujoco
+evaluate_operated_stub: rules.evaluate.operated.OperatedBackend = rules.evaluate.operated_stub
 evaluate_overlay_mujoco: rules.evaluate.overlay.OverlayBackend = rules.evaluate.overlay_mujoco
 evaluate_overlay_stub: rules.evaluate.overlay.OverlayBackend = rules.evaluate.overlay_stub
 evaluate_replay_mujoco: rules.evaluate.replay.ReplayBackend = rules.evaluate.replay_mujoco

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import daqp
 import mink
 import mujoco
 import numpy as np
@@ -19,6 +20,8 @@ POSITION_COST = 10.0
 """Weight of a metre in the least squares; a radian has weight 1, so a millimetre weighs as much as 0.6 degrees."""
 POSTURE_COST = 1e-2
 """Weight of a radian away from the seed: resolves the arm's redundancy without displacing the hand."""
+DAMPING = 1e-6
+"""Weight of a radian of motion in one iteration."""
 ITERATIONS = 120
 """Maximum iterations per descent."""
 STALLED = 12
@@ -79,6 +82,8 @@ class ArmKinematics:
         self._posture = mink.PostureTask(self._model, POSTURE_COST)
         self._range = mink.ConfigurationLimit(self._model)
         self._speed = mink.VelocityLimit(self._model, {joint.name: joint.velocity for joint in arm})
+        self._speeds = np.full(self._model.nv, np.inf)
+        self._speeds[self._speed.indices] = self._speed.limit
         self._couplings = [mink.EqualityConstraintTask(self._model, cost=1.0)] if coupled else None
 
     def pose(self, joints: np.ndarray) -> np.ndarray:
@@ -131,7 +136,7 @@ class ArmKinematics:
         steps = 3
         start = self._state.q.copy()
         for _ in range(steps):
-            self._step(dt / steps, (self._range, self._speed))
+            self._step(dt / steps, timed=True)
         moved = np.asarray(self._state.q[self._address])
         return np.asarray(np.clip(moved, self.lower, self.upper) if np.isfinite(moved).all() else start[self._address])
 
@@ -142,7 +147,7 @@ class ArmKinematics:
         best, stalled = np.inf, 0
         for _ in range(ITERATIONS):
             before = self._state.q.copy()
-            self._step(1.0, (self._range,))
+            self._step(1.0, timed=False)
             if np.abs(self._state.q - before).max() < 1e-5:
                 break
             missed = sum(float(np.abs(palm.compute_error(self._state)).sum()) for palm in self._palms)
@@ -164,18 +169,45 @@ class ArmKinematics:
         for task, pose in zip(self._palms, np.reshape(target, (-1, 4, 4)), strict=True):
             task.set_target(mink.SE3.from_matrix(np.asarray(pose, np.float64)))
 
-    def _step(self, dt: float, limits: Sequence[Any]) -> None:
+    def _step(self, dt: float, *, timed: bool) -> None:
+        """Move by the nearest displacement to the targets within the joints' ranges, and with `timed` their speeds."""
+        if self._couplings is None:
+            self._state.update(self._state.q + self._displacement(dt if timed else np.inf))
+            return
         velocity = mink.solve_ik(
             self._state,
             [*self._palms, self._posture],
             dt,
             solver=SOLVER,
-            damping=1e-6,
-            limits=limits,
+            damping=DAMPING,
+            limits=(self._range, self._speed) if timed else (self._range,),
             constraints=self._couplings,
             safety_break=False,
         )
         self._state.integrate_inplace(velocity, dt)
+
+    def _displacement(self, dt: float) -> np.ndarray:
+        """What `mink.solve_ik` gives without constraints, in a third of its time.
+
+        Every joint is a hinge or a slide, so that all limits are bounds of single variables, and where none is active
+        the normal equations have the solution.
+        """
+        parts = [palm.compute_qp_residual(self._state) for palm in self._palms]
+        rows, errors = np.concatenate([each[0] for each in parts]), np.concatenate([each[1] for each in parts])
+        joints, limits = self._state.q, self._range
+        hessian = rows.T @ rows
+        hessian.flat[:: len(joints) + 1] += DAMPING + POSTURE_COST**2 + sum(each[2] for each in parts)
+        gradient = POSTURE_COST**2 * (joints - self._posture.target_q) - errors @ rows
+        lower = np.maximum(limits.gain * (limits.lower - joints), -self._speeds * dt)
+        upper = np.minimum(limits.gain * (limits.upper - joints), self._speeds * dt)
+        free = np.linalg.solve(hessian, -gradient)
+        if (free >= lower).all() and (free <= upper).all():
+            return np.asarray(free)
+        nothing, sense = np.zeros((0, len(joints))), np.zeros(len(joints), np.int32)
+        bounded, _, found, _ = daqp.solve(hessian, gradient, nothing, upper, lower, sense)
+        if found <= 0:
+            raise mink.NoSolutionFound(SOLVER)
+        return np.asarray(bounded)
 
     def _spread(self, joints: np.ndarray) -> np.ndarray:
         positions = self._model.qpos0.copy()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from typing import Any
 
 import numpy as np
@@ -95,3 +96,24 @@ def _home(spec: Any) -> tuple[dict[str, np.ndarray], dict[str, float]]:
         mujoco.mj_resetDataKeyframe(model, data, 0)
     joints = {model.joint(number).name: data.joint(number).qpos.copy() for number in range(model.njnt)}
     return joints, {model.actuator(number).name: float(data.ctrl[number]) for number in range(model.nu)}
+
+
+def with_base(model: Folder, world_from_base: np.ndarray, *, prefix: str = ROBOT) -> Folder:
+    """A model of `with_robot` with the robot's base elsewhere; one without the robot stays as it is.
+
+    Args:
+        model: `scene.xml` and its files.
+        world_from_base: (4, 4) T_world_base.
+        prefix: Begins the robot's names.
+    """
+    root = ET.fromstring(model.files["scene.xml"])
+    for parent in list(root.iter()):
+        for body in [child for child in parent if (child.tag, child.get("name")) == ("body", f"{prefix}base")]:
+            placed = parent if parent.tag == "frame" else body
+            placed.set("pos", _numbers(world_from_base[:3, 3]))
+            placed.set("quat", _numbers(quaternions.from_matrix(world_from_base[:3, :3])))
+    return Folder(files={**model.files, "scene.xml": ET.tostring(root)})
+
+
+def _numbers(values: np.ndarray) -> str:
+    return " ".join(f"{value:.9g}" for value in values)

@@ -69,7 +69,7 @@ class RefinementBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy", "scipy"), memory_gb=2.0)
+@rule(version=2, packages=("numpy", "scipy"), memory_gb=2.0)
 def robot_camera(
     ctx: Context[RefinementBackend],
     views: RobotViews,

@@ -99,16 +99,23 @@ def _surfaces(
         labels = robot_mask.near(seen.depth, seen.labels, measured, tolerance, grow)
         agreeing = (seen.labels > 0) & (labels > 0)
         overlap.append(float(agreeing.sum() / max((seen.labels > 0).sum(), 1)))
-        poses.append(_parts(renderer, seen, labels, measured, camera_base))
+        hidden = (measured > 0) & (measured < seen.depth - tolerance)
+        poses.append(_parts(renderer, seen, labels, measured, camera_base, hidden))
     return poses, np.array(overlap)
 
 
 def _parts(
-    renderer: RobotRenderer, seen: RobotView, labels: np.ndarray, measured: np.ndarray, camera_base: np.ndarray
+    renderer: RobotRenderer,
+    seen: RobotView,
+    labels: np.ndarray,
+    measured: np.ndarray,
+    camera_base: np.ndarray,
+    hidden: np.ndarray,
 ) -> dict[str, Surface]:
+    """Arm and hand of one pose; pixels where something stands before the robot, `hidden`, show none of the model."""
     k = renderer.camera.matrix()
     points = cameras.backproject(measured, k)
-    inner = robot_mask.inner(seen.labels, seen.depth)
+    inner = robot_mask.inner(seen.labels, seen.depth) & ~hidden
     flat = robot_mask.inner(labels, np.where(labels > 0, measured, 0.0), step=0.02)
     found = {}
     for number, name in enumerate(PARTS, start=1):

@@ -10,7 +10,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.draw import Viewpoint
 from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.world import Part, RobotStand, World
+from dextera_build.artifacts.world import Part, RobotStand, Thing, World
 from dextera_build.geometry import transforms
 from dextera_build.rule import Context, Fraction, Options, rule
 
@@ -92,7 +92,7 @@ def stand(
         )
     placed, (_, seen, hand) = found
     ctx.say(f"the robot covers {seen:.0%} of the picture, its hand {hand:.1%}")
-    return world.model_copy(update={"stand": placed, "fixtures": world.fixtures | _pedestal(world, placed)})
+    return world.model_copy(update={"stand": placed, "fixtures": world.fixtures | pedestal(world, placed)})
 
 
 def _good(hidden: np.ndarray, seen: float, hand: float, options: StandOptions) -> bool:
@@ -132,7 +132,7 @@ def _near(points: np.ndarray, box: tuple[np.ndarray, np.ndarray], distance: floa
     return bool((np.linalg.norm(gap, axis=1) < distance).any())
 
 
-def _pedestal(world: World, placed: RobotStand) -> dict[str, Any]:
+def pedestal(world: World, placed: RobotStand) -> dict[str, Thing]:
     """A block from the floor to the base, unless the base stands on the table."""
     low, high = _box(world.fixtures["table"].surface.vertices, world.fixtures["table"].pose.matrix)
     place = np.array(placed.position[:2])
@@ -140,6 +140,6 @@ def _pedestal(world: World, placed: RobotStand) -> dict[str, Any]:
         return {}
     steel = textures.plain(256, 256, (0.30, 0.31, 0.33), 0.03, 8, 3)
     # A little lower than the base, so that it does not coincide with the table's top where they overlap.
-    mesh = solids.box((SIDE_M, SIDE_M, -FLOOR_M - 0.001), steel)
+    mesh = solids.box((SIDE_M, SIDE_M, placed.position[2] - FLOOR_M - 0.001), steel)
     moved = solids.moved(mesh, transforms.rigid(np.eye(3), np.array([*place, FLOOR_M])))
     return {"pedestal": fixture("pedestal", Part(mesh=moved, gloss=0.2))}

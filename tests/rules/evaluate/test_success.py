@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.trials import Trials
+from dextera_build.artifacts.trials import Sighting, Trials
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import series
@@ -165,6 +165,22 @@ def test_outcomes_have_times_and_reasons(runner):
     assert row["mean time"] == pytest.approx((40 + 42 + 44) / 3 / 20)
     assert (row["failures"], row["left out"]) == ("1 x slipped", "2 x no start")
     assert runner.outcome.line == "1 sets of trials, 4 tries, 3 succeeded"
+
+
+NOWHERE = {"distances_m": (), "angles_rad": (), "joints_rad": ()}
+"""Errors of a tracker that nobody asks for."""
+
+
+def test_outcomes_say_how_often_what_was_measured_was_judged_like_the_truth(runner):
+    part = trials([True, True, False, False], poses="tracked", world="reference")
+    seen = [True, False, False, None]
+    items = [
+        trial.model_copy(update={"sighting": Sighting(found_s=0.1, frames=9, tracked=8, success=verdict, **NOWHERE)})
+        for trial, verdict in zip(part.items, seen, strict=True)
+    ]
+    tracked = part.model_copy(update={"items": tuple(items)})
+    table = runner.run("evaluate.outcomes", trials=together(trials((1, 2)), tracked))
+    assert [row["judged alike"] for row in rows(table)] == [None, "2 of 3"]
 
 
 def test_reasons_come_by_frequency_and_a_few(runner):

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.calibration import Calibration
+from dextera_build.artifacts.camera import Measured
+from dextera_build.artifacts.image import DepthImage
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.errors import RuleError
@@ -72,6 +74,21 @@ def test_a_coarse_calibration_is_refined(folder: Path, tmp_path: Path) -> None:
         "outline of the model: arm (green), hand (orange)",
         "residuals of arm (blue) and hand (orange)",
     ]
+
+
+@pytest.mark.slow
+def test_what_something_hides_is_left_out(folder: Path, tmp_path: Path) -> None:
+    """As the edge of a table that stands before the robot's foot."""
+    taken, captures = views(folder), {}
+    for name, capture in taken.captures.items():
+        assert capture.measured is not None
+        depth = capture.measured.depth.depth.copy()
+        depth[270:] = 0.8
+        captures[name] = capture.model_copy(update={"measured": Measured(depth=DepthImage(depth=depth))})
+    hidden, runner = taken.model_copy(update={"captures": captures}), RuleRunner(tmp_path)
+    found = runner.run("align.robot_camera", views=hidden, robot=worlds.robot(), calibration=coarse())
+    assert hand_error(taken, found) < 1.5
+    assert runner.outcome.metrics["arm residual"][0] < 2.0
 
 
 def test_markers_then_the_robot_itself(folder: Path, tmp_path: Path) -> None:

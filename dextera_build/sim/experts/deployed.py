@@ -1,0 +1,92 @@
+"""A scripted operator in a world that is not the twin: it acts on what is measured there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.geometry import poses
+from dextera_build.policy.observation import DeployableObservation, Measurement
+from dextera_build.policy.running import PolicyFault
+from dextera_build.sim.control.operator import Command, Operator, OutOfReach, PoseControl, State
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.runtime.reconstruction import Tracker, reconstruct
+
+
+class Deployed:
+    """Makes a policy of an operator: its commands become joint targets by inverse kinematics.
+
+    The first observation of an episode is put into the twin, where the operator plans; of later ones it sees joints and
+    objects as they were measured. When it has nothing more to do, the last targets hold.
+
+    Args:
+        twin: Of the task in the twin; its environment is used and left in an arbitrary state.
+        operator: Has practised there.
+    """
+
+    def __init__(self, twin: Driver, operator: Operator) -> None:
+        self._twin, self._operator = twin, operator
+        bundle = twin.environment.bundle
+        self._objects, self._joints = tuple(bundle.objects), bundle.displacement_names
+        self._control = PoseControl(bundle.robot, bundle.task.control_hz)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the previous episode."""
+        self._last: Command | None = None
+        self._begun = False
+
+    def act(self, observation: DeployableObservation) -> np.ndarray:
+        """Joint targets (A,) [rad].
+
+        Raises:
+            PolicyFault: There is no way to do the task from the first observation.
+        """
+        if not self._begun:
+            self._begin(observation)
+        self._last = self._operator.command(self._state(observation)) or self._last
+        if self._last is None:
+            raise PolicyFault("the operator did nothing", code="DXB-B254")
+        return self._control.follow(self._last)
+
+    def _begin(self, observation: DeployableObservation) -> None:
+        """Plan in the twin from what was measured."""
+        seen = Measurement(observation.joints, observation.objects, observation.displacement)
+        environment, sent = self._twin.environment, np.asarray(observation.previous_action, np.float64)
+        environment.begin(reconstruct(seen, sent, environment, Tracker(), 0))
+        try:
+            self._operator.begin(self._twin.state())
+        except OutOfReach as verdict:
+            raise PolicyFault(str(verdict), code="DXB-B255") from None
+        self._control.begin(sent)
+        self._begun = True
+
+    def _state(self, observation: DeployableObservation) -> State:
+        placed = zip(self._objects, observation.objects.astype(np.float64), strict=True)
+        inner = zip(self._joints, map(float, observation.displacement), strict=True)
+        return State(
+            joints=observation.joints.astype(np.float64),
+            objects={name: poses.to_matrix(pose) for name, pose in placed},
+            displacement=dict(inner),
+        )
+
+
+class Helpless:
+    """An operator for which no way to do the task was found in the twin: every episode ends at once.
+
+    Args:
+        reason: Why.
+    """
+
+    def __init__(self, reason: str) -> None:
+        self._reason = reason
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def act(self, observation: DeployableObservation) -> np.ndarray:
+        """No targets.
+
+        Raises:
+            PolicyFault: Always.
+        """
+        raise PolicyFault(self._reason, code="DXB-B255")

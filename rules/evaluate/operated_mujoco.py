@@ -1,0 +1,73 @@
+"""evaluate.operated in MuJoCo."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from contextlib import nullcontext
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.trials import Attempt
+from dextera_build.errors import RuleError
+from dextera_build.rule import Backend, Context, Options
+from dextera_build.sim.experts import planning
+from dextera_build.sim.experts.deployed import Deployed, Helpless
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.rollout import Acting, closed_loop
+from dextera_build.sim.runtime.tracked_cell import TrackedCell
+
+from .filmed import stills as stills
+
+if TYPE_CHECKING:
+    from .operated import Case
+
+BACKEND = Backend(
+    summary="MuJoCo; inverse kinematics by mink; with a cell, the tracker of `align.track`",
+    profiles=("cpu",),
+    packages=("mujoco", "mink", "daqp", "open3d", "opencv-python-headless", "scipy"),
+    extra="twin",
+)
+NO_WAY = ("DXB-B250", "DXB-B251")
+"""Errors of a rehearsal that found no way to do the task."""
+
+
+def operated(ctx: Context, twin: TaskBundle, cases: list[Case], options: Options) -> Iterator[Attempt]:
+    """One attempt per case, in order."""
+    if not cases:
+        return
+    operator = _practised(ctx, twin)
+    for _, group in itertools.groupby(cases, key=lambda case: (id(case.world), id(case.cell))):
+        some = list(group)
+        there, cell = Environment(some[0].world), some[0].cell
+        with nullcontext() if cell is None else TrackedCell(there, cell, twin.objects, twin) as watching:
+            for case in some:
+                yield _attempt(there, operator, case.seed, watching)
+
+
+def _attempt(there: Environment, operator: Acting, seed: int, watching: TrackedCell | None) -> Attempt:
+    try:
+        start = there.draw(seed)
+    except RuleError as error:
+        return Attempt(seed=seed, excluded=error.message)
+    there.begin(start)
+    placed = there.object_poses().astype(np.float32)
+    episode = closed_loop(there, operator, start, cell=watching)
+    if watching is not None:
+        watching.settle()
+    return Attempt(seed=seed, episode=episode, placed=placed, sighting=watching and watching.sighting)
+
+
+def _practised(ctx: Context, twin: TaskBundle) -> Acting:
+    """The operator after its rehearsal in the twin."""
+    driver = Driver(Environment(twin))
+    try:
+        return Deployed(driver, planning.practise(driver, ctx.progress))
+    except RuleError as error:
+        if error.code not in NO_WAY:
+            raise
+        ctx.warn(f"{error.message}: every trial fails")
+        return Helpless(error.message)
