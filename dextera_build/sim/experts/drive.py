@@ -13,7 +13,6 @@ from dextera_build.sim.observe.touch import Touch
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.recorder import Recorder
 
-
 HELD_S = 1.0
 """How long the robot holds still where the operator gives up at once, so that the episode shows the start [s]."""
 
