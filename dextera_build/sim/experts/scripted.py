@@ -17,6 +17,8 @@ from dextera_build.sim.experts.motion import Leg, Plan, follow
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.runtime.environment import Environment
 
+WIDTH = 1.5
+"""Half width of the strip in which a fingertip meets a surface, in its radii."""
 SUPPORT_M = 0.012
 """Clearance of pushing fingertips from the support [m]."""
 
@@ -165,6 +167,20 @@ class Pushed:
             way: (3,) direction of the push in the same frame.
         """
         return self.tip_m + float((((self._tips - self._pad) @ turn.T) @ way).max())
+
+    def meets(self, turn: np.ndarray, way: np.ndarray, up: np.ndarray, surface: np.ndarray) -> float:
+        """How far [m] the middle of the fingertips comes from the origin along the push until one of them touches.
+
+        Args:
+            turn: (3, 3) rotation of the palm.
+            way: (3,) direction of the push in the same frame.
+            up: (3,) vertical in the same frame.
+            surface: (N, 3) points of the object, relative to a point that the middle of the fingertips passes.
+        """
+        tips, across = (self._tips - self._pad) @ turn.T, np.cross(up, way)
+        beside = np.abs((surface @ across)[None, :] - (tips @ across)[:, None]) < WIDTH * self.tip_m
+        gaps = (surface @ way)[None, :] - (tips @ way)[:, None] - self.tip_m
+        return float((gaps if not beside.any() else gaps[beside]).min())
 
     def turn(self, facing: np.ndarray, up: np.ndarray, lean_rad: float) -> np.ndarray:
         """Rotation (3, 3) of the palm: towards `facing` (3,), fingers down, tilted towards it by `lean_rad`."""
