@@ -122,7 +122,7 @@ class Episodes(Artifact):
     readers: ClassVar[former.Readers] = {1: _one_limb}
 
     items: dict[str, Episode]
-    """Index -> accepted episode, in order."""
+    """Index -> kept episode, in order."""
     failures: dict[str, Episode]
     """Index of the attempt -> discarded episode, with its reason."""
     attempts: int

@@ -57,7 +57,8 @@ def film(
         expected = (len(episodes.items[index].joints), camera.height, camera.width, 3)
         ctx.check(pixels.shape == expected, "an episode has another number of frames than steps", episode=index)
         if not packed:
-            ctx.preview(strip(pixels, options.strip_frames), f"{episodes.task}, episode {index}")
+            failed = f", failed: {reason}" if (reason := episodes.items[index].reason) else ""
+            ctx.preview(strip(pixels, options.strip_frames), f"{episodes.task}, episode {index}{failed}")
         packed[index] = ctx.scratch / f"{len(packed)}.packed"
         packed[index].write_bytes(Film.packed(pixels))
         count += len(pixels)

@@ -15,12 +15,18 @@ class FirstOptions(Options):
 
     episodes: PositiveInt = 1
     """Number of successful episodes."""
+    failed: bool = False
+    """Whether to keep the longest failed attempt where none succeeded, to see what goes wrong."""
 
 
-@rule(version=1)
+@rule(version=2)
 def first(ctx: Context, episodes: Episodes, *, options: FirstOptions | None = None) -> Episodes:
-    """Return the first successful episodes, and none of the failures."""
+    """Return the first successful episodes, and none of the failures but with option `failed`."""
     options = options or FirstOptions()
     kept = dict(islice(episodes.items.items(), options.episodes))
     ctx.say(f"{len(kept)} of {len(episodes.items)}")
+    if options.failed and not kept and episodes.failures:
+        name, episode = max(episodes.failures.items(), key=lambda item: len(item[1].joints))
+        kept = {name: episode}
+        ctx.say(f"no success; failed: {episode.reason}")
     return episodes.model_copy(update={"items": kept, "failures": {}, "attempts": len(kept)})

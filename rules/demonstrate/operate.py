@@ -24,7 +24,7 @@ class OperateOptions(Options):
     tries: PositiveInt = 4
     """Maximum attempts per demonstration."""
     attempts: PositiveInt | None = None
-    """Number of attempts, whatever comes of them, in place of `episodes` and `tries`: for success rates."""
+    """Number of attempts, whatever comes of them, in place of `episodes` and `tries`: for success rates, also of 0."""
     lag_m: PositiveFloat = 0.02
     """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
@@ -51,21 +51,23 @@ class OperateBackend(Protocol):
         ...
 
 
-@rule(version=1)
+@rule(version=2)
 def operate(ctx: Context[OperateBackend], bundle: TaskBundle, *, options: OperateOptions) -> Episodes:
     """Return demonstrations from drawn starts, in the robot's base frame [m, rad], and failed attempts with reasons.
 
     The backend's operator plans only from the shape of the task's assets and the embodiment's data. The backend
     offers `operate(bundle, options, progress) -> Episodes` and `strips(bundle, episodes) -> list of (caption, pixels)`.
+
+    Raises:
+        RuleError: Too few attempts succeed, or the operator finds no way to do the task; not with option `attempts`.
     """
     shown: Episodes = ctx.backend.operate(ctx, bundle, options, ctx.backend_options)
     reasons = Counter(episode.reason for episode in shown.failures.values())
     counted = ", ".join(f"{count} x {reason}" for reason, count in reasons.most_common(5))
     done = len(shown.items)
-    wanted = options.episodes if options.attempts is None else 1
     ctx.check(
-        done >= wanted,
-        f"the operator showed `{bundle.task.name}` {done} times of {wanted}",
+        options.attempts is not None or done >= options.episodes,
+        f"the operator showed `{bundle.task.name}` {done} times of {options.episodes}",
         attempts=shown.attempts,
         reasons=counted,
         hint="make the ranges of `reset` smaller, or move the robot's base",

@@ -61,12 +61,14 @@ class Articulate(Pushing):
         base = state.objects[self._object]
         turn = self._orientation(now)
         place, along = self._mechanism.pushed_at(self._goal - now, push.share)
+        # A flat object's link may be lower than fingertips that clear the support, on which the root stands at z = 0.
+        low = self._hand.height(turn, np.array([0.0, 0.0, 1.0]))
 
         def palm(position: float, gap: float, up: float = 0.0) -> np.ndarray:
             link = self._mechanism.pose(position)
             before = self._hand.ahead(turn, link[:3, :3] @ along)
             tip = transforms.apply(link, place - along * (gap + before))
-            tip[2] += up
+            tip[2] = max(tip[2], low) + up
             return np.asarray(base @ self._hand.palm(turn, tip))
 
         over, down, touch, sweep, press = push.seconds

@@ -13,6 +13,9 @@ from dextera_build.sim.observe.touch import Touch
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.recorder import Recorder
 
+HELD_S = 1.0
+"""How long the robot holds still where the operator gives up at once, so that the episode shows the start [s]."""
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -71,6 +74,7 @@ class Driver:
         try:
             operator.begin(self.state())
         except OutOfReach as verdict:
+            self._hold(recorder)
             return recorder.episode(origin, success=False, reason=str(verdict))
         for control in (self.control, self._noisy):
             control.begin(environment.previous_action)
@@ -90,6 +94,16 @@ class Driver:
             if reason or outcome.over:
                 done = outcome.success and not reason
                 return recorder.episode(origin, success=done, reason=reason, segments=labels.segments())
+
+    def _hold(self, recorder: Recorder) -> None:
+        """Repeat the first action, at most for `HELD_S`."""
+        action = self.environment.previous_action
+        for _ in range(round(HELD_S * self.environment.task.control_hz)):
+            recorder.before(action)
+            outcome = self.environment.step(action)
+            recorder.after(outcome.executed)
+            if outcome.over:
+                break
 
     def _palms(self, command: Command) -> np.ndarray:
         """Commanded palm poses (L, 7) in the base; those of limbs that are not commanded as they are."""

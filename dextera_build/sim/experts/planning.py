@@ -10,7 +10,7 @@ import numpy as np
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError, listing
-from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.control.operator import Command, Operator, OutOfReach, State
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.rehearse import Candidate, Rehearsed, drawn, rehearse
@@ -56,41 +56,69 @@ class Practised:
         return self._now.command(state)
 
 
-def practise(driver: Driver, progress: Progress = lambda done, total, what: None) -> Practised:
+class Unable:
+    """An operator without any way to do its task: every start is out of reach.
+
+    Args:
+        reason: Why.
+    """
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+
+    def begin(self, state: State) -> None:
+        """Give up.
+
+        Raises:
+            OutOfReach: Always.
+        """
+        raise OutOfReach(self.reason)
+
+    def command(self, state: State) -> Command | None:
+        """Nothing."""
+        return None
+
+
+def practise(driver: Driver, progress: Progress = lambda done, total, what: None, *, anyway: bool = False) -> Operator:
     """Find the scripted operator of the driver's task, with the nearest limb that can reach, or those it names.
 
     Args:
         driver: Its environment is used and left in an arbitrary state.
         progress: Receives the progress of the rehearsal.
+        anyway: Where no rehearsal succeeded, return the operator of the likeliest candidate, or `Unable` if there is
+            none, so that its attempts show what goes wrong.
 
     Raises:
-        RuleError: The robot's hand or the task yields no candidates, or none succeeded.
+        RuleError: The robot's hand lacks a frame or a grip, the primitive has no script, or, unless `anyway`, the task
+            yields no candidates or none succeeded.
     """
     environment = driver.environment
     task = environment.task
     environment.begin(starts.photographed(environment.bundle, environment.model))
-    candidates = 0
-    first = ""
+    candidates: list[Candidate] = []
+    likeliest: Practised | None = None
     for limbs, expert in teams(environment):
         for limb in limbs:
             _check_hand(environment.bundle.robot, limb, expert.against)
         reach = Reach(environment.bundle.robot, *limbs)
         search = Search(environment, reach, Room(environment, reach), driver.state())
         found = _found(driver, expert, search)
-        candidates, first = candidates + len(found), first or next((each.name for each in found), "")
-        rehearsed = rehearse(driver, found, progress) if found else []
+        if not found:
+            continue
+        candidates += found
+        rehearsed = rehearse(driver, found, progress)
         if rehearsed:
             return Practised(rehearsed, expert, search)
+        likeliest = likeliest or Practised([Rehearsed(found[0], stray=0.0, passed=0, of=0)], expert, search)
+    far = f"`{task.object}` is out of reach: no way to take hold of it that the arm can go"
+    if anyway:
+        return likeliest or Unable(far)
     if not candidates:
-        raise RuleError(
-            f"`{task.object}` is out of reach: no way to take hold of it that the arm can go",
-            code="DXB-B250",
-            hint="move the base, see `align.base`",
-        )
+        raise RuleError(far, code="DXB-B250", hint="move the base, see `align.base`")
     raise RuleError(
         f"no rehearsal of `{task.name}` succeeded",
         code="DXB-B251",
-        facts={"candidates": candidates, "first": first},
+        facts={"candidates": len(candidates), "first": candidates[0].name},
         hint="look at the task's pictures: is the object free, and is the goal possible?",
     )
 

@@ -65,13 +65,13 @@ class Push(Pushing):
         surface = transforms.apply(pose, self._points)
         heights = surface @ self._up
         turn = self._orientation(ahead)
-        before = self._hand.ahead(turn, ahead)
         low = float(heights.min() + max(stroke.low * np.ptp(heights), self._hand.height(turn, self._up)))
-        behind = float((surface @ ahead).min() - pose[:3, 3] @ ahead)
-        start = pose[:3, 3] + ahead * behind + self._up * (low - pose[:3, 3] @ self._up)
+        # A slanted or hollow side is met later than the object's rearmost point.
+        meets = self._hand.meets(turn, ahead, self._up, surface - pose[:3, 3])
+        start = pose[:3, 3] + ahead * meets + self._up * (low - pose[:3, 3] @ self._up)
 
         def palm(along: float, up: float = 0.0) -> np.ndarray:
-            return self._hand.palm(turn, start + ahead * (along - before) + self._up * up)
+            return self._hand.palm(turn, start + ahead * along + self._up * up)
 
         over, down, touch, rest = stroke.seconds
         legs = [

@@ -8,6 +8,8 @@ from dextera_build.errors import RuleError
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.rehearse import taking_turns
+from dextera_build.sim.experts.ways import Expert
+from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles
 
@@ -22,3 +24,19 @@ def test_a_hand_without_grips_is_refused() -> None:
 def test_every_way_has_its_turn() -> None:
     ways = ["a", "a", "a", "b", "c", "b"]
     assert taking_turns(range(6), ways) == [0, 3, 4, 1, 5, 2]
+
+
+def test_without_a_candidate_the_attempts_of_anyway_hold_still_and_tell_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    environment = Environment(task_bundles.lift())
+    driver = Driver(environment)
+    monkeypatch.setattr(planning, "EXPERTS", [Expert("lift", "nothing", lambda search: [])])
+    monkeypatch.setattr(planning, "_check_hand", lambda *_: None)
+    with pytest.raises(RuleError, match="out of reach") as caught:
+        planning.practise(driver)
+    assert caught.value.code == "DXB-B250"
+    start = starts.photographed(environment.bundle, environment.model)
+    episode = driver.run(planning.practise(driver, anyway=True), start, origin="operator")
+    assert not episode.success
+    assert "is out of reach" in episode.reason
+    assert len(episode.joints) == round(environment.task.control_hz)
+    assert (episode.action == episode.action[0]).all()
