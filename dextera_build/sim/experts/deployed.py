@@ -68,25 +68,3 @@ class Deployed:
             objects={name: poses.to_matrix(pose) for name, pose in placed},
             displacement=dict(inner),
         )
-
-
-class Helpless:
-    """An operator for which no way to do the task was found in the twin: every episode ends at once.
-
-    Args:
-        reason: Why.
-    """
-
-    def __init__(self, reason: str) -> None:
-        self._reason = reason
-
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-    def act(self, observation: DeployableObservation) -> np.ndarray:
-        """No targets.
-
-        Raises:
-            PolicyFault: Always.
-        """
-        raise PolicyFault(self._reason, code="DXB-B255")

@@ -100,24 +100,15 @@ def test_an_object_that_is_not_found_is_a_failure(runner, monkeypatch):
     assert found.world.successes == 1
 
 
-def test_an_operator_without_a_way_fails_every_trial(runner, monkeypatch):
-    def fails(driver, progress):
-        raise RuleError("no rehearsal of `OpenGate` succeeded", code="DXB-B251")
-
-    monkeypatch.setattr(planning, "practise", fails)
-    module = runner.find("evaluate.operated").backends["mujoco"].module
-    monkeypatch.setattr(module, "Driver", lambda environment: None)
-    given = {"twin": gate.bundle(), "world": gate.bundle("reference"), "options": {"trials": 2}}
-    found = runner.run("evaluate.operated", **given)
-    assert found.twin.reasons == found.world.reasons == {"no rehearsal of `OpenGate` succeeded": 2}
-    assert runner.outcome.warnings == ["no rehearsal of `OpenGate` succeeded: every trial fails"]
-
-    def breaks(driver, progress):
+def test_a_hand_that_cannot_do_the_task_stops_the_build(runner, monkeypatch):
+    def breaks(driver, progress, *, anyway):
+        assert anyway, "where no rehearsal succeeds, every trial fails and tells the reason"
         raise RuleError("the robot has no frame `tip_thumb`", code="DXB-B252")
 
     monkeypatch.setattr(planning, "practise", breaks)
+    monkeypatch.setattr(runner.find("evaluate.operated").backends["mujoco"].module, "Driver", lambda environment: None)
     with pytest.raises(RuleError, match="no frame `tip_thumb`"):
-        runner.run("evaluate.operated", **given)
+        runner.run("evaluate.operated", twin=gate.bundle(), world=gate.bundle("reference"), options={"trials": 2})
 
 
 @pytest.mark.parametrize("backend", ["mujoco", "stub"])

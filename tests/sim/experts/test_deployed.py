@@ -10,7 +10,7 @@ from dextera_build.geometry import poses
 from dextera_build.policy.observation import DeployableObservation, Measurement, deployable
 from dextera_build.policy.running import PolicyFault
 from dextera_build.sim.control.operator import Aim, Command, OutOfReach, State
-from dextera_build.sim.experts.deployed import Deployed, Helpless
+from dextera_build.sim.experts.deployed import Deployed
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
@@ -112,5 +112,3 @@ def test_an_operator_that_says_nothing_is_a_fault(driver: Driver) -> None:
     with pytest.raises(PolicyFault, match="the operator did nothing") as caught:
         Deployed(driver, operator).act(observed(driver))
     assert caught.value.code == "DXB-B254"
-    with pytest.raises(PolicyFault, match="no way"):
-        Helpless("no way").act(observed(driver))
