@@ -21,7 +21,7 @@ STAND_INS = {"simulate.reference", "simulate.perturbed"}
 """Rules whose task is one in a world that stands in for hardware."""
 OF_WORLDS = {
     *("capture.reference", "capture.reference_views", "capture.truth", "capture.emptied", "capture.moved_camera"),
-    *("capture.aim", "capture.install", "simulate.reference", "simulate.cell"),
+    *("capture.aim", "capture.install", "capture.opened", "simulate.reference", "simulate.cell"),
 }
 """Rules that take a world apart from `evaluate.*`: they render it, move its camera, put a robot into it, or make a
 stand-in of it."""

@@ -82,6 +82,7 @@ POSITIONS = {
     "align.support.base_above_m",
     "capture.world.robot.position_m",
     "capture.moved_camera.turn_deg",
+    "capture.opened.positions_deg",
     "capture.world.objects.blocks.turn_deg",
     "capture.world.objects.moves.range_deg",
     "capture.world.objects.moves.position_deg",

@@ -10,8 +10,8 @@ from dextera_build.artifacts.goals import PushGoal
 from dextera_build.geometry import registration, transforms
 from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.motion import Leg, minimum_jerk
+from dextera_build.sim.experts.pushing import Pushing
 from dextera_build.sim.experts.reach import Reach
-from dextera_build.sim.experts.scripted import Pushing
 from dextera_build.sim.runtime.environment import Environment
 
 SPEED_M_S = 0.12

@@ -12,8 +12,9 @@ from dextera_build.geometry import transforms
 from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.lift import MORE_M
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
+from dextera_build.sim.experts.pushing import Pushed
 from dextera_build.sim.experts.reach import Reach
-from dextera_build.sim.experts.scripted import Pushed, Scripted
+from dextera_build.sim.experts.scripted import Scripted
 from dextera_build.sim.runtime.environment import Environment
 
 UP = np.array([0.0, 0.0, 1.0])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -46,6 +46,8 @@ LEANS = (0.0, -0.4, 0.4, -0.8, 0.8, -1.2)
 """Tilts of pushing fingers from straight down [rad]."""
 ABOVE_M = (0.16, 0.07)
 """Heights of the approach above the start of a push [m]."""
+NEAR_M = 0.025
+"""Distance behind a link at which a push begins where there is no room for more, as between two links [m]."""
 HANDS_APART_M = 0.10
 """Smallest distance of two palms at one object [m]."""
 
@@ -196,14 +198,19 @@ def _swings(search: Search) -> list[Candidate]:
         Swing(lean, turn, pitch, share=share, above_m=above)
         for pitch, turn, lean, share, above in itertools.product(PITCHES, TURNS, LEANS, SHARES, ABOVE_M)
     ]
-    found = (_pushed(way, Articulate(search.environment, search.reach, way)) for way in _mixed(ways))
+    far, near = _mixed(ways), _mixed([replace(way, clear_m=NEAR_M) for way in ways])
+    half = LOOKED // 2
+    found = (
+        _pushed(way, Articulate(search.environment, search.reach, way)) for way in [*far[:half], *near, *far[half:]]
+    )
     return _comfortable(search, found)
 
 
 def _pushed(way: Stroke | Swing, operator: Planned) -> Candidate:
     lean, turn, pitch = np.degrees([way.lean_rad, way.turn_rad, way.pitch_rad])
     name = f"push, fingers leaning {lean:.0f} deg, turned {turn:.0f} deg, pitched {pitch:.0f} deg"
-    name += f", from {1000 * way.above_m:.0f} mm above" + (f" at {way.share:.0%}" if isinstance(way, Swing) else "")
+    name += f", from {1000 * way.above_m:.0f} mm above, {1000 * way.clear_m:.0f} mm behind"
+    name += f" at {way.share:.0%}" if isinstance(way, Swing) else ""
     return Candidate(name, f"push {turn:.0f} {pitch:.0f}", operator)
 
 

@@ -49,6 +49,24 @@ def test_a_push_ends_with_the_object_at_its_target_and_begins_behind_it(robot: R
     assert np.linalg.norm(np.diff(steps, axis=0), axis=1).max() < 0.15 / 20
 
 
+def test_a_push_that_did_not_arrive_is_done_again_from_above(robot: RobotModel) -> None:
+    made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
+    operator, state = Push(made.environment, Reach(robot, "arm"), Stroke(0.0, 0.0)), made.state()
+    operator.begin(state)
+    steps = sum(round(leg.seconds * made.environment.task.control_hz) for leg in operator.legs(state))
+    segments, palms = [], []
+    for _ in range(2 * steps):
+        command = operator.command(state)
+        assert command is not None
+        segments.append(command.segment)
+        palms.append(command.aims["arm"].palm[:3, 3])
+    again = segments.index("approach", steps)
+    assert set(segments[steps:again]) == {"push"}
+    back = palms[again - 1] - palms[steps - 1]
+    assert back @ np.array([0.1, -0.05, 0.0]) < 0
+    assert "push" in segments[again:]
+
+
 @pytest.mark.slow
 def test_fingertips_push_a_box_to_its_target(robot: RobotModel) -> None:
     made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))

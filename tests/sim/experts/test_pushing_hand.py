@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.robot import RobotModel
+from dextera_build.sim.experts.pushing import SUPPORT_M, WIDTH, Pushed
 from dextera_build.sim.experts.reach import Reach
-from dextera_build.sim.experts.scripted import SUPPORT_M, Pushed
 from tests.robots import robot_recipes
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -32,6 +32,26 @@ def test_the_lowest_fingertip_clears_the_support_and_the_foremost_touches(
     placed = tips @ palm[:3, :3].T + palm[:3, 3]
     assert (placed @ UP).min() - hand.tip_m == pytest.approx(SUPPORT_M)
     assert (placed @ WAY).max() + hand.tip_m == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("slant", [0.0, 0.6, -0.6])
+def test_a_push_begins_where_the_first_fingertip_meets_the_side(robot: RobotModel, slant: float) -> None:
+    reach = Reach(robot, "right")
+    hand = Pushed(reach)
+    turn = hand.turn(WAY, UP, 0.0)
+    across = np.cross(UP, WAY)
+    steps = np.linspace(-0.15, 0.15, 301)[:, None]
+    wall = 0.07 * WAY + steps * (np.cos(slant) * across + np.sin(slant) * WAY)
+    palm = hand.palm(turn, WAY * hand.meets(turn, WAY, UP, wall))
+    tips = np.array([reach.fingers.tip(role, hand.fingers) for role in reach.fingers.fingers])
+    placed = tips @ palm[:3, :3].T + palm[:3, 3]
+    gaps = [
+        (wall[np.abs((wall - tip) @ across) < WIDTH * hand.tip_m] @ WAY).min() - tip @ WAY - hand.tip_m
+        for tip in placed
+    ]
+    assert min(gaps) == pytest.approx(0.0, abs=1e-9)
+    if slant == 0.0:
+        assert hand.meets(turn, WAY, UP, wall) == pytest.approx(0.07 - hand.ahead(turn, WAY))
 
 
 def test_fingers_that_stay_straight_do_not_press(robot: RobotModel) -> None:

@@ -10,9 +10,9 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.geometry import transforms
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.pushing import Pushed
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.room import Room
-from dextera_build.sim.experts.scripted import Pushed
 from dextera_build.sim.experts.squeeze import PRESS_M, squeezes
 from dextera_build.sim.experts.ways import Search
 from dextera_build.sim.runtime import starts

@@ -1,0 +1,135 @@
+"""Hands that push with their fingertips, and operators that push again until the episode ends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dextera_build.geometry import transforms
+from dextera_build.sim.control.operator import Command, OutOfReach, State
+from dextera_build.sim.experts.motion import Leg, Plan, follow, shifted
+from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.scripted import Scripted
+from dextera_build.sim.runtime.environment import Environment
+
+SUPPORT_M = 0.012
+"""Clearance of pushing fingertips from the support [m]."""
+WIDTH = 1.5
+"""Half width of the strip in which a fingertip meets a surface, in its radii."""
+AWAY_M, RAISED_M, AWAY_S = 0.03, 0.10, 0.5
+"""A hand that pushes again first goes so far back, then up [m], in this time each [s]."""
+
+
+class Pushed:
+    """A hand that pushes with its fingertips, from its grip against nothing.
+
+    Args:
+        reach: Kinematics of its limb.
+    """
+
+    def __init__(self, reach: Reach) -> None:
+        grip = next(grip for grip in reach.grips.values() if grip.against == "nothing")
+        self.fingers = reach.fingers.posture(grip.open)
+        """(H,) finger joints [rad]."""
+        self.tip_m = grip.tip_radius_m
+        """Radius of a fingertip [m]."""
+        self._tips = np.array([reach.fingers.tip(role, self.fingers) for role in reach.fingers.fingers])
+        self._pad = self._tips.mean(axis=0)
+        # Axes of the hand, in the palm's frame: along the fingers, out of the palm, and across.
+        along, out = np.array(grip.pointing), np.array(grip.facing)
+        self._axes = np.stack([along, out, np.cross(along, out)])
+
+    def palm(self, turn: np.ndarray, tip: np.ndarray) -> np.ndarray:
+        """Pose (4, 4) of the palm with rotation `turn` (3, 3) and the fingertips at `tip` (3,)."""
+        return transforms.rigid(turn, tip - turn @ self._pad)
+
+    def height(self, turn: np.ndarray, up: np.ndarray) -> float:
+        """Least height [m] of the middle of the fingertips at which the lowest one clears the support.
+
+        Args:
+            turn: (3, 3) rotation of the palm.
+            up: (3,) vertical in the same frame.
+        """
+        lowest = float((((self._tips - self._pad) @ turn.T) @ up).min())
+        return self.tip_m + SUPPORT_M - lowest
+
+    def ahead(self, turn: np.ndarray, way: np.ndarray) -> float:
+        """How far [m] the foremost fingertip is ahead of the middle of the fingertips.
+
+        Args:
+            turn: (3, 3) rotation of the palm.
+            way: (3,) direction of the push in the same frame.
+        """
+        return self.tip_m + float((((self._tips - self._pad) @ turn.T) @ way).max())
+
+    def meets(self, turn: np.ndarray, way: np.ndarray, up: np.ndarray, surface: np.ndarray) -> float:
+        """How far [m] the middle of the fingertips comes from the origin along the push until one of them touches.
+
+        Args:
+            turn: (3, 3) rotation of the palm.
+            way: (3,) direction of the push in the same frame.
+            up: (3,) vertical in the same frame.
+            surface: (N, 3) points of the object, relative to a point that the middle of the fingertips passes.
+        """
+        tips, across = (self._tips - self._pad) @ turn.T, np.cross(up, way)
+        beside = np.abs((surface @ across)[None, :] - (tips @ across)[:, None]) < WIDTH * self.tip_m
+        gaps = (surface @ way)[None, :] - (tips @ way)[:, None] - self.tip_m
+        return float((gaps if not beside.any() else gaps[beside]).min())
+
+    def turn(self, facing: np.ndarray, up: np.ndarray, lean_rad: float) -> np.ndarray:
+        """Rotation (3, 3) of the palm: towards `facing` (3,), fingers down, tilted towards it by `lean_rad`."""
+        fingers = facing * np.sin(lean_rad) - up * np.cos(lean_rad)
+        out = facing * np.cos(lean_rad) + up * np.sin(lean_rad)
+        return np.asarray(np.stack([fingers, out, np.cross(fingers, out)], axis=1) @ self._axes)
+
+
+class Pushing(Scripted):
+    """Pushes with the fingertips: over, down behind, touch, many short legs along the way, and a last one.
+
+    It pushes again, from where the object came to lie, until the episode ends: what is pushed may slip or turn away.
+    """
+
+    def __init__(self, environment: Environment, reach: Reach) -> None:
+        super().__init__(environment, reach)
+        self._hand = Pushed(reach)
+        self._done: list[Leg] = []
+
+    def begin(self, state: State) -> None:
+        """Plan from `state`."""
+        super().begin(state)
+        self._done = self.legs(state)
+
+    def command(self, state: State) -> Command | None:
+        """The next step of the plan, or of another one."""
+        command = super().command(state)
+        if command is None and self._done:
+            self._commands = self._again(state)
+            command = super().command(state)
+        return command
+
+    def _again(self, state: State) -> Iterator[Command]:
+        """Away from the object, up, and another push; nothing where the arm cannot go."""
+        last, way = self._done[-1].palm, self._done[2].palm[:3, 3] - self._done[-2].palm[:3, 3]
+        away = shifted(last, AWAY_M * way / max(float(np.linalg.norm(way)), 1e-9))
+        up = shifted(away, self._up * RAISED_M)
+        legs = self.legs(state)
+        more = [
+            Leg(away, self._hand.fingers, AWAY_S, "push", self._object, True),
+            Leg(up, self._hand.fingers, AWAY_S, "approach"),
+            *legs,
+        ]
+        try:
+            self._reach.check([self._checked({self._reach.limb: legs})], state)
+        except OutOfReach:
+            self._done = []
+            return iter(())
+        self._done = legs
+        hands = {self._reach.limb: (last, self._hand.fingers)}
+        return follow({self._reach.limb: more}, hands, self._rate)
+
+    def _checked(self, plan: Plan) -> Plan:
+        return {limb: [*legs[:3], *legs[3:-1:8], legs[-1]] for limb, legs in plan.items()}
+
+    def _pushes(self, palm: np.ndarray, seconds: float) -> Leg:
+        return Leg(palm, self._hand.fingers, seconds, "push", self._object, True)
