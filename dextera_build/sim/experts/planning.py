@@ -96,7 +96,7 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
     task = environment.task
     environment.begin(starts.photographed(environment.bundle, environment.model))
     candidates: list[Candidate] = []
-    likeliest: Practised | None = None
+    likeliest: Operator | None = None
     for limbs, expert in teams(environment):
         for limb in limbs:
             _check_hand(environment.bundle.robot, limb, expert.against)
@@ -109,7 +109,8 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
         rehearsed = rehearse(driver, found, progress)
         if rehearsed:
             return Practised(rehearsed, expert, search)
-        likeliest = likeliest or Practised([Rehearsed(found[0], stray=0.0, passed=0, of=0)], expert, search)
+        # It does not plan anew where its path is not free: that would take long, and not help.
+        likeliest = likeliest or found[0].operator
     far = f"`{task.object}` is out of reach: no way to take hold of it that the arm can go"
     if anyway:
         return likeliest or Unable(far)

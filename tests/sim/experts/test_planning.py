@@ -7,7 +7,7 @@ import pytest
 from dextera_build.errors import RuleError
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.drive import Driver
-from dextera_build.sim.experts.rehearse import taking_turns
+from dextera_build.sim.experts.rehearse import Candidate, taking_turns
 from dextera_build.sim.experts.ways import Expert
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
@@ -40,3 +40,16 @@ def test_without_a_candidate_the_attempts_of_anyway_hold_still_and_tell_why(monk
     assert "is out of reach" in episode.reason
     assert len(episode.joints) == round(environment.task.control_hz)
     assert (episode.action == episode.action[0]).all()
+
+
+def test_without_a_success_the_attempts_of_anyway_are_those_of_the_likeliest(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver = Driver(Environment(task_bundles.lift()))
+    likeliest, other = (planning.Unable(name) for name in ("likeliest", "other"))
+    found = [Candidate(each.reason, "way", each) for each in (likeliest, other)]
+    monkeypatch.setattr(planning, "EXPERTS", [Expert("lift", "nothing", lambda search: found)])
+    monkeypatch.setattr(planning, "_check_hand", lambda *_: None)
+    monkeypatch.setattr(planning, "rehearse", lambda *_: [])
+    with pytest.raises(RuleError, match="no rehearsal of") as caught:
+        planning.practise(driver)
+    assert (caught.value.code, caught.value.facts) == ("DXB-B251", {"candidates": "2", "first": "likeliest"})
+    assert planning.practise(driver, anyway=True) is likeliest
