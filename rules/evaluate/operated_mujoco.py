@@ -7,19 +7,17 @@ from collections.abc import Iterator
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.trials import Attempt
-from dextera_build.errors import RuleError
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.deployed import Deployed
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.runtime.environment import Environment
-from dextera_build.sim.runtime.rollout import Acting, closed_loop
+from dextera_build.sim.runtime.rollout import Acting
 from dextera_build.sim.runtime.tracked_cell import TrackedCell
 
+from .attempted import attempted
 from .filmed import stills as stills
 
 if TYPE_CHECKING:
@@ -43,20 +41,7 @@ def operated(ctx: Context, twin: TaskBundle, cases: list[Case], options: Options
         there, cell = Environment(some[0].world), some[0].cell
         with nullcontext() if cell is None else TrackedCell(there, cell, twin.objects, twin) as watching:
             for case in some:
-                yield _attempt(there, operator, case.seed, watching)
-
-
-def _attempt(there: Environment, operator: Acting, seed: int, watching: TrackedCell | None) -> Attempt:
-    try:
-        start = there.draw(seed)
-    except RuleError as error:
-        return Attempt(seed=seed, excluded=error.message)
-    there.begin(start)
-    placed = there.object_poses().astype(np.float32)
-    episode = closed_loop(there, operator, start, cell=watching)
-    if watching is not None:
-        watching.settle()
-    return Attempt(seed=seed, episode=episode, placed=placed, sighting=watching and watching.sighting)
+                yield attempted(there, operator, case.seed, watching)
 
 
 def _practised(ctx: Context, twin: TaskBundle) -> Acting:

@@ -11,14 +11,13 @@ from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.artifacts.trials import Attempt
-from dextera_build.errors import RuleError
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.render.rendering import through
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.policies import load
-from dextera_build.sim.runtime.rollout import closed_loop
 from dextera_build.sim.runtime.tracked_cell import TrackedCell
 
+from .attempted import attempted
 from .filmed import stills as stills
 
 BACKEND = Backend(
@@ -49,17 +48,7 @@ def rollouts(
     with opened as eye, tracked as watching:
         look = (lambda: np.asarray(eye.rgb(environment.data))) if eye is not None else None
         for seed in seeds:
-            try:
-                start = environment.draw(seed)
-            except RuleError as error:
-                yield Attempt(seed=seed, excluded=error.message)
-                continue
-            environment.begin(start)
-            placed = environment.object_poses().astype(np.float32)
-            episode = closed_loop(environment, policy, start, look, watching)
-            if watching is not None:
-                watching.settle()
-            yield Attempt(seed=seed, episode=episode, placed=placed, sighting=watching and watching.sighting)
+            yield attempted(environment, policy, seed, watching, look)
 
 
 def objects_of(contract: PolicyContract, bundle: TaskBundle) -> set[str]:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import poses
 from dextera_build.policy.observation import DeployableObservation, Measurement
 from dextera_build.policy.running import PolicyFault
-from dextera_build.sim.control.operator import Command, Operator, OutOfReach, PoseControl, State
-from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.control.operator import Command, Operator, OutOfReach, PoseControl
+from dextera_build.sim.experts.drive import Driver, state_of
 from dextera_build.sim.runtime.reconstruction import Tracker, reconstruct
 
 
@@ -26,7 +25,6 @@ class Deployed:
     def __init__(self, twin: Driver, operator: Operator) -> None:
         self._twin, self._operator = twin, operator
         bundle = twin.environment.bundle
-        self._objects, self._joints = tuple(bundle.objects), bundle.displacement_names
         self._control = PoseControl(bundle.robot, bundle.task.control_hz)
         self.reset()
 
@@ -43,16 +41,17 @@ class Deployed:
         """
         if not self._begun:
             self._begin(observation)
-        self._last = self._operator.command(self._state(observation)) or self._last
+        self._last = (
+            self._operator.command(state_of(self._twin.environment.bundle, _measured(observation))) or self._last
+        )
         if self._last is None:
             raise PolicyFault("the operator did nothing", code="DXB-B254")
         return self._control.follow(self._last)
 
     def _begin(self, observation: DeployableObservation) -> None:
         """Plan in the twin from what was measured."""
-        seen = Measurement(observation.joints, observation.objects, observation.displacement)
         environment, sent = self._twin.environment, np.asarray(observation.previous_action, np.float64)
-        environment.begin(reconstruct(seen, sent, environment, Tracker(), 0))
+        environment.begin(reconstruct(_measured(observation), sent, environment, Tracker(), 0))
         try:
             self._operator.begin(self._twin.state())
         except OutOfReach as verdict:
@@ -60,11 +59,10 @@ class Deployed:
         self._control.begin(sent)
         self._begun = True
 
-    def _state(self, observation: DeployableObservation) -> State:
-        placed = zip(self._objects, observation.objects.astype(np.float64), strict=True)
-        inner = zip(self._joints, map(float, observation.displacement), strict=True)
-        return State(
-            joints=observation.joints.astype(np.float64),
-            objects={name: poses.to_matrix(pose) for name, pose in placed},
-            displacement=dict(inner),
-        )
+
+def _measured(observation: DeployableObservation) -> Measurement:
+    return Measurement(
+        observation.joints.astype(np.float64),
+        observation.objects.astype(np.float64),
+        observation.displacement.astype(np.float64),
+    )

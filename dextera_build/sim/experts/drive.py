@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Origin, Segment, Start
+from dextera_build.artifacts.task import TaskBundle
 from dextera_build.geometry import poses, registration, transforms
+from dextera_build.policy.observation import Measurement
 from dextera_build.sim.control.operator import Aim, Command, Operator, OutOfReach, PoseControl, State
 from dextera_build.sim.observe.touch import Touch
 from dextera_build.sim.runtime.environment import Environment
@@ -121,14 +123,18 @@ class Driver:
 
     def state(self) -> State:
         """The operator's current observation."""
-        bundle, measured = self.environment.bundle, self.environment.measure()
-        placed = zip(bundle.objects, measured.objects, strict=True)
-        inner = zip(bundle.displacement_names, map(float, measured.displacement), strict=True)
-        return State(
-            joints=measured.joints,
-            objects={name: poses.to_matrix(pose) for name, pose in placed},
-            displacement=dict(inner),
-        )
+        return state_of(self.environment.bundle, self.environment.measure())
+
+
+def state_of(bundle: TaskBundle, measured: Measurement) -> State:
+    """What an operator sees of a measurement of the task."""
+    placed = zip(bundle.objects, measured.objects, strict=True)
+    inner = zip(bundle.displacement_names, map(float, measured.displacement), strict=True)
+    return State(
+        joints=measured.joints,
+        objects={name: poses.to_matrix(pose) for name, pose in placed},
+        displacement=dict(inner),
+    )
 
 
 class _Disturbance:

@@ -40,6 +40,10 @@ class Pushed:
         along, out = np.array(grip.pointing), np.array(grip.facing)
         self._axes = np.stack([along, out, np.cross(along, out)])
 
+    def _spread(self, turn: np.ndarray) -> np.ndarray:
+        """Fingertips (F, 3) of a palm with rotation `turn` (3, 3), from their middle."""
+        return np.asarray((self._tips - self._pad) @ turn.T)
+
     def palm(self, turn: np.ndarray, tip: np.ndarray) -> np.ndarray:
         """Pose (4, 4) of the palm with rotation `turn` (3, 3) and the fingertips at `tip` (3,)."""
         return transforms.rigid(turn, tip - turn @ self._pad)
@@ -51,7 +55,7 @@ class Pushed:
             turn: (3, 3) rotation of the palm.
             up: (3,) vertical in the same frame.
         """
-        lowest = float((((self._tips - self._pad) @ turn.T) @ up).min())
+        lowest = float((self._spread(turn) @ up).min())
         return self.tip_m + SUPPORT_M - lowest
 
     def ahead(self, turn: np.ndarray, way: np.ndarray) -> float:
@@ -61,7 +65,7 @@ class Pushed:
             turn: (3, 3) rotation of the palm.
             way: (3,) direction of the push in the same frame.
         """
-        return self.tip_m + float((((self._tips - self._pad) @ turn.T) @ way).max())
+        return self.tip_m + float((self._spread(turn) @ way).max())
 
     def meets(self, turn: np.ndarray, way: np.ndarray, up: np.ndarray, surface: np.ndarray) -> float:
         """How far [m] the middle of the fingertips comes from the origin along the push until one of them touches.
@@ -72,7 +76,7 @@ class Pushed:
             up: (3,) vertical in the same frame.
             surface: (N, 3) points of the object, relative to a point that the middle of the fingertips passes.
         """
-        tips, across = (self._tips - self._pad) @ turn.T, np.cross(up, way)
+        tips, across = self._spread(turn), np.cross(up, way)
         beside = np.abs((surface @ across)[None, :] - (tips @ across)[:, None]) < WIDTH * self.tip_m
         gaps = (surface @ way)[None, :] - (tips @ way)[:, None] - self.tip_m
         return float((gaps if not beside.any() else gaps[beside]).min())
@@ -93,38 +97,34 @@ class Pushing(Scripted):
     def __init__(self, environment: Environment, reach: Reach) -> None:
         super().__init__(environment, reach)
         self._hand = Pushed(reach)
-        self._done: list[Leg] = []
-
-    def begin(self, state: State) -> None:
-        """Plan from `state`."""
-        super().begin(state)
-        self._done = self.legs(state)
 
     def command(self, state: State) -> Command | None:
         """The next step of the plan, or of another one."""
         command = super().command(state)
-        if command is None and self._done:
+        if command is None and self._plan:
             self._commands = self._again(state)
             command = super().command(state)
         return command
 
     def _again(self, state: State) -> Iterator[Command]:
         """Away from the object, up, and another push; nothing where the arm cannot go."""
-        last, way = self._done[-1].palm, self._done[2].palm[:3, 3] - self._done[-2].palm[:3, 3]
+        done = self._plan[self._reach.limb]
+        last, way = done[-1].palm, done[2].palm[:3, 3] - done[-2].palm[:3, 3]
         away = shifted(last, AWAY_M * way / max(float(np.linalg.norm(way)), 1e-9))
         up = shifted(away, self._up * RAISED_M)
         legs = self.legs(state)
+        plan = {self._reach.limb: legs}
         more = [
             Leg(away, self._hand.fingers, AWAY_S, "push", self._object, True),
             Leg(up, self._hand.fingers, AWAY_S, "approach"),
             *legs,
         ]
         try:
-            self._reach.check([self._checked({self._reach.limb: legs})], state)
+            self._reach.check([self._checked(plan)], state)
         except OutOfReach:
-            self._done = []
+            self._plan = {}
             return iter(())
-        self._done = legs
+        self._plan = plan
         hands = {self._reach.limb: (last, self._hand.fingers)}
         return follow({self._reach.limb: more}, hands, self._rate)
 

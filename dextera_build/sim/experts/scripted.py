@@ -34,12 +34,15 @@ class Scripted(ABC):
         # The vertical in the base, (3,).
         self._up = base_from_world[:3, 2].copy()
         self._commands: Iterator[Command] = iter(())
+        # The phase that is followed first.
+        self._plan: Plan = {}
 
     def begin(self, state: State) -> None:
         """Plan from `state`."""
         phases = self.phases(state)
         self._reach.check([self._checked(plan) for plan in phases], state)
-        self._commands = self._reach.some(tuple(phases[0])).commands(phases[0], state, self._rate)
+        self._plan = phases[0]
+        self._commands = self._reach.some(tuple(self._plan)).commands(self._plan, state, self._rate)
 
     def command(self, state: State) -> Command | None:
         """The next step of the plan."""
@@ -64,20 +67,18 @@ class Taking(Scripted):
     def __init__(self, environment: Environment, reach: Reach) -> None:
         super().__init__(environment, reach)
         self._start, self._goes_on = np.eye(4), False
-        self._taken: Plan = {}
 
     def begin(self, state: State) -> None:
         """Plan from `state`."""
         super().begin(state)
         self._start, self._goes_on = state.objects[self._object], False
-        self._taken = self.taking(state)
 
     def command(self, state: State) -> Command | None:
         """The next step of the plan."""
         command = next(self._commands, None)
         if command is None and not self._goes_on:
             self._goes_on = True
-            last = {limb: legs[-1] for limb, legs in self._taken.items()}
+            last = {limb: legs[-1] for limb, legs in self._plan.items()}
             inverse = transforms.invert(state.objects[self._object])
             held = {limb: inverse @ leg.palm for limb, leg in last.items()}
             plan = self.going_on(state, self._start, last, held)

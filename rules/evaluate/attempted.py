@@ -1,0 +1,35 @@
+"""One trial of a policy from a drawn start in MuJoCo, exact or through a cell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dextera_build.artifacts.trials import Attempt
+from dextera_build.errors import RuleError
+from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.rollout import Acting, Look, closed_loop
+from dextera_build.sim.runtime.tracked_cell import TrackedCell
+
+
+def attempted(
+    environment: Environment, policy: Acting, seed: int, watching: TrackedCell | None, look: Look | None = None
+) -> Attempt:
+    """Run `policy` from the start of `seed`; a start that cannot be drawn is excluded.
+
+    Args:
+        environment: The world.
+        policy: What acts.
+        seed: Seed of the start.
+        watching: Measures the world and judges what it measures; None: poses are exact.
+        look: Takes the picture that the policy sees.
+    """
+    try:
+        start = environment.draw(seed)
+    except RuleError as error:
+        return Attempt(seed=seed, excluded=error.message)
+    environment.begin(start)
+    placed = environment.object_poses().astype(np.float32)
+    episode = closed_loop(environment, policy, start, look, watching)
+    if watching is not None:
+        watching.settle()
+    return Attempt(seed=seed, episode=episode, placed=placed, sighting=watching and watching.sighting)
