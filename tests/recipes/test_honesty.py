@@ -28,7 +28,7 @@ stand-in of it."""
 RECIPES = [
     *("twin/laptop_scene", "task/close_laptop", "task/lift_blue_mug", "task/lift_mustard_bottle"),
     *("benchmark/first_policies", "benchmark/recalibration", "benchmark/objects", "benchmark/rooms"),
-    "benchmark/elsewhere",
+    "benchmark/tasks",
 ]
 
 
