@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any, Protocol
@@ -52,7 +53,9 @@ def expert(
     everything = {**episodes.items, **episodes.failures}
     some = [everything[name] for name in sorted(everything)][: options.measured]
     own, random = ctx.backend.returns(ctx, bundle, some, options.seed, ctx.backend_options)
-    reasons = Counter(episode.reason for episode in episodes.failures.values()).most_common()
+    # Reasons that differ by what was measured alone are one.
+    alike = (re.sub(r"\d+ (mm|deg)", r"N \1", episode.reason) for episode in episodes.failures.values())
+    reasons = Counter(alike).most_common()
     told = "; ".join(f"{number} x {reason}" for reason, number in reasons)
     ctx.metric("success", 100 * done / max(count, 1), "%")
     ctx.metric("return of the expert", float(own.mean()), "")

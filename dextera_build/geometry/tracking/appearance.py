@@ -22,11 +22,12 @@ class Appearance:
     """What was learned of an object's looks from frames in which it was tracked.
 
     Args:
+        number: Its number, as in `Frame.owner`.
         model: Its shape.
     """
 
-    def __init__(self, model: Model) -> None:
-        self._model, self.colours = model, Colours()
+    def __init__(self, number: int, model: Model) -> None:
+        self._number, self._model, self.colours = number, model, Colours()
         self.landmarks: list[landmarks.Landmarks] = []
         self._looks: list[terms.Look] = []
 
@@ -42,7 +43,8 @@ class Appearance:
         if cast is None or box is None:
             return
         z = frame.depth[np.ix_(cast.rows, cast.columns)]
-        shown = cast.drawn & ((z == 0) | (np.abs(z - cast.depth) < 0.012))
+        others = frame.others(cast.rows[:, None], cast.columns[None], self._number)
+        shown = cast.drawn & ~others & ((z == 0) | (np.abs(z - cast.depth) < 0.012))
         rows, columns = np.nonzero(shown)
         inside = bins(frame.rgb[cast.rows[rows], cast.columns[columns]])
         step = max(1, (box[3] - box[1]) // 40)
@@ -80,6 +82,7 @@ class Appearance:
         rows, columns, inside = frame.nearest(placed.points)
         z = frame.depth[rows, columns]
         good = inside & (z > 0) & (np.abs(z - placed.points[:, 2]) < 0.01)
+        good &= ~frame.others(rows, columns, self._number)
         if good.sum() < 40:
             return
         kept = terms.Spots(spots.points[good], spots.normals[good], spots.link[good])

@@ -62,6 +62,11 @@ class Frame:
         """Row, column and whether it is in the picture, of the pixels of points (N, 3) in the camera frame."""
         return cameras.nearest_pixels(points, self.k, self.depth.shape)
 
+    def others(self, rows: np.ndarray, columns: np.ndarray, number: int) -> np.ndarray:
+        """Whether pixels were found to show the robot, or another object than `number`."""
+        owner = self.owner[rows, columns]
+        return np.asarray((owner >= 0) & (owner != number))
+
     def measured(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Points (N, 3) [m] at pixels; 0 where nothing was measured."""
         z = self.depth[rows, columns].astype(np.float64)

@@ -71,8 +71,7 @@ def look(
     rows, columns = np.nonzero(cast.drawn)
     own = cast.depth[rows, columns]
     rows, columns = cast.rows[rows], cast.columns[columns]
-    z, owner = frame.depth[rows, columns], frame.owner[rows, columns]
-    others = (owner >= 0) & (owner != number)
+    z, others = frame.depth[rows, columns], frame.others(rows, columns, number)
     limit = TOLERANCE_M + 3.0 * planes.depth_sigma(own) + 0.5 * _thickness(cast)
     agree = (z > 0) & (np.abs(z - own) < limit) & ~others
     before, behind = ((z > 0) & (z < own - limit)) | others, (z > own + limit) & ~others

@@ -57,11 +57,11 @@ class Seen:
     sigma: np.ndarray
 
 
-def seek(frame: Frame, placed: Placed, outline: Outline, colours: Colours, reach_px: int) -> Seen:
+def seek(frame: Frame, placed: Placed, outline: Outline, colours: Colours, reach_px: int, number: int) -> Seen:
     """Look along the normals of an outline for the step from the object to its surroundings.
 
     The posterior of the step's place given the colours (Stoiber et al. 2022, region modality) and the depth: what is
-    clearly behind is not the object; a line along which something nearer is seen tells nothing.
+    clearly behind is not the object; a line along which something nearer is seen, or another object than `number` was found, tells nothing.
     """
     steps = np.arange(-reach_px, reach_px + 1)
     middle = cameras.project(placed.points, frame.k) + outline.beyond * outline.outward
@@ -72,7 +72,8 @@ def seek(frame: Frame, placed: Placed, outline: Outline, colours: Colours, reach
     evidence = colours.odds()[bins(frame.rgb[row, column])]
     z, own = frame.depth[row, column], placed.points[:, 2:3]
     evidence = np.where((z > own + BESIDE_M), -3.0, evidence)
-    hidden = ((z > 0) & (z < own - BESIDE_M)).mean(axis=1) > 0.2
+    nearer = (z > 0) & (z < own - BESIDE_M)
+    hidden = (nearer | frame.others(row, column, number)).mean(axis=1) > 0.2
     total = np.cumsum(evidence, axis=1)
     # If the step lies after sample i, those up to i are the object; neighbours are not independent.
     belief = np.exp(0.7 * (total - total.max(axis=1, keepdims=True)))

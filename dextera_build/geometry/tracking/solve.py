@@ -93,10 +93,10 @@ def fit(
             rows, earlier = [terms.depth(frame, placed, gate, number)], None
             if colours.known and len(edge.outward):
                 border = terms.Placed.of(model, now, edge.spots)
-                seen = outline.seek(frame, border, edge, colours, stage.reach_px)
+                seen = outline.seek(frame, border, edge, colours, stage.reach_px, number)
                 rows.append(outline.rows(frame, border, edge, seen))
             if look is not None:
-                found, score = terms.brightness(frame, terms.Placed.of(model, now, look.spots), look)
+                found, score = terms.brightness(frame, terms.Placed.of(model, now, look.spots), look, number)
                 # Where it looks otherwise, slopes of a fine print lead nowhere.
                 if score > ALIKE:
                     rows.append(found)

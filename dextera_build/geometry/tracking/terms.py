@@ -110,8 +110,7 @@ def depth(frame: Frame, placed: Placed, gate_m: float, number: int) -> Rows:
     found, do not take part; Tukey's biweight.
     """
     rows, columns, inside = frame.nearest(placed.points)
-    owner = frame.owner[rows, columns]
-    inside &= (owner < 0) | (owner == number)
+    inside &= ~frame.others(rows, columns, number)
     seen = frame.measured(rows, columns)
     towards = placed.normals[:, 2] * -1.0
     off = (placed.normals * (seen - placed.points)).sum(axis=1)
@@ -152,9 +151,13 @@ class Look:
         return np.asarray(turned @ self.covariance @ turned.T)
 
 
-def brightness(frame: Frame, placed: Placed, look: Look) -> tuple[Rows, float]:
-    """Differences of brightness to an earlier view, up to a gain and an offset, and the correlation with it."""
+def brightness(frame: Frame, placed: Placed, look: Look, number: int) -> tuple[Rows, float]:
+    """Differences of brightness to an earlier view, up to a gain and an offset, and the correlation with it.
+
+    What something nearer hides, or where another object than `number` was found, does not take part.
+    """
     rows, columns, inside = frame.nearest(placed.points)
+    inside &= ~frame.others(rows, columns, number)
     z = frame.depth[rows, columns]
     own = placed.points[:, 2]
     facing = (placed.normals * placed.points).sum(axis=1) < -0.2 * np.linalg.norm(placed.points, axis=1)

@@ -68,7 +68,7 @@ class Thing:
     """
 
     def __init__(self, number: int, model: Model) -> None:
-        self.number, self.model, self.appearance = number, model, Appearance(model)
+        self.number, self.model, self.appearance = number, model, Appearance(number, model)
         self.status: Status = "lost"
         self.state: State | None = None
         self.cast: Cast | None = None

@@ -174,8 +174,9 @@ class Mirror:
             if finger == SUPPORT:
                 supported = True
             else:
-                # The normal points from the first geom to the second.
-                pushes[finger] += self._data.contact.frame[number][:3] * (-1.0 if inside[0] else 1.0)
+                # The normal points from the first geom to the second; what is nearer presses harder.
+                near = max(NEAR_M - float(self._data.contact.dist[number]), 0.0)
+                pushes[finger] += near * self._data.contact.frame[number][:3] * (-1.0 if inside[0] else 1.0)
         return {
             name: _grasp(pushes[self._hands.of(number)], supported, float(slips[number]))
             for number, name in enumerate(self._hands.names)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from dextera_build.geometry import cameras, registration, transforms
-from dextera_build.geometry.tracking import motions, terms
+from dextera_build.geometry.tracking import motions, outline, terms
+from dextera_build.geometry.tracking.colours import Colours
 from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.model import Model, State
 from tests import factories
@@ -74,12 +75,41 @@ def test_depth_pulls_to_the_surface_and_not_to_what_hides_it():
     assert np.abs(kept.off).max() < 1e-3
 
 
-def test_places_of_another_object_do_not_take_part():
-    model, at = laptop(), state()
-    frame = seen(model, at)
+@pytest.fixture
+def taken() -> tuple[Model, State, Frame]:
+    """A frame whose right half was found to show object 1."""
+    frame = seen(laptop(), state())
+    frame.owner[:, 160:] = 1
+    return laptop(), state(), frame
+
+
+def test_depth_of_another_object_does_not_take_part(taken):
+    model, at, frame = taken
+    placed = terms.Placed.of(model, at, terms.Spots.of(model.cast(at, K, (240, 320)), 300))
+    right = cameras.project(placed.points, K)[:, 0] > 160
+    assert 20 < len(terms.depth(frame, placed, 0.03, 0).off) <= (~right).sum() + 5
+    assert len(terms.depth(frame, placed, 0.03, 1).off) > (~right).sum() + 20
+
+
+def test_brightness_of_another_object_is_not_compared(taken):
+    model, at, frame = taken
     cast = model.cast(at, K, (240, 320))
     assert cast is not None
-    placed = terms.Placed.of(model, at, terms.Spots.of(cast, 300))
-    frame.owner[:] = 1
-    assert len(terms.depth(frame, placed, 0.03, 0).off) == 0
-    assert len(terms.depth(frame, placed, 0.03, 1).off) > 100
+    spots = terms.Spots.of(cast, 300)
+    placed = terms.Placed.of(model, at, spots)
+    look = terms.Look(spots, np.linspace(0, 255, len(spots.points)), np.eye(3)[2], np.eye(3), np.eye(6))
+    counts = [len(terms.brightness(frame, placed, look, number)[0].off) for number in (0, 1)]
+    assert 20 < counts[0] < counts[1] - 20
+
+
+def test_an_outline_that_touches_another_object_is_hidden(taken):
+    model, at, frame = taken
+    cast = model.cast(at, K, (240, 320))
+    assert cast is not None
+    edge = outline.Outline.of(cast, frame.shape)
+    placed = terms.Placed.of(model, at, edge.spots)
+    known = [np.isfinite(outline.seek(frame, placed, edge, Colours(), 7, number).offset) for number in (0, 1)]
+    column = cameras.project(placed.points, K)[:, 0]
+    assert known[1].all()
+    assert known[0][column < 150].all()
+    assert not known[0][column > 170].any()

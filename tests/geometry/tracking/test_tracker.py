@@ -102,6 +102,24 @@ def test_a_hand_hides_points_and_does_not_pull_them():
     assert max(errors) > 2 * max(ours)
 
 
+@pytest.mark.parametrize("knows", [True, False])
+def test_a_hand_that_touches_is_told_from_a_print_by_the_robots_pixels(knows):
+    """Of a finger that lies on the box, depth says nothing: it is as near as the box."""
+    made = sequence(lambda time: standing(0.0, 0.0, 20), 1.2)
+    tracker = Tracker({"box": made.actors["box"].model()}, K)
+    tracker.start({"box": truth(made, 0.0)})
+    found = []
+    for number, (frame, labels) in enumerate(frames(made, still=True)):
+        rows, columns = np.nonzero(labels == 1)
+        fingers = (labels == 1) & (np.indices(labels.shape)[1] < np.quantile(columns, 0.4)) & (number > 3)
+        rgb = np.where(fingers[..., None], np.uint8([240, 200, 190]), frame.rgb)
+        depth = np.where(fingers, frame.depth - 0.006, frame.depth)
+        robot = fingers if knows else None
+        found.append(tracker.step(rgb, depth, frame.stamp, moved=np.eye(4), robot=robot)["box"])
+    late = found[4:]
+    assert all(each.status == "tracked" and off(each, truth(made, 0.0)) < 0.003 for each in late) == knows
+
+
 def lifted(time: float) -> np.ndarray:
     """The box stands for 0.8 s, then rises by 12 cm in 0.6 s."""
     return standing(0.0, 0.0, 20.0, 0.2 * float(np.clip(time - 0.8, 0, 0.6)))
