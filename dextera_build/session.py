@@ -224,7 +224,7 @@ class Session:
             raise UsageError(
                 f"`{self.recipe}:{node}` was never built here",
                 code="DXB-U109",
-                facts={**({"request": self.variant[1:]} if self.variant else {}), "built": listing(known, most=30)},
+                facts={**({"request": self.variant[1:]} if self.variant else {}), "built": listing(known)},
                 hint=did_you_mean(node, known) or f"`dxb build '{self.recipe}:{node}'`",
             )
         return self.history[node]

@@ -61,7 +61,8 @@ def seek(frame: Frame, placed: Placed, outline: Outline, colours: Colours, reach
     """Look along the normals of an outline for the step from the object to its surroundings.
 
     The posterior of the step's place given the colours (Stoiber et al. 2022, region modality) and the depth: what is
-    clearly behind is not the object; a line along which something nearer is seen, or another object than `number` was found, tells nothing.
+    clearly behind is not the object; a line along which something nearer is seen, or another object than `number` was
+    found, tells nothing.
     """
     steps = np.arange(-reach_px, reach_px + 1)
     middle = cameras.project(placed.points, frame.k) + outline.beyond * outline.outward

@@ -110,7 +110,7 @@ def test_a_hand_that_touches_is_told_from_a_print_by_the_robots_pixels(knows):
     tracker.start({"box": truth(made, 0.0)})
     found = []
     for number, (frame, labels) in enumerate(frames(made, still=True)):
-        rows, columns = np.nonzero(labels == 1)
+        columns = np.nonzero(labels == 1)[1]
         fingers = (labels == 1) & (np.indices(labels.shape)[1] < np.quantile(columns, 0.4)) & (number > 3)
         rgb = np.where(fingers[..., None], np.uint8([240, 200, 190]), frame.rgb)
         depth = np.where(fingers, frame.depth - 0.006, frame.depth)

@@ -105,6 +105,7 @@ def test_a_language_model_names_one_of_the_pictures(tmp_path):
     assert "Qwen3-VL" in frame.method
 
 
+@pytest.mark.slow
 def test_a_language_model_that_cannot_tell_leaves_both_open(tmp_path):
     pytest.importorskip("transformers")
     assert named(tmp_path, "0").undecided == ("up", "front")

@@ -95,6 +95,7 @@ def test_nothing_is_invented_for_an_object_that_was_hidden(tmp_path: Path) -> No
     assert not found.areas[31:, 1].any()
 
 
+@pytest.mark.slow
 def test_a_film_gives_the_same_masks_again(tmp_path: Path) -> None:
     video, true = covered(tmp_path, 0.0)
     first, second = (run(tmp_path / name, video, true[0])[0] for name in "ab")

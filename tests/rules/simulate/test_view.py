@@ -21,9 +21,17 @@ POSE = factories.look_at((0.1, -0.9, 0.7))
 SCENE = Scene(model=Folder(files={}), camera=CAMERA, camera_pose=factories.placed(POSE, "camera"), bodies=())
 
 
-@given(st.integers(8, 400), st.integers(8, 400))
-def test_a_point_lands_where_cropping_and_scaling_the_photograph_puts_it(width: int, height: int) -> None:
-    made = RuleRunner(Path()).run("simulate.view", options={"width_px": width, "height_px": height}, scene=SCENE)
+@pytest.fixture(scope="module")
+def one_runner(tmp_path_factory: pytest.TempPathFactory) -> RuleRunner:
+    """For all examples: to find the rules takes longer than to run this one."""
+    return RuleRunner(tmp_path_factory.mktemp("view"))
+
+
+@given(width=st.integers(8, 400), height=st.integers(8, 400))
+def test_a_point_lands_where_cropping_and_scaling_the_photograph_puts_it(
+    one_runner: RuleRunner, width: int, height: int
+) -> None:
+    made = one_runner.run("simulate.view", options={"width_px": width, "height_px": height}, scene=SCENE)
     small = made.camera
     scale = max(width / 1280, height / 720)
     point = np.array([0.13, -0.07, 1.2])

@@ -91,6 +91,7 @@ def test_what_something_hides_is_left_out(folder: Path, tmp_path: Path) -> None:
     assert runner.outcome.metrics["arm residual"][0] < 2.0
 
 
+@pytest.mark.slow
 def test_markers_then_the_robot_itself(folder: Path, tmp_path: Path) -> None:
     """The whole chain: world, views, hand-eye, robot."""
     taken, runner = views(folder), RuleRunner(tmp_path)
