@@ -62,7 +62,7 @@ class Frame:
         """Row, column and whether it is in the picture, of the pixels of points (N, 3) in the camera frame."""
         return cameras.nearest_pixels(points, self.k, self.depth.shape)
 
-    def others(self, rows: np.ndarray, columns: np.ndarray, number: int) -> np.ndarray:
+    def others(self, rows: np.ndarray | slice, columns: np.ndarray | slice, number: int) -> np.ndarray:
         """Whether pixels were found to show the robot, or another object than `number`."""
         owner = self.owner[rows, columns]
         return np.asarray((owner >= 0) & (owner != number))

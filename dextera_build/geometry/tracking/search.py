@@ -89,9 +89,9 @@ def places(
 
     half = slice(STEP // 2, None, STEP)
     z = frame.depth[half, half]
-    owner = frame.owner[half, half]
+    others = frame.others(half, half, number)
     belief = 1.0 / (1.0 + np.exp(-colours.odds()[bins(frame.rgb[half, half])]))
-    belief = np.where((z > 0) & ((owner < 0) | (owner == number)), np.square(belief), 0.0)
+    belief = np.where((z > 0) & ~others, np.square(belief), 0.0)
     if not belief.any():
         return []  # without any depth, as behind a covered lens
     if mask is not None and mask[half, half].any():
