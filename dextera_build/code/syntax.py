@@ -11,6 +11,7 @@ import threading
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 from dextera_build import digest
 from dextera_build.errors import Place, RecipeError
@@ -67,8 +68,9 @@ def too_deep(file: str) -> RecipeError:
     )
 
 
+@lru_cache(maxsize=2048)
 def source(data: bytes, file: str) -> Source:
-    """Parse a source file and digest its definitions.
+    """Parse a source file and digest its definitions; a file that is unchanged is parsed once per process.
 
     Raises:
         RecipeError: It is not Python, or nested more deeply than Python can read.

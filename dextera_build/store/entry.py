@@ -113,7 +113,9 @@ class ActionResult:
             output=_digest(raw["output"]),
             line=_text(raw["line"]),
             previews=_pairs(raw["previews"], _text, _digest),
-            metrics=dict(zip(raw["metrics"], _pairs([*raw["metrics"].values()], _number, _text), strict=True)),
+            metrics=dict(
+                zip(map(_text, raw["metrics"]), _pairs([*raw["metrics"].values()], _number, _text), strict=True)
+            ),
             seconds=_number(raw["seconds"]),
             log=None if raw["log"] is None else _digest(raw["log"]),
             key_document=_digest(raw["key_document"]),
@@ -190,6 +192,7 @@ def _pairs(rows: object, first: Callable[[object], S], second: Callable[[object]
 
 def _text(value: object) -> str:
     if isinstance(value, str):
+        value.encode()  # JSON can spell half a surrogate pair, which UTF-8 refuses by a ValueError
         return value
     raise ValueError("not a text")
 

@@ -81,6 +81,9 @@ def test_a_changed_byte_is_no_harm(built: bytes, data: st.DataObject) -> None:
     [
         {"line": 7},
         {"line": ...},
+        {"line": "\ud800"},
+        {"metrics": {"\ud800": [1.0, ""]}},
+        {"metrics": {"m": [1.0, "\ud800"]}},
         {"more": 1},
         {"seconds": "1"},
         {"seconds": float("inf")},

@@ -49,7 +49,8 @@ class Appearance:
         inside = bins(frame.rgb[cast.rows[rows], cast.columns[columns]])
         step = max(1, (box[3] - box[1]) // 40)
         around = bins(frame.rgb[box[1] : box[3] : step, box[0] : box[2] : step])
-        outside = around[~_drawn_at(cast, np.arange(box[1], box[3], step), np.arange(box[0], box[2], step))]
+        rows, columns = np.arange(box[1], box[3], step), np.arange(box[0], box[2], step)
+        outside = around[cast.link_at(rows[:, None], columns[None]) < 0]
         if rate == 1.0:
             # The whole first picture too, so that search knows what else has these colours.
             outside = np.concatenate([outside, bins(frame.rgb[4::16, 4::16])[frame.owner[4::16, 4::16] < 0]])
@@ -105,12 +106,3 @@ def _inside(cast: Cast, most: int) -> terms.Spots:
     inner = cv2.erode(np.pad(cast.drawn, 1).astype(np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1]
     chosen = np.flatnonzero(inner)
     return terms.Spots.at(cast, chosen[:: max(1, -(-len(chosen) // most))])
-
-
-def _drawn_at(cast: Cast, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Whether the model is drawn at pixels of a grid, (len(rows), len(columns)) bool."""
-    down = (rows - cast.rows[0] + cast.stride // 2) // cast.stride
-    right = (columns - cast.columns[0] + cast.stride // 2) // cast.stride
-    within = ((down >= 0) & (down < len(cast.rows)))[:, None] & ((right >= 0) & (right < len(cast.columns)))[None]
-    drawn = cast.drawn[np.ix_(down.clip(0, len(cast.rows) - 1), right.clip(0, len(cast.columns) - 1))]
-    return np.asarray(within & drawn)

@@ -47,6 +47,14 @@ class Cast:
         """Rays that meet the model, (h, w) bool."""
         return self.link >= 0
 
+    def link_at(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        """Link of the ray through or nearest to pixels, in the shape of `rows` and `columns`; -1 without one."""
+        down = (rows - self.rows[0] + self.stride // 2) // self.stride
+        right = (columns - self.columns[0] + self.stride // 2) // self.stride
+        height, width = self.link.shape
+        within = (down >= 0) & (down < height) & (right >= 0) & (right < width)
+        return np.where(within, self.link[down.clip(0, height - 1), right.clip(0, width - 1)], -1)
+
 
 class Model:
     """An object as a tracker knows it.

@@ -96,7 +96,7 @@ def fit(
                 seen = outline.seek(frame, border, edge, colours, stage.reach_px, number)
                 rows.append(outline.rows(frame, border, edge, seen))
             if look is not None:
-                found, score = terms.brightness(frame, terms.Placed.of(model, now, look.spots), look, number)
+                found, score = terms.brightness(frame, terms.Placed.of(model, now, look.spots), look, number, cast)
                 # Where it looks otherwise, slopes of a fine print lead nowhere.
                 if score > ALIKE:
                     rows.append(found)

@@ -151,13 +151,15 @@ class Look:
         return np.asarray(turned @ self.covariance @ turned.T)
 
 
-def brightness(frame: Frame, placed: Placed, look: Look, number: int) -> tuple[Rows, float]:
+def brightness(frame: Frame, placed: Placed, look: Look, number: int, cast: Cast) -> tuple[Rows, float]:
     """Differences of brightness to an earlier view, up to a gain and an offset, and the correlation with it.
 
-    What something nearer hides, or where another object than `number` was found, does not take part.
+    What something nearer hides, or where another object than `number` was found, does not take part, nor what by the
+    `cast` another link hides, such as the keyboard below a lid.
     """
     rows, columns, inside = frame.nearest(placed.points)
-    inside &= ~frame.others(rows, columns, number)
+    shown = cast.link_at(rows, columns)
+    inside &= ~frame.others(rows, columns, number) & ((shown < 0) | (shown == look.spots.link))
     z = frame.depth[rows, columns]
     own = placed.points[:, 2]
     facing = (placed.normals * placed.points).sum(axis=1) < -0.2 * np.linalg.norm(placed.points, axis=1)

@@ -24,6 +24,15 @@ from dextera_build.testing import RuleRunner
 from tests.e2e.space import Space
 
 RECIPES = Path(__file__).parents[3] / "recipes"
+OF_OWN_FILES = {
+    "align.track",
+    "capture.draw",
+    "capture.emptied",
+    "capture.postures",
+    "capture.stand",
+    "evaluate.views",
+    "simulate.perturbed",
+}
 RULES = [found.path for found in Library().rules() if found.backends and found.rule.protocol is not None]
 
 
@@ -67,7 +76,7 @@ def test_a_server_of_any_rule_returns_what_it_was_sent(space, found):
     """Values of every type that a backend may take or return pass through the formats of the field."""
     if found.path == "simulate.mesh_robot":
         pytest.importorskip("robosuite")
-    if found.path in {"align.track", "simulate.perturbed", "capture.draw", "capture.emptied", "evaluate.views"}:
+    if found.path in OF_OWN_FILES:
         pytest.skip("the only recipe that calls it needs files of the user's own")
     if not any(f"rule: {found.path}" in recipe.read_text() for recipe in RECIPES.rglob("*.yaml")):
         pytest.skip("no recipe calls it, so it has no example")

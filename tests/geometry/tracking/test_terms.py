@@ -101,8 +101,26 @@ def test_brightness_of_another_object_is_not_compared(taken):
     spots = terms.Spots.of(cast, 300)
     placed = terms.Placed.of(model, at, spots)
     look = terms.Look(spots, np.linspace(0, 255, len(spots.points)), np.eye(3)[2], np.eye(3), np.eye(6))
-    counts = [len(terms.brightness(frame, placed, look, number)[0].off) for number in (0, 1)]
+    counts = [len(terms.brightness(frame, placed, look, number, cast)[0].off) for number in (0, 1)]
     assert 20 < counts[0] < counts[1] - 20
+
+
+def test_brightness_of_what_a_lid_hides_is_not_compared():
+    model, pose = laptop(), transforms.rigid(registration.rotation(np.array([-2.8, 0.3, 0.1])), state().pose[:3, 3])
+    cast = model.cast(State(pose, np.array([1.9])), K, (240, 320))
+    assert cast is not None
+    spots = terms.Spots.of(cast, 300)
+    look = terms.Look(spots, np.linspace(0, 255, len(spots.points)), np.eye(3)[2], np.eye(3), np.eye(6))
+    counts = []
+    for angle in (1.9, 0.05):
+        now = State(pose, np.array([angle]))
+        there = model.cast(now, K, (240, 320))
+        assert there is not None
+        placed = terms.Placed.of(model, now, spots)
+        found, _ = terms.brightness(seen(model, now), placed, look, 0, there)
+        counts.append(int((found.patch < 8).sum()))  # of link 0, the keyboard
+    assert counts[0] > 100
+    assert counts[1] < counts[0] / 10
 
 
 def test_an_outline_that_touches_another_object_is_hidden(taken):
