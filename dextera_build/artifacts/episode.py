@@ -17,6 +17,7 @@ from dextera_build.artifacts.content import Content, Get, OnDisk, Stored
 from dextera_build.artifacts.identity import check
 from dextera_build.artifacts.lazy import contents
 from dextera_build.artifacts.limb import ONLY
+from dextera_build.artifacts.reasons import tally
 from dextera_build.artifacts.variation import Variation
 from dextera_build.errors import ArtifactError
 
@@ -143,6 +144,11 @@ class Episodes(Artifact):
     """Fingertips of `Episode.contact`."""
     limb_names: tuple[str, ...]
     """Limbs of `Episode.hand`."""
+
+    @property
+    def reasons(self) -> dict[str, int]:
+        """Reason of failure -> count, most frequent first."""
+        return tally(episode.reason for episode in self.failures.values())
 
     def in_order(self) -> list[tuple[str, Episode]]:
         """Accepted episodes with their indices, `2` before `10`; the store sorts keys of dictionaries as text."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.reasons import tally
 from dextera_build.artifacts.task import TaskSpec, WorldKind
 
 Actor = Literal["policy", "replay"]
@@ -118,7 +118,7 @@ class Trials(Artifact):
     @property
     def reasons(self) -> dict[str, int]:
         """Reason of failure -> count, most frequent first."""
-        return dict(Counter(trial.reason for trial in self.items if not trial.success).most_common())
+        return tally(trial.reason for trial in self.items if not trial.success)
 
     @property
     def mean_time_s(self) -> float | None:

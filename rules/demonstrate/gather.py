@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.rule import Context, rule
@@ -30,7 +28,8 @@ def gather(ctx: Context, shards: Collection[Episodes]) -> Episodes:
     attempts = sum(part.attempts for part in parts)
     ctx.metric("episodes", len(items))
     ctx.metric("yield", len(items) / max(1, attempts))
-    for reason, count in Counter(episode.reason for episode in failures.values()).most_common():
-        ctx.log(f"{count} x {reason}")
     ctx.say(f"{len(items)} episodes from {attempts} attempts ({100 * len(items) / max(1, attempts):.0f} %)")
-    return parts[0].model_copy(update={"items": items, "failures": failures, "attempts": attempts})
+    found = parts[0].model_copy(update={"items": items, "failures": failures, "attempts": attempts})
+    for reason, count in found.reasons.items():
+        ctx.log(f"{count} x {reason}")
+    return found

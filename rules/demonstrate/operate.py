@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Any, Protocol
 
 import numpy as np
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.reasons import spelled
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.rule import Context, Options, rule
 from dextera_build.statistics import wilson
@@ -62,19 +62,18 @@ def operate(ctx: Context[OperateBackend], bundle: TaskBundle, *, options: Operat
         RuleError: Too few attempts succeed, or the operator finds no way to do the task; not with option `attempts`.
     """
     shown: Episodes = ctx.backend.operate(ctx, bundle, options, ctx.backend_options)
-    reasons = Counter(episode.reason for episode in shown.failures.values())
-    counted = ", ".join(f"{count} x {reason}" for reason, count in reasons.most_common(5))
+    reasons = spelled(shown.reasons, most=5)
     done = len(shown.items)
     ctx.check(
         options.attempts is not None or done >= options.episodes,
         f"the operator showed `{bundle.task.name}` {done} times of {options.episodes}",
         attempts=shown.attempts,
-        reasons=counted,
+        reasons=reasons,
         hint="make the ranges of `reset` smaller, or move the robot's base",
     )
     low, high = wilson(done, shown.attempts)
     ctx.metric("success", 100 * done / shown.attempts, "%")
-    ctx.say(f"{done} of {shown.attempts} attempts ({100 * low:.0f}-{100 * high:.0f} %) {counted}".rstrip())
+    ctx.say(f"{done} of {shown.attempts} attempts ({100 * low:.0f}-{100 * high:.0f} %) {reasons}".rstrip())
     for caption, picture in ctx.backend.strips(ctx, bundle, shown, ctx.backend_options):
         ctx.preview(picture, caption)
     return shown

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Any, Protocol
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.episode import Episodes, Shard
+from dextera_build.artifacts.reasons import spelled
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.errors import listing
 from dextera_build.rule import Context, Options, rule
 
 
@@ -66,17 +65,16 @@ def synthesize(
         hint="give both the same task bundle",
     )
     found: Episodes = ctx.backend.synthesize(ctx, bundle, sources, shard, options, ctx.backend_options)
-    reasons = Counter(episode.reason for episode in found.failures.values())
     done = len(found.items)
     ctx.check(
         done == shard.count,
         f"only {done} of {shard.count} episodes of `{bundle.task.name}` came out",
         attempts=found.attempts,
-        reasons=listing([f"{count} x {reason}" for reason, count in reasons.most_common()], most=5),
+        reasons=spelled(found.reasons, most=5),
         hint="add demonstrations, lower the noise or raise `tries`",
     )
     ctx.metric("yield", done / max(1, found.attempts))
     ctx.say(f"{done} episodes from {found.attempts} attempts ({100 * done / max(1, found.attempts):.0f} %)")
-    for reason, count in reasons.most_common():
+    for reason, count in found.reasons.items():
         ctx.log(f"{count} x {reason}")
     return found

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections import Counter
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -11,6 +9,7 @@ import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
 from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.reasons import spelled
 from dextera_build.artifacts.table import Column, Table
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.rule import Context, Options, rule
@@ -53,10 +52,6 @@ def expert(
     everything = {**episodes.items, **episodes.failures}
     some = [everything[name] for name in sorted(everything)][: options.measured]
     own, random = ctx.backend.returns(ctx, bundle, some, options.seed, ctx.backend_options)
-    # Reasons that differ by what was measured alone are one.
-    alike = (re.sub(r"\d+ (mm|deg)", r"N \1", episode.reason) for episode in episodes.failures.values())
-    reasons = Counter(alike).most_common()
-    told = "; ".join(f"{number} x {reason}" for reason, number in reasons)
     ctx.metric("success", 100 * done / max(count, 1), "%")
     ctx.metric("return of the expert", float(own.mean()), "")
     ctx.metric("return of random actions", float(random.mean()), "")
@@ -69,7 +64,7 @@ def expert(
         bundle.task.primitive,
         count,
         *(float(value) for value in (100 * done / max(count, 1), 100 * low, 100 * high, own.mean(), random.mean())),
-        told,
+        spelled(episodes.reasons, most=len(episodes.failures)),
     )
     rates = ("success", "low", "high")
     return Table(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydantic import PositiveInt
 
 from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.reasons import spelled
 from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.artifacts.trials import Trials
 from dextera_build.rule import Context, rule
@@ -38,8 +39,8 @@ def outcomes(ctx: Context, trials: Collection[Trials], *, options: OutcomesOptio
                 100 * high,
                 cell.trials.mean_time_s,
                 _judged(cell.trials),
-                counted(cell.trials.reasons, options.reasons) or None,
-                counted(cell.trials.excluded, options.reasons) or None,
+                spelled(cell.trials.reasons, options.reasons) or None,
+                spelled(cell.trials.excluded, options.reasons) or None,
             )
         )
     tried = sum(cell.rate.trials for cell in series.cells)
@@ -77,11 +78,3 @@ def _judged(trials: Trials) -> str | None:
         if trial.sighting is not None and trial.sighting.success is not None
     ]
     return f"{sum(seen)} of {len(seen)}" if seen else None
-
-
-def counted(reasons: dict[str, int], most: int) -> str:
-    """`12 x slipped, 3 x out of reach, 2 x others`, most frequent first."""
-    ordered = sorted(reasons.items(), key=lambda item: (-item[1], item[0]))
-    rest = sum(count for _, count in ordered[most:])
-    shown = [f"{count} x {reason}" for reason, count in ordered[:most]]
-    return ", ".join([*shown, *([f"{rest} x others"] if rest else [])])

@@ -12,6 +12,7 @@ import numpy as np
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.reasons import spelled, tally
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.trials import Actor, Attempt, Poses, Sighting, Trial, Trials
 from dextera_build.errors import listing
@@ -122,7 +123,7 @@ def close(ctx: Context, record: Record) -> None:
     ctx.check(
         bool(record.items),
         f"no trial of `{record.bundle.task.name}` came about",
-        **reasons(record.excluded),
+        **({"reasons": spelled(record.excluded, most=3)} if record.excluded else {}),
         hint="make the ranges of `reset` smaller, or look at the demonstrations",
     )
     rate, without = record.rate, sum(record.excluded.values())
@@ -135,7 +136,7 @@ def close(ctx: Context, record: Record) -> None:
     how = ", poses tracked" if record.poses == "tracked" else ""
     ctx.say(f"{rate} in the {record.bundle.kind}{how}" + (f", {without} starts left out" if without else ""))
     _tell(ctx, [(trial.success, trial.sighting) for trial in record.items if trial.sighting is not None])
-    for reason, count in Counter(trial.reason for trial in record.items if not trial.success).most_common():
+    for reason, count in tally(trial.reason for trial in record.items if not trial.success).items():
         ctx.log(f"{count} x {reason}")
     for reason, count in record.excluded.most_common():
         ctx.log(f"{count} x left out: {reason}")
@@ -166,12 +167,6 @@ ERRORS = {
     "joints_rad": ("joint", "rad or m", 1.0),
 }
 """Field of a sighting -> what it is the error of, unit and factor of its metrics."""
-
-
-def reasons(counts: Counter[str], most: int = 3) -> dict[str, str]:
-    """The most frequent reasons, as a fact of an error."""
-    listed: Sequence[tuple[str, int]] = counts.most_common(most)
-    return {"reasons": "; ".join(f"{count} x {reason}" for reason, count in listed)} if listed else {}
 
 
 def digest_of(artifact: Artifact) -> str:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 from pydantic import PositiveInt
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.reasons import spelled
 from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.rule import Context, Options, rule
 from dextera_build.statistics import Rate
-
-from .outcomes import counted
 
 
 class YieldsOptions(Options):
@@ -63,10 +60,8 @@ def _row(label: str, part: Episodes, rate: Rate, most: int) -> tuple[Cell, ...]:
     actors = sorted({episode.origin for episode in part.items.values()})
     steps = [len(episode.action) for episode in part.items.values()]
     length = sum(steps) / len(steps) / part.rate_hz if steps else None
-    reasons = Counter(episode.reason for episode in part.failures.values())
     lost = part.attempts - len(part.items) - len(part.failures)
-    if lost > 0:
-        reasons["not kept"] += lost
+    reasons = part.reasons | ({"not kept": lost} if lost > 0 else {})
     percent = [100 * number for number in (rate.value, low, high)]
-    sorted_out = counted(dict(reasons), most) or None
+    sorted_out = spelled(reasons, most) or None
     return (label, part.task, ", ".join(actors), rate.trials, rate.successes, *percent, length, sorted_out)

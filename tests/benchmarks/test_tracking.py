@@ -51,7 +51,7 @@ def test_worse_frames_cost_accuracy_and_not_the_object() -> None:
 
 
 def test_things_on_a_kitchen_table_are_where_the_camera_says(tmp_path: Path) -> None:
-    """In 9 of 24 views of the patterned cup the depth contradicts the stated motion, by up to 55 mm: they say nothing."""
+    """In 9 of 24 views of the patterned cup the depth contradicts the stated motion, by up to 55 mm: not counted."""
     if not kitchen.CAPTURE.is_dir():
         pytest.skip("needs shared/captures/kitchen_table")
     for name, rows in kitchen.measured(tmp_path / "store").items():

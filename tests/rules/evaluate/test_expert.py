@@ -23,4 +23,4 @@ def test_a_row_has_the_rate_over_all_attempts_and_the_kinds_of_failures(tmp_path
     assert row["attempts"] == 5
     assert [row["success"], row["low"], row["high"]] == pytest.approx([40.0, 100 * low, 100 * high])
     assert (row["return"], row["random return"]) == (pytest.approx(0.4), 0.0)
-    assert row["failures"] == "2 x misses it by N mm and N deg in `grasp`; 1 x box: not lifted"
+    assert row["failures"] == "2 x misses it by N mm and N deg in `grasp`, 1 x box: not lifted"
