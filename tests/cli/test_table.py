@@ -26,7 +26,7 @@ def test_a_terminal_gets_aligned_columns_with_units(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
-    monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((100, 24)))
+    monkeypatch.setattr("shutil.get_terminal_size", lambda **_: os.terminal_size((100, 24)))
     monkeypatch.setenv("NO_COLOR", "1")
     table.show(ROWS)
     assert capsys.readouterr().out.splitlines() == [
@@ -34,6 +34,6 @@ def test_a_terminal_gets_aligned_columns_with_units(
         "scene           stale           12.5  -",
         "body[mug].mesh  cached           3.0  primitives",
     ]
-    monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((31, 24)))
+    monkeypatch.setattr("shutil.get_terminal_size", lambda **_: os.terminal_size((31, 24)))
     table.show(ROWS)
     assert capsys.readouterr().out.splitlines()[2] == "body[mug].mesh  cached       …"
