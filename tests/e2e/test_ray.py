@@ -100,9 +100,15 @@ class Raylets:
     def workers(self) -> list[psutil.Process]:
         """Processes that Ray runs calls in, and what these started."""
         mine = [psutil.Process(root.pid) for root in self.started.values()]
-        below = [child for root in mine for child in root.children(recursive=True)]
-        rays = [child for child in below if _is_at_work(child)]
-        return [*rays, *(child for ray in rays for child in ray.children(recursive=True))]
+        rays = [child for root in mine for child in _children(root) if _is_at_work(child)]
+        return [*rays, *(child for ray in rays for child in _children(ray))]
+
+
+def _children(process: psutil.Process) -> list[psutil.Process]:
+    """All that a process started; nothing if it has just ended."""
+    with suppress(psutil.NoSuchProcess):
+        return process.children(recursive=True)
+    return []
 
 
 def _is_at_work(process: psutil.Process) -> bool:

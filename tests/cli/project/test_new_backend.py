@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib.util
 import inspect
 import json
 import os
@@ -74,8 +75,8 @@ def test_the_backend_and_its_test_pass_at_once(space, kind):
 @pytest.mark.parametrize("found", RULES, indirect=True)
 def test_a_server_of_any_rule_returns_what_it_was_sent(space, found):
     """Values of every type that a backend may take or return pass through the formats of the field."""
-    if found.path == "simulate.mesh_robot":
-        pytest.importorskip("robosuite")
+    if found.path == "simulate.mesh_robot" and importlib.util.find_spec("robosuite") is None:
+        pytest.skip("needs robosuite's meshes")
     if found.path in OF_OWN_FILES:
         pytest.skip("the only recipe that calls it needs files of the user's own")
     if not any(f"rule: {found.path}" in recipe.read_text() for recipe in RECIPES.rglob("*.yaml")):
