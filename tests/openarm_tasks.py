@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.goals import Goal
+from dextera_build.artifacts.goals import Goal, HandoverGoal
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import Reset, TaskBundle, TaskObject, TaskSpec
@@ -40,6 +40,12 @@ def bundle(
         task=TaskSpec(name="Task", object=thing, goal=goal, limbs=limbs, reset=reset, timeout_s=timeout_s),
         objects={name: described(asset) for name, asset in sorted(assets.items())},
     )
+
+
+def handover(robot: RobotModel) -> TaskBundle:
+    """A bar of 40 x 40 x 200 mm, 150 g, that stands on the table is handed from the right hand to the left one."""
+    bar = factories.box_asset(factories.pose(0.0, -0.08, 0.0), (0.04, 0.04, 0.20), 0.15, friction=0.6)
+    return bundle(robot, HandoverGoal(giver="right", receiver="left"), {"bar": bar}, "bar", timeout_s=16.0)
 
 
 def described(asset: Asset) -> TaskObject:

@@ -12,6 +12,7 @@ from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.room import Room
 from dextera_build.sim.experts.scripted import Taking
 from dextera_build.sim.runtime.environment import Environment
 
@@ -58,10 +59,10 @@ class Handover(Taking):
         }
 
     def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
-        """The receiver's grasp, and the giver's retreat."""
-        given, received, palm = self.given, self.received, last[self._giver].palm
-        now = palm @ np.linalg.inv(held[self._giver])
-        legs = received.taking(self._object, now, self._up)
+        """The receiver's grasp, and the giver's retreat; the giver makes good how the object lies in its hand."""
+        given, received = self.given, self.received
+        palm = self.meeting @ held[self._giver]
+        legs = received.taking(self._object, self.meeting, self._up)
         taken = legs[-1]
         back = shifted(palm, palm[:3, :3] @ given.palm[:3, :3].T @ given.away)
         _, _, opens, retreat, hold = SECONDS
@@ -76,10 +77,25 @@ class Handover(Taking):
             self._receiver: [*legs, *(self._held(taken.palm, received.closed, s, n) for s, n in _rest())],
         }
 
-    def given_up(self, state: State) -> Plan:
-        """The receiver's way into its grasp, with the object at the meeting place."""
-        phases = self.phases(state)
-        return {self._receiver: phases[1][self._receiver][:4]}
+    def comfort(self, room: Room, state: State) -> float | None:
+        """Comfort of the less comfortable arm: of the giver's way and of the receiver's into its grasp."""
+        there = held_at(self._reach.one(self._giver), state, self.given, self._object, self.meeting)
+        given, taken = super().comfort(room, state), None if there is None else self.received_comfort(room, there)
+        return None if given is None or taken is None else min(given, taken)
+
+    def received_comfort(self, room: Room, there: State) -> float | None:
+        """Comfort of the receiver's way into its grasp, with the object in the giver's hand at the meeting place."""
+        return room.comfort([{self._receiver: self.phases(there)[1][self._receiver][:4]}], there)
+
+
+def held_at(giver: Reach, state: State, grasp: Grasp, name: str, meeting: np.ndarray) -> State | None:
+    """The state in which the giver holds the object at the meeting place; None if it is out of reach."""
+    solved = giver.arm.solve(meeting @ grasp.palm, giver.joints(state), posture=giver.arm.home)
+    if not solved.reached():
+        return None
+    moved = state.joints.copy()
+    moved[giver.places(giver.arm.joints)] = solved.joints
+    return State(moved, {**state.objects, name: meeting}, state.displacement)
 
 
 def _rest() -> Sequence[tuple[float, str]]:

@@ -43,7 +43,7 @@ class Practised:
     def begin(self, state: State) -> None:
         """Choose the first free path from `state`, or a new one; if none is free, the best one reports the reason."""
         for one in self.rehearsed:
-            if self._search.room.comfort(one.candidate.operator.phases(state), state) is not None:
+            if one.candidate.operator.comfort(self._search.room, state) is not None:
                 self._now = one.candidate.operator
                 break
         else:

@@ -15,6 +15,7 @@ from dextera_build.geometry import transforms
 from dextera_build.sim.control.operator import Command, State
 from dextera_build.sim.experts.motion import Leg, Plan, follow
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.room import Room
 from dextera_build.sim.runtime.environment import Environment
 
 
@@ -51,6 +52,10 @@ class Scripted(ABC):
     def phases(self, state: State) -> list[Plan]:
         """The plan from `state`, phase by phase."""
         return [{self._reach.limb: self.legs(state)}]
+
+    def comfort(self, room: Room, state: State) -> float | None:
+        """Comfort of the arms along the plan from `state`, see `Room.comfort`; None if it is not free."""
+        return room.comfort(self.phases(state), state)
 
     @abstractmethod
     def legs(self, state: State) -> list[Leg]:

@@ -14,7 +14,7 @@ from dextera_build.sim.experts.articulate import Articulate
 from dextera_build.sim.experts.articulate import Push as Swing
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.grasps import candidates
-from dextera_build.sim.experts.handover import Handover, meetings
+from dextera_build.sim.experts.handover import Handover, held_at, meetings
 from dextera_build.sim.experts.lift import Lift
 from dextera_build.sim.experts.place import Place, PlaceTogether
 from dextera_build.sim.experts.push import Push, Stroke
@@ -104,7 +104,7 @@ def _comfortable(search: Search, found: Iterable[Candidate]) -> list[Candidate]:
     """The first candidates with a free path, most comfortable first, the kinds taking turns."""
     free: list[tuple[float, Candidate]] = []
     for number, each in enumerate(found):
-        comfort = search.room.comfort(each.operator.phases(search.state), search.state)
+        comfort = each.operator.comfort(search.room, search.state)
         free += [(comfort, each)] if comfort is not None else []
         if len(free) >= (search.enough if number < LOOKED else min(FEW, search.enough)):
             break
@@ -145,15 +145,14 @@ def _handovers(search: Search) -> list[Candidate]:
     found: list[tuple[float, Candidate]] = []
     tried = _mixed(list(itertools.product(gives, list(meetings(state.objects[name], palms, up)))))
     for number, (given, meeting) in enumerate(tried[:MEETINGS]):
-        solved = giver.arm.solve(meeting @ given.palm, giver.joints(state), posture=giver.arm.home)
-        if not solved.reached():
+        there = held_at(giver, state, given, name, meeting)
+        if there is None:
             continue
-        there = _handed(state, giver, solved.joints, given.closed, name, meeting)
         apart = [each for each in takes if _far_apart(given, each)]
         for received in apart[number % SHARE :: SHARE]:
             operator = Handover(environment, reach, meeting, given, received)
-            comfort = room.comfort([operator.given_up(there)], there)
-            if comfort is not None:
+            comfort = operator.received_comfort(room, there)
+            if comfort is not None and operator.comfort(room, state) is not None:
                 way = f"{given.way} to {received.way}"
                 found.append((comfort, Candidate(f"{given.name}, then {received.name}", way, operator)))
                 break
@@ -166,15 +165,6 @@ def _handovers(search: Search) -> list[Candidate]:
 def _given(room: Room, giver: Reach, grasp: Grasp, name: str, state: State) -> float | None:
     up = room.up
     return room.comfort([{giver.limb: grasp.taking(name, state.objects[name], up)}], state)
-
-
-def _handed(
-    state: State, giver: Reach, joints: np.ndarray, fingers: np.ndarray, name: str, meeting: np.ndarray
-) -> State:
-    """The state in which the giver holds the object at the meeting place."""
-    moved = state.joints.copy()
-    moved[giver.places(giver.arm.joints)] = joints
-    return State(moved, {**state.objects, name: meeting}, state.displacement)
 
 
 def _far_apart(given: Grasp, received: Grasp) -> bool:

@@ -63,6 +63,15 @@ def test_who_does_a_task_follows_from_its_limbs_and_its_goal(robot: RobotModel) 
 
 
 @pytest.mark.slow
+def test_a_bar_goes_from_one_hand_to_the_other(robot: RobotModel) -> None:
+    """`python -m tests.benchmarks.handover` counts more starts."""
+    driver = Driver(Environment(openarm_tasks.handover(robot)))
+    operator = planning.practise(driver)
+    episodes = [driver.run(operator, driver.environment.draw(seed), origin="operator") for seed in range(8)]
+    assert sum(episode.success for episode in episodes) >= 4, [episode.reason for episode in episodes]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("side", SIDES)
 def test_either_hand_lifts_a_box_and_the_other_stays(robot: RobotModel, side: str) -> None:
     bundle = task(robot, side)
