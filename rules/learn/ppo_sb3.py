@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from stable_baselines3 import PPO
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor, nn
 
@@ -69,6 +70,7 @@ def practise(
 
 def _learn(model: PPO, watch: Watch, options: PpoOptions) -> None:
     left = max(0, options.steps - model.num_timesteps)
+    model.set_logger(Logger(None, []))  # its own one leaves a folder among the temporary files
     try:
         model.learn(left, callback=watch, log_interval=NEVER, reset_num_timesteps=False)
     except ValueError as error:

@@ -107,6 +107,14 @@ def test_a_training_leaves_global_generators_as_they_were(tmp_path: Path) -> Non
     assert (np.random.get_state()[1].tolist(), torch.get_rng_state().tolist()) == before
 
 
+def test_a_training_leaves_no_temporary_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    learn(tmp_path)
+    assert not list(folder.iterdir())
+
+
 def test_a_training_that_was_killed_ends_with_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Killed within rollouts and within episodes; what was practised since the last state is practised again."""
     whole, _ = interrupted(tmp_path / "whole", None, monkeypatch)
