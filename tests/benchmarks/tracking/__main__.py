@@ -73,7 +73,7 @@ def seen(sequence: Sequence, keep: Path | None, strain: Strain) -> Iterator[tupl
                 shown.append(label.astype(np.uint8))
                 yield frame
 
-        RgbdVideo.write(keep / "raw.zip", CAMERA, noted(), depth_scale_m=0.001).save(film)
+        RgbdVideo.write(keep / "raw.zip", CAMERA, noted(), depth_scale_m=0.0001).save(film)
         (keep / "raw.zip").unlink()
         np.savez_compressed(labels, labels=np.stack(shown))
     video = RgbdVideo.load(film)
