@@ -34,9 +34,6 @@ BACKEND = Backend(
     extra="learn",
 )
 
-NEVER = 1 << 30
-"""Iterations between logs of stable-baselines3; effectively disables them."""
-
 
 def heading(ctx: Context, bundle: TaskBundle, options: Options) -> float | None:
     """Initial push direction of the task's link about the vertical in the base [rad]; None if it has none."""
@@ -70,9 +67,9 @@ def practise(
 
 def _learn(model: PPO, watch: Watch, options: PpoOptions) -> None:
     left = max(0, options.steps - model.num_timesteps)
-    model.set_logger(Logger(None, []))  # its own one leaves a folder among the temporary files
+    model.set_logger(Logger(None, []))  # the default one writes to a new temporary folder
     try:
-        model.learn(left, callback=watch, log_interval=NEVER, reset_num_timesteps=False)
+        model.learn(left, callback=watch, reset_num_timesteps=False)
     except ValueError as error:
         # Torch's distributions reject non-finite parameters and a spread of 0.
         if "distribution" not in str(error):

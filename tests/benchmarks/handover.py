@@ -28,9 +28,7 @@ def main(arguments: list[str]) -> None:
     operator = planning.practise(driver)
     episodes = [driver.run(operator, driver.environment.draw(seed), origin="operator") for seed in range(count)]
     failed = tally(episode.reason for episode in episodes if not episode.success)
-    rate = Rate(count - sum(failed.values()), count)
-    low, high = rate.interval()
-    print(f"{rate.successes} of {count} ({100 * low:.0f}-{100 * high:.0f} %) {spelled(failed, most=5)}")
+    print(Rate(count - sum(failed.values()), count), spelled(failed, most=5))
 
 
 if __name__ == "__main__":

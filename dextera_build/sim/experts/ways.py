@@ -152,7 +152,7 @@ def _handovers(search: Search) -> list[Candidate]:
         for received in apart[number % SHARE :: SHARE]:
             operator = Handover(environment, reach, meeting, given, received)
             comfort = operator.received_comfort(room, there)
-            if comfort is not None and operator.comfort(room, state) is not None:
+            if comfort is not None and room.comfort(operator.phases(state), state) is not None:
                 way = f"{given.way} to {received.way}"
                 found.append((comfort, Candidate(f"{given.name}, then {received.name}", way, operator)))
                 break
