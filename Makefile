@@ -15,7 +15,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
-.PHONY: help setup demo test test-all servers meshes check-envelope check check-most format lint type layers examples package bench bench-engine \
+.PHONY: help setup demo test test-all servers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine \
 	docs lock clean clean-all
 
 help: ## Print this list
@@ -43,6 +43,9 @@ meshes: $(VENV)/objects/.fetched ## Fetch the meshes that recipes/benchmark/obje
 
 check-envelope: setup meshes ## Assert on a few drawn scenes what the benchmarks page says of the envelope
 	$(BIN)/python -m pytest tests/recipes/test_envelope.py $(ARGS)
+
+check-real: setup ## Build twins of real photographs and learn a task, with real backends
+	$(BIN)/python -m pytest -n 2 tests/recipes/test_real_input.py $(ARGS)
 
 check: check-most examples ## Run every check
 

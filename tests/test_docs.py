@@ -9,6 +9,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -127,3 +128,10 @@ def test_a_table_leaves_out_empty_columns_and_escapes_bars(reference):
     markdown = importlib.import_module("dxb_reference.markdown")
     assert markdown.table(["a", "b"], [["x | y", ""], ["z", ""]]) == "| a |\n| --- |\n| x \\| y |\n| z |\n"
     assert markdown.table(["a"], []) == ""
+
+
+def test_the_quickstart_names_every_extra():
+    extras = tomllib.loads((REPO / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    table = (DOCS / "quickstart.md").read_text().partition("| extra | adds |")[2].partition("\n\n")[0]
+    named = re.findall(r"^\| `([a-z]+)` \|", table, re.MULTILINE)
+    assert sorted(named) == sorted(extras)

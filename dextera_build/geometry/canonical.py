@@ -20,6 +20,9 @@ FLAT = 0.02
 """Height above the lowest point, over the object's size, that counts as contact."""
 CLEAR = 0.3
 """Lead of the best direction over the next from which it is decided."""
+WEIGHTS = {"holds": 2.2, "stands": 1.0, "upright": 0.5, "seen": 0.8}
+"""Weight of each judgement in the sum; `tests.benchmarks.registration.canonical --choose` chose them and `CLEAR`, but
+for `seen`, which needs photographs."""
 REACH = 0.06
 """How much further a surface reaches to one side than to the other, over its size, for a handle or a spout."""
 PATTERN = 0.05
@@ -83,18 +86,23 @@ def ups(samples: Samples, cast: Cast, seen_up: np.ndarray | None = None) -> Judg
         cast: Rays against the surface.
         seen_up: (3,) up in the photograph, in the object's frame; None if unknown.
     """
-    parts = {
-        "holds": np.array([2.0 * _holds(samples, cast, up) for up in DIRECTIONS]),
-        "stands": np.array([_stands(samples, up) for up in DIRECTIONS]),
-        "low": np.array([0.6 * (0.5 - _middle_height(samples, up)) for up in DIRECTIONS]),
-        "upright": np.array([0.15 * _elongation(samples, up) for up in DIRECTIONS]),
-    }
-    if seen_up is not None:
-        parts["seen"] = 0.8 * (DIRECTIONS @ seen_up > np.cos(np.radians(25.0)))
+    parts = {name: WEIGHTS[name] * values for name, values in judgements(samples, cast, seen_up).items()}
     total = np.sum(list(parts.values()), axis=0)
     best = int(np.argmax(total))
     means = {name: values[best] - float(np.mean(values)) for name, values in parts.items()}
     return Judged(total, max(means, key=lambda name: means[name]))
+
+
+def judgements(samples: Samples, cast: Cast, seen_up: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """What `ups` adds up, (6,) each, about 0..1 and not weighted; arguments as there."""
+    parts = {
+        "holds": np.array([_holds(samples, cast, up) for up in DIRECTIONS]),
+        "stands": np.array([_stands(samples, up) for up in DIRECTIONS]),
+        "upright": np.array([_elongation(samples, up) for up in DIRECTIONS]),
+    }
+    if seen_up is not None:
+        parts["seen"] = (DIRECTIONS @ seen_up > np.cos(np.radians(25.0))).astype(np.float64)
+    return parts
 
 
 def fronts(samples: Samples, up: np.ndarray, turned: Callable[[float], bool]) -> tuple[np.ndarray, Judged]:
@@ -176,12 +184,6 @@ def _filled(ground: np.ndarray) -> np.ndarray:
             break
         level = found
     return level
-
-
-def _middle_height(samples: Samples, up: np.ndarray) -> float:
-    """Height of the surface's centroid, 0 at the bottom and 1 at the top."""
-    heights = samples.points @ up
-    return float((heights.mean() - heights.min()) / max(np.ptp(heights), 1e-12))
 
 
 def _elongation(samples: Samples, up: np.ndarray) -> float:

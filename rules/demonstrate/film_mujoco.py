@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.rule import Backend, Context, Options
-from dextera_build.sim.render import filming
+from dextera_build.sim.observe import pictures
 
 BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu",), packages=("mujoco",), extra="twin")
 
@@ -18,4 +18,4 @@ def frames(
     ctx: Context, bundle: TaskBundle, episodes: Episodes, view: View, options: Options
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Index and frames (T, H, W, 3) uint8 of each episode."""
-    return filming.frames(bundle, episodes, view)
+    return pictures.film(bundle, episodes, view)

@@ -57,7 +57,7 @@ class ObjectsOptions(Options):
 
     boundary_tolerance: PositiveFloat = 0.008
     """Tolerance of the boundary F1 in pixels; below 1, a fraction of the image diagonal."""
-    match_iou: Fraction = 0.1
+    match_iou: Fraction = 0.5
     """Minimum mask IoU at which an asset matches a true object."""
     least_visible: Fraction = 0.0
     """Visible part of its outline from which a true object counts; others may be found, but are not missed."""

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import nullcontext
 
-import numpy as np
-
 from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.artifacts.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
-from dextera_build.sim.render.rendering import through
+from dextera_build.sim.observe import pictures
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.policies import load
 from dextera_build.sim.runtime.tracked_cell import TrackedCell
@@ -42,11 +40,10 @@ def rollouts(
     policy = load(checkpoint, bundle, view)
     environment = Environment(bundle)
     sees = view is not None and any(channel.name == "rgb" for channel in checkpoint.contract.inputs)
-    opened = through(environment.model, view) if view and sees else nullcontext()
+    opened = pictures.live(environment, view) if view and sees else nullcontext()
     names = objects_of(checkpoint.contract, bundle)
     tracked = nullcontext() if cell is None else TrackedCell(environment, cell, names, twin)
-    with opened as eye, tracked as watching:
-        look = (lambda: np.asarray(eye.rgb(environment.data))) if eye is not None else None
+    with opened as look, tracked as watching:
         for seed in seeds:
             yield attempted(environment, policy, seed, watching, look)
 

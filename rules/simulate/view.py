@@ -35,12 +35,16 @@ class ViewOptions(Options):
 
 
 @rule(version=1, packages=("numpy",))
-def view(ctx: Context, scene: Scene, *, options: ViewOptions) -> View:
-    """Return the photograph's camera, cropped evenly and scaled to the new size, or one at another position."""
+def view(ctx: Context, scene: Scene, measured: Pose | None = None, *, options: ViewOptions) -> View:
+    """Return the photograph's camera, cropped evenly and scaled to the new size, or one at another position.
+
+    Its covariance is that of the calibration `measured` (T_camera_base), because a policy acts in the base's frame;
+    without one it is the scene's. A camera placed by hand is exact.
+    """
     if (options.eye_m is None) != (options.target_m is None):
         ctx.fail("`eye_m` and `target_m` go together", eye_m=options.eye_m, target_m=options.target_m)
     camera = scaled(scene.camera, options.width_px, options.height_px)
-    pose = scene.camera_pose
+    pose = scene.camera_pose if measured is None else _calibrated(scene.camera_pose, measured)
     if options.eye_m is not None and options.target_m is not None:
         placed = cameras.look_at(np.array(options.eye_m), np.array(options.target_m))
         pose = Pose(parent="world", child="camera", matrix=placed)
@@ -49,6 +53,12 @@ def view(ctx: Context, scene: Scene, *, options: ViewOptions) -> View:
         pose = Pose(parent="world", child="camera", matrix=moved)
     ctx.say(f"{camera.width} x {camera.height} px, {'as photographed' if options.eye_m is None else 'placed by hand'}")
     return View(camera=camera, camera_pose=pose, samples=options.samples)
+
+
+def _calibrated(pose: Pose, measured: Pose) -> Pose:
+    """T_world_camera with the covariance that an exact base and T_camera_base give it."""
+    base = Pose(parent=pose.parent, child=measured.child, matrix=pose.matrix @ measured.matrix)
+    return pose.model_copy(update={"covariance": (base @ measured.inverse()).covariance})
 
 
 def scaled(camera: Camera, width: int, height: int) -> Camera:

@@ -1,11 +1,13 @@
 """Learn from drawn scenes which patches are one object, and write rules/factorize/regions/bond_weights.py.
 
     make meshes
-    python -m tests.benchmarks.bonds --first 1000 --scenes 54
+    python -m tests.benchmarks.bonds --first 1000 --scenes 54 --held-out 18
 
-Scenes are drawn by index as in `benchmark/stage_one`, whose own begin at 0. Samples are pairs of groups that touch:
-the patches as found, and groups that patches of one true object grow into, so that both are known to the network. Each
-scene is measured by several depth cameras, in several lights and at several scales, so that it knows more than one.
+The network learns from scenes of `benchmark/learn`, which hold the meshes of `benchmark/objects_learn` alone; the pairs
+that are reported come from scenes of `benchmark/stage_one`, which hold the other meshes. Scenes are drawn by index;
+those of the tables begin at 0. Samples are pairs of groups that touch: the patches as found, and groups that patches
+of one true object grow into, so that both are known to the network. Each scene is measured by several depth cameras,
+in several lights and at several scales, so that it knows more than one.
 """
 
 from __future__ import annotations
@@ -28,9 +30,9 @@ from rules.factorize.measured import Workspace, without_dropout
 from rules.factorize.regions import heights, patches, proposals
 from rules.factorize.regions.bonds import NAMES, USUAL, Bonds
 from rules.factorize.regions.partition import FEWEST, Grouping
+from tests.benchmarks import catalogue
 
-REPO = Path(__file__).parents[2]
-FILE = REPO / "rules/factorize/regions/bond_weights.py"
+FILE = catalogue.REPO / "rules/factorize/regions/bond_weights.py"
 PURE = 0.8
 """Part of a patch that one true object covers at least."""
 HIDDEN, STEPS, BATCH = 16, 4000, 512
@@ -45,13 +47,13 @@ APART_WEIGHT = 3.0
 def main() -> None:
     """Draw, learn, write."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--meshes", type=Path, default=REPO / ".venv/objects", help="what `make meshes` wrote")
+    options.add_argument("--meshes", type=Path, default=catalogue.FOLDER, help="what `make meshes` wrote")
     options.add_argument("--first", type=int, default=1000, help="index of the first scene")
-    options.add_argument("--scenes", type=int, default=54, help="number of scenes; every fifth is held out")
+    options.add_argument("--scenes", type=int, default=54, help="number of scenes to learn from")
+    options.add_argument("--held-out", type=int, default=18, help="number of scenes of other meshes to report")
     given = options.parse_args()
-    parts = [np.concatenate([*map(np.atleast_2d, rows)]) for rows in scenes(given.meshes, given.first, given.scenes)]
-    held = [number % 5 == 4 for number in range(len(parts))]
-    train, test = (np.concatenate([p for p, out in zip(parts, held, strict=True) if out == side]) for side in (0, 1))
+    train = np.concatenate(list(scenes("benchmark/learn", given.meshes, given.first, given.scenes)))
+    test = np.concatenate(list(scenes("benchmark/stage_one", given.meshes, given.first, given.held_out)))
     mean, scale = train[:, :-1].mean(axis=0), train[:, :-1].std(axis=0) + 1e-2
     network = learn(np.clip((train[:, :-1] - mean) / scale, -USUAL, USUAL), train[:, -1])
     with torch.no_grad():
@@ -60,17 +62,18 @@ def main() -> None:
     told = {"one object": test[:, -1] > 0, "two objects": test[:, -1] == 0}
     right = {name: float(((odds > 0) == (name == "one object"))[rows].mean()) for name, rows in told.items()}
     facts = ", ".join(f"{share:.3f} of {int(told[name].sum())} pairs of {name}" for name, share in right.items())
-    write(network, mean, scale, f"Scenes {given.first} to {given.first + given.scenes - 1}; held out: right on {facts}")
+    learned = f"Learned from {given.scenes} scenes of `benchmark/learn`, from index {given.first}"
+    write(network, mean, scale, f"{learned}.\nOf other meshes, {given.held_out} scenes: right on {facts}")
     print(facts)
 
 
-def scenes(meshes: Path, first: int, count: int) -> Iterator[list[np.ndarray]]:
-    """Rows of each scene: features, then 1 for pairs of one object and 0 for others."""
-    project = Project.find(REPO)
+def scenes(recipe: str, meshes: Path, first: int, count: int) -> Iterator[np.ndarray]:
+    """Rows (N, features + 1) of each scene: features, then 1 for pairs of one object and 0 for others."""
+    project = Project.find(catalogue.REPO)
     settings = {"draws.scenes": count, "draws.first": first, "draws.views": 1}
     labels = [f"scene[{number:04d}_0]" for number in range(first, first + count)]
     wanted = [f"{label}.{node}" for label in labels for node in ("photo", "truth", "twin/support")]
-    built = project.build("benchmark/stage_one", *wanted, inputs={"meshes": meshes}, settings=settings, keep_going=True)
+    built = project.build(recipe, *wanted, inputs={"meshes": meshes}, settings=settings, keep_going=True)
     for label in labels:
         support = built.nodes.get(f"{label}.twin/support")
         if support is None or support.output is None:
@@ -81,7 +84,7 @@ def scenes(meshes: Path, first: int, count: int) -> Iterator[list[np.ndarray]]:
         assert isinstance(plane, Support)
         rows = [row for variant in range(SENSORS) for row in samples(photo, truth, plane, variant, int(label[6:10]))]
         if rows:
-            yield rows
+            yield np.stack(rows)
 
 
 def samples(photo: Capture, truth: Truth, support: Support, variant: int, index: int) -> list[np.ndarray]:

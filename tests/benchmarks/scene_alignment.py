@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Capture, Measured, Photograph
@@ -29,9 +28,9 @@ from dextera_build.geometry import raycast, transforms
 from dextera_build.geometry.registration import rotation
 from dextera_build.testing import RuleRunner
 from rules.evaluate import elsewhere
+from tests.benchmarks import catalogue
 from tests.rules.align import painted
 
-REPO = Path(__file__).parents[2]
 STAND = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 """Rotation from z up to the room's axes, in which y points down."""
 FLOOR = 0.7
@@ -55,25 +54,24 @@ class Shot:
 def main() -> None:
     """Print a table."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--meshes", type=Path, default=REPO / ".venv/objects", help="what `make meshes` wrote")
+    options.add_argument("--meshes", type=Path, default=catalogue.FOLDER, help="what `make meshes` wrote")
     options.add_argument("--worlds", type=int, default=0, help="number of drawn rooms")
     options.add_argument("--stress", action="store_true", help="errors against what makes it hard")
     given = options.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         runner = RuleRunner(Path(folder))
-        things = catalogue(runner, given.meshes)
+        things = textured(runner, given.meshes)
         if given.worlds:
             worlds(runner, things, given.worlds)
         if given.stress:
             stress(runner, things)
 
 
-def catalogue(runner: RuleRunner, meshes: Path) -> list[raycast.Surface]:
+def textured(runner: RuleRunner, meshes: Path) -> list[raycast.Surface]:
     """Surfaces of the things of `benchmark/objects` that have a texture, z up, on the ground [m]."""
-    recipe = yaml.safe_load((REPO / "recipes/benchmark/objects.yaml").read_text())
     entries = {
         name: entry
-        for name, entry in recipe["nodes"]["read"]["entries"].items()
+        for name, entry in catalogue.entries().items()
         if len(entry["parts"]) == 1 and "texture" in entry["parts"][0]
     }
     files = [path for entry in entries.values() for part in entry["parts"] for path in (part["file"], part["texture"])]

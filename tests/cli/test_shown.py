@@ -55,6 +55,15 @@ def test_an_episode_is_chosen_by_its_index(session: Any) -> None:
     assert caught.value.facts == {"episodes": "0, 1, 2"}
 
 
+def test_a_number_names_the_episode_whatever_its_zeros(session: Any) -> None:
+    session.behind = [("task", episodes.bundle())]
+    made = episodes.small(2, 3)
+    session.artifacts["made"] = made.model_copy(update={"items": {f"{int(n):05d}": e for n, e in made.items.items()}})
+    assert callable(shown.of(session, "made", "1"))
+    with pytest.raises(UsageError, match="has no episode `7`"):
+        shown.of(session, "made", "7")
+
+
 def test_a_task_without_a_robot_says_so(session: Any) -> None:
     from dextera_build.artifacts.base import Folder
     from dextera_build.view.task import TaskView

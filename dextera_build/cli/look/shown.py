@@ -88,7 +88,7 @@ def _episodes(session: Session, node: str, artifact: Episodes | Trials, episode:
     bundle = _world(session, node, artifact)
     materials = _materials(session, node)
     known = titles(episodes)
-    chosen = next((title for title in known if episode in (None, title.partition(" ")[0])), None)
+    chosen = next((title for title in known if episode is None or _is(title.partition(" ")[0], episode)), None)
     if chosen is None:
         raise UsageError(
             f"`{session.recipe}:{node}` has no episode `{episode}`" if known else f"`{node}` holds no episode",
@@ -208,3 +208,8 @@ def _by_type(session: Session) -> dict[str, list[str]]:
             continue  # no longer in the store
         found.setdefault(parse(header["artifact"])[0], []).append(node)
     return found
+
+
+def _is(index: str, asked: str) -> bool:
+    """Whether `asked` names the episode `index`; `17` names `00017`."""
+    return index == asked or (index.isdecimal() and asked.isdecimal() and int(index) == int(asked))

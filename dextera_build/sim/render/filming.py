@@ -1,21 +1,17 @@
-"""Render recorded episodes: set recorded states in the task's model, without stepping."""
+"""Recorded steps as states of the task's model, without stepping."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
-from typing import Any
 
 import mujoco
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Episodes
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model import model as models
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.sizes import Sizes
-from dextera_build.sim.render.rendering import through
 
 
 class Replica:
@@ -95,19 +91,3 @@ def in_world(world_from_base: np.ndarray, poses: np.ndarray) -> np.ndarray:
     found[:, :3] = transforms.apply(world_from_base, poses[:, :3].astype(np.float64))
     found[:, 3:] = quaternions.multiply(turn, poses[:, 3:].astype(np.float64))
     return found
-
-
-def frames(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[str, np.ndarray]]:
-    """Index and frames (T, H, W, 3) uint8 sRGB of each episode in `episodes.items`, without shadows.
-
-    The images equal a policy's input during a rollout: same samples, same lights.
-    """
-    replica = Replica(bundle, episodes)
-    with through(replica.model, view) as eye:
-        for index, episode in episodes.items.items():
-            yield index, np.stack([_frame(replica, eye, row) for row in replica.positions(episode)])
-
-
-def _frame(replica: Replica, eye: Any, positions: np.ndarray) -> np.ndarray:
-    replica.show(positions)
-    return np.asarray(eye.rgb(replica.data))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import mujoco
@@ -10,7 +10,7 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.goals import Goal
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.policy.observation import DeployableObservation, Frames, Measurement, deployable
@@ -72,41 +72,38 @@ class Environment:
         self._base_turn = quaternions.from_matrix(self._base_from_world[:3, :3])
         self.begin(starts.photographed(bundle, self.model))
 
-    def reset(
-        self, seed: int, stratum: Stratum | None = None, views: Mapping[str, View] | None = None
-    ) -> DeployableObservation:
+    def reset(self, seed: int, stratum: Stratum | None = None) -> DeployableObservation:
         """Begin an episode at a start drawn as `draw` does.
 
         Raises:
             RuleError: No start without collisions was found; the running episode goes on.
         """
         try:
-            start = self._drawn(seed, stratum, views)
+            start = self._drawn(seed, stratum)
         except RuleError:
             self._dynamics.sizes.put(self.start.size_scale)
             raise
         return self.begin(start)
 
-    def draw(self, seed: int, stratum: Stratum | None = None, views: Mapping[str, View] | None = None) -> Start:
+    def draw(self, seed: int, stratum: Stratum | None = None) -> Start:
         """Draw a start without beginning it; sizes of the running episode stay as they are.
 
         Args:
             seed: Any integer from 0 to 2^63.
             stratum: The episode of a series whose ranges are to be filled evenly.
-            views: Cameras whose poses are drawn, by name.
 
         Raises:
             RuleError: No start without collisions was found.
         """
         try:
-            return self._drawn(seed, stratum, views)
+            return self._drawn(seed, stratum)
         finally:
             self._dynamics.sizes.put(self.start.size_scale)
 
-    def _drawn(self, seed: int, stratum: Stratum | None, views: Mapping[str, View] | None) -> Start:
+    def _drawn(self, seed: int, stratum: Stratum | None) -> Start:
         """A start; the objects are left with its sizes."""
         sizes, fair = self._dynamics.sizes, self.primitive.fair
-        return starts.draw(self.bundle, self.model, self._scratch, sizes, seed, fair, stratum=stratum, views=views)
+        return starts.draw(self.bundle, self.model, self._scratch, sizes, seed, fair, stratum=stratum)
 
     def begin(self, start: Start) -> DeployableObservation:
         """Begin an episode at a given start, without state from the previous one."""

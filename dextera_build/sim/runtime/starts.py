@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.task import TaskBundle, TaskObject, View
+from dextera_build.artifacts.task import TaskBundle, TaskObject
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.sizes import Sizes
@@ -46,7 +46,6 @@ def draw(
     fair: Fair = lambda places: True,
     *,
     stratum: Stratum | None = None,
-    views: Mapping[str, View] | None = None,
 ) -> Start:
     """Draw a start of the task, deterministic in bundle and seed.
 
@@ -58,7 +57,6 @@ def draw(
         seed: Any integer from 0 to 2^63.
         fair: Refuses starts at which the goal is reached.
         stratum: The episode of a series whose ranges are to be filled evenly; None: independent of others.
-        views: Cameras whose poses are drawn, by name.
 
     Raises:
         RuleError: No start without collisions, on the support and away from the goal was found.
@@ -84,7 +82,7 @@ def draw(
     # Numbers of their own, so that a task with more to vary has the same places and masses.
     other = np.random.default_rng([seed, 1])
     varied = other if stratum is None else Strata(replace(stratum, series=stratum.series + 1), other)
-    variation = variations.draw(bundle, varied, views)
+    variation = variations.draw(bundle, varied)
     return Start(seed=seed, qpos=data.qpos.copy(), ctrl=data.ctrl.copy(), variation=variation, **dynamics)
 
 

@@ -10,10 +10,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.goals import ArticulateGoal, Goal, LiftGoal, PoseGoal, PushGoal
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.artifacts.variation import Variation
 from dextera_build.geometry import quaternions, registration
+from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.runtime.strata import Draws
 
 ROBOT = "robot"
@@ -24,13 +26,12 @@ EXPOSURE, LIGHT, NOISE = 0.3, 0.3, 0.5
 """Half ranges of the logs of factors on exposure, light and noise, times `Reset.visual`."""
 
 
-def draw(bundle: TaskBundle, random: Draws, views: Mapping[str, View] | None = None) -> Variation:
+def draw(bundle: TaskBundle, random: Draws) -> Variation:
     """Draw a variation of the task.
 
     Args:
         bundle: The task, whose `reset` gives the ranges.
         random: Source of all randomness.
-        views: Cameras by name.
     """
     reset = bundle.task.reset
     jointed = [name for name, thing in bundle.objects.items() if thing.joints]
@@ -41,11 +42,21 @@ def draw(bundle: TaskBundle, random: Draws, views: Mapping[str, View] | None = N
         damping={name: _factor(random, width) for name in bodies},
         joint_friction={name: _factor(random, width) for name in bodies},
         goal=_goal(bundle, random),
-        cameras={name: _error(view, reset.visual, random) for name, view in (views or {}).items() if reset.visual},
         exposure=_factor(random, EXPOSURE * reset.visual),
         light=_factor(random, LIGHT * reset.visual),
         noise=_factor(random, NOISE * reset.visual),
     )
+
+
+def seen(bundle: TaskBundle, start: Start, views: Mapping[str, View]) -> Variation:
+    """The variation of a start with errors of the poses of these cameras.
+
+    An error depends on the start's seed, the camera's name and its covariance alone, so films of recorded episodes,
+    rollouts and Gymnasium see one episode alike. In a world that replaces hardware cameras stay where they are.
+    """
+    width = bundle.task.reset.visual if bundle.kind == "twin" else 0.0
+    cameras = {name: _error(view, width, seed_of("camera", start.seed, name)) for name, view in views.items()}
+    return start.variation.model_copy(update={"cameras": cameras if width else {}})
 
 
 def moved(world_from_camera: np.ndarray, error: tuple[float, ...]) -> np.ndarray:
@@ -60,9 +71,9 @@ def _factor(random: Draws, width: float) -> float:
     return float(np.exp(width * random.uniform(-1.0, 1.0))) if width else 1.0
 
 
-def _error(view: View, width: float, random: Draws) -> tuple[float, float, float, float, float, float]:
+def _error(view: View, width: float, seed: int) -> tuple[float, float, float, float, float, float]:
     """An error of a camera's pose from its covariance; zeros where none is known."""
-    drawn = np.array([random.standard_normal() for _ in range(6)])
+    drawn = np.random.default_rng(seed).standard_normal(6)
     covariance = view.camera_pose.covariance
     if covariance is None:
         return (0.0,) * 6

@@ -29,6 +29,7 @@ from dextera_build.sim.observe.progress import Progress
 from dextera_build.sim.observe.sensors import Sensors
 from dextera_build.sim.observe.sensors import check as check_sensors
 from dextera_build.sim.render import portrait, rendering
+from dextera_build.sim.runtime import variations
 from dextera_build.sim.runtime.environment import Environment, Outcome
 from dextera_build.sim.training.spaces import of_terms, values
 
@@ -117,11 +118,11 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             self.environment.begin(start)
         else:
             drawn = int(self.np_random.integers(2**62)) if seed is None else seed
-            self.environment.reset(drawn, stratum, self._views)
+            self.environment.reset(drawn, stratum)
         start = self.environment.start
         self._sensors.reset(start.seed, start.variation.noise)
         if self._eyes is not None:
-            self._eyes.vary(start.variation)
+            self._eyes.vary(variations.seen(self.environment.bundle, start, self._views))
         self._value = self._progress.value(False, self.environment.now)
         self._last = self._observe()
         return self._last, self._info(False, "", self.environment.previous_action)

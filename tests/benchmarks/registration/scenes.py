@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from scipy import ndimage
 from scipy.spatial import ConvexHull
 
@@ -22,8 +21,8 @@ from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
 from dextera_build.geometry import raycast, registration, transforms
 from dextera_build.testing import RuleRunner
 from tests import factories
+from tests.benchmarks import catalogue
 
-RECIPE = Path(__file__).parents[3] / "recipes" / "benchmark" / "objects.yaml"
 LENS = Camera(width=640, height=480, fx=600.0, fy=600.0, cx=319.5, cy=239.5)
 SMALLEST, LARGEST = 0.04, 0.45
 """Range of the largest side of an object [m]."""
@@ -57,10 +56,9 @@ class Conditions:
 
 def things(folder: Path, cache: Path) -> dict[str, tuple[Mesh, ...]]:
     """The parts of every mesh of the catalogue [m], each thing upright at the origin."""
-    options = yaml.safe_load(RECIPE.read_text())["nodes"]["read"]
     runner = RuleRunner(cache)
     found: Any = runner.run(
-        "capture.catalogue", folder=Folder.of(folder), options={"entries": options["entries"], "texture_px": 256}
+        "capture.catalogue", folder=Folder.of(folder), options={"entries": catalogue.entries(), "texture_px": 256}
     )
     made = {name: tuple(part.mesh for part in thing.parts.values()) for name, thing in found.items.items()}
     return {name: parts for name, parts in made.items() if SMALLEST < _size(parts) < LARGEST}

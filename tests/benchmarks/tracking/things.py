@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.geometry import Mesh
@@ -14,32 +13,16 @@ from dextera_build.artifacts.object import Joint
 from dextera_build.artifacts.world import Thing
 from dextera_build.geometry import registration, solids, transforms
 from dextera_build.testing import RuleRunner
+from tests.benchmarks import catalogue
 
-REPO = Path(__file__).parents[3]
-FOLDER = REPO / ".venv" / "objects"
 SKIN = (0.78, 0.58, 0.47)
-
-
-def entries() -> dict[str, dict[str, object]]:
-    """Name -> entry of the benchmark's catalogue of foreign meshes."""
-    found = _entries(yaml.safe_load((REPO / "recipes" / "benchmark" / "objects.yaml").read_text()))
-    assert found is not None
-    return found
-
-
-def _entries(node: object) -> dict[str, dict[str, object]] | None:
-    if isinstance(node, dict):
-        if "entries" in node:
-            return dict(node["entries"])
-        return next((found for each in node.values() if (found := _entries(each))), None)
-    return None
 
 
 def foreign(scratch: Path, names: tuple[str, ...]) -> dict[str, Mesh]:
     """Textured meshes of the catalogue, z up, the middle of the base at the origin [m]."""
-    known = entries()
+    known = catalogue.entries()
     files = {part[key] for name in names for part in known[name]["parts"] for key in ("file", "texture") if key in part}
-    folder = Folder(files={path: (FOLDER / path).read_bytes() for path in sorted(files)})
+    folder = Folder(files={path: (catalogue.FOLDER / path).read_bytes() for path in sorted(files)})
     options = {"entries": {name: known[name] for name in names}}
     found: Collection[Thing] = RuleRunner(scratch).run("capture.catalogue", folder=folder, options=options)
     return {name: next(iter(thing.parts.values())).mesh for name, thing in found.items.items()}

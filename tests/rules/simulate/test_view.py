@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Scene
 from dextera_build.errors import RuleError
+from dextera_build.geometry import registration, transforms
 from dextera_build.testing import RuleRunner
 from tests import factories
 
@@ -77,3 +79,24 @@ def test_a_shift_moves_the_camera_and_does_not_turn_it(tmp_path: Path) -> None:
     moved = runner.run("simulate.view", options={"shift_m": (0.02, 0.0, -0.01)}, scene=SCENE)
     assert np.allclose(moved.camera_pose.matrix[:3, 3] - still.camera_pose.matrix[:3, 3], [0.02, 0.0, -0.01])
     assert np.array_equal(moved.camera_pose.matrix[:3, :3], still.camera_pose.matrix[:3, :3])
+
+
+def test_an_error_of_the_calibration_is_one_of_the_camera(one_runner: RuleRunner) -> None:
+    camera_from_base = transforms.invert(POSE) @ factories.pose(0.2, 0.4, 0.0, yaw=0.3)
+    covariance = np.diag([1e-6, 4e-6, 9e-6, 1e-5, 1e-5, 1e-5])
+    measured = Pose(parent="camera", child="base", matrix=camera_from_base, covariance=covariance)
+    made = one_runner.run("simulate.view", scene=SCENE, measured=measured)
+    np.testing.assert_allclose(made.camera_pose.matrix, POSE)
+    assert made.camera_pose.covariance is not None
+    # Samples of the calibration, each with the base where it is.
+    random = np.random.default_rng(0)
+    world_from_base = POSE @ camera_from_base
+    places = []
+    for error in random.multivariate_normal(np.zeros(6), covariance, 4000):
+        drawn = transforms.rigid(
+            registration.rotation(error[3:]) @ camera_from_base[:3, :3], camera_from_base[:3, 3] + error[:3]
+        )
+        places.append((world_from_base @ transforms.invert(drawn))[:3, 3])
+    sampled = np.cov(np.array(places).T)
+    np.testing.assert_allclose(made.camera_pose.covariance[:3, :3], sampled, rtol=0.15, atol=0.1 * sampled.max())
+    assert one_runner.run("simulate.view", scene=SCENE).camera_pose.covariance is None

@@ -9,6 +9,7 @@ from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.artifacts.packed import pack, unpack
 from dextera_build.artifacts.task import Reset
+from dextera_build.sim.runtime import variations
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.strata import Strata, Stratum
 from dextera_build.sim.training.gym import TaskEnv
@@ -100,7 +101,7 @@ def test_an_episode_with_all_of_it_runs_again_bit_for_bit_from_its_stored_start(
 
     first = episode(seed=8, options={"stratum": Stratum(2, 1, 4)})
     start = unpack(Start, pack(made.environment.start))
-    errors = start.variation.cameras["front"]
+    errors = variations.seen(made.environment.bundle, start, views).cameras["front"]
     assert 0.001 < np.abs(errors).max() < 0.05
     assert start.variation.exposure != 1.0
     assert episode(seed=9) != first

@@ -7,7 +7,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-import yaml
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.object import Body, Collision, Link, Shape
@@ -17,11 +16,10 @@ from dextera_build.sim.model import mjcf, model, names
 from dextera_build.testing import RuleRunner
 from rules.factorize import manifolds
 from tests import factories, object_views
+from tests.benchmarks import catalogue
 from tests.rules.factorize import synthetic_views as synthetic
 from tests.rules.factorize.contact.test_collision import rests_at
 
-REPO = Path(__file__).parents[4]
-MESHES = REPO / ".venv/objects"
 BALL_M = 0.012
 
 
@@ -36,12 +34,11 @@ def basket() -> Solid:
 
 def foreign(name: str, folder: Path) -> Solid:
     """A mesh that others made, as it stands."""
-    if not (MESHES / ".fetched").exists():
+    if not (catalogue.FOLDER / ".fetched").exists():
         pytest.skip(f"no mesh `{name}`: `make meshes`")
-    recipe = yaml.safe_load((REPO / "recipes/benchmark/objects.yaml").read_text())
-    entries = {name: recipe["nodes"]["read"]["entries"][name]}
+    entries = {name: catalogue.entries()[name]}
     paths = [path for part in entries[name]["parts"] for path in (part["file"], part.get("texture")) if path]
-    files = Folder(files={path: (MESHES / path).read_bytes() for path in paths})
+    files = Folder(files={path: (catalogue.FOLDER / path).read_bytes() for path in paths})
     read = RuleRunner(folder).run("capture.catalogue", folder=files, options={"entries": entries}).items[name]
     return Solid(read.surface.vertices.astype(np.float64), read.surface.faces.astype(np.int64))
 
