@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from dextera_build import Project
+from dextera_build.cli.main import main
 from tests.e2e.space import Space
 
 MUL = '''
@@ -115,48 +117,89 @@ def test_another_request_lies_beside_the_recipes_own(counts: Space) -> None:
     assert counts.dxb("build", "g:a0", "--profile", "cpu").out == own.out
 
 
-@pytest.mark.slow
-def test_get_show_and_report_answer_for_the_request_that_was_built_last(counts: Space) -> None:
-    def got(*words: str) -> bytes:
-        answer = counts.dxb("get", "g:a0", "-o", "got", *words)
-        assert answer.code == 0, answer.err
-        return (counts.root / answer.out.strip()).read_bytes()
+class Here:
+    """Commands in this process, in a project whose rule can be told to fail."""
 
-    def shown(*words: str) -> str:
-        return counts.dxb("show", "g:a0", *words).out
+    def __init__(self, counts: Space, capsys: pytest.CaptureFixture[str]) -> None:
+        self._space, self._capsys = counts, capsys
 
-    def reported(*words: str) -> str:
-        answer = counts.dxb("report", "g", *words)
-        assert answer.code == 0, answer.err
-        return (counts.root / answer.out.strip()).read_text()
+    def __call__(self, *words: str) -> tuple[int, str, str]:
+        code = main(list(words))
+        said = self._capsys.readouterr()
+        return code, said.out, said.err
 
-    five = ("--set", "a0.add=5")
-    assert counts.dxb("build", "g:a0").code == 0
-    assert got() == b"3"
-    assert counts.dxb("build", "g:a0", *five).code == 0
-    assert (got(), got(*five), got("--profile", "cpu")) == (b"8", b"8", b"3")
-    assert "option add\t5" in shown()
-    assert "add=5" in reported()
-    for _ in range(2):  # by the snapshot
-        again = counts.dxb("build", "g:a0")
-        assert "up to date" in again.err
-        assert (got(), got(*five)) == (b"3", b"8")
-        assert "option add\t0" in shown()
-        assert "option add\t5" in shown(*five)
-        assert "add=5" not in reported()
-        assert "add=5" in reported(*five)
-        assert "up to date" in counts.dxb("build", "g:a0", *five).err
-        assert got() == b"8"
+    def got(self, *words: str, node: str = "g:a0") -> bytes:
+        code, out, err = self("get", node, "-o", "got", *words)
+        assert code == 0, err
+        return (self._space.root / out.strip()).read_bytes()
+
+    def report(self) -> str:
+        code, out, err = self("report", "g")
+        assert code == 0, err
+        return (self._space.root / out.strip()).read_text()
+
+
+@pytest.fixture
+def here(counts: Space, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Here:
+    monkeypatch.chdir(counts.root)
+    monkeypatch.setenv("DXB_DURABLE", "0")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(counts.root / ".config"))
+    return Here(counts, capsys)
+
+
+FIVE = ("--set", "a0.add=5")
+
+
+def test_get_show_and_report_answer_for_the_recipe_as_it_is(here: Here, counts: Space) -> None:
+    assert here("build", "g:a0")[0] == 0
+    assert here("build", "g:a0", *FIVE)[0] == 0
+    assert (here.got(), here.got(*FIVE), here.got("--profile", "cpu")) == (b"3", b"8", b"3")
+    assert "option add\t0" in here("show", "g:a0")[1]
+    assert "option add\t5" in here("show", "g:a0", *FIVE)[1]
+    assert here("report", "g")[1] == "cache/out/g/report.html\n"
+    assert here("report", "g", *FIVE)[1].startswith("cache/out/g@a0.add=5-")
+    assert here("get", "g:a0", "-o", "got")[2] == ""
+    assert Project.find().get("g:a0").data == b"3"
+    code, _, err = here("get", "g:a0", "--set", "a0.add=7")
+    assert (code, "was never built" in err, "request   a0.add=7-" in err) == (2, True, True)
+
+
+def test_what_was_never_built_as_it_is_is_given_as_it_was_built_last(here: Here) -> None:
+    assert here("build", "g:a0", *FIVE)[0] == 0
+    told = "`g` as built with a0.add=5; `dxb build g` builds it without\n"
+    for words in (("get", "g:a0", "-o", "got"), ("show", "g:a0"), ("show", "g"), ("report", "g")):
+        code, _, err = here(*words)
+        assert (code, err) == (0, told), words
+    assert here.got() == b"8"
+    assert Project.find().get("g:a0").data == b"8"
+
+
+def test_a_failed_build_changes_nothing_that_is_given(here: Here, counts: Space) -> None:
+    counts.edit("rules/toy/mul.py", "    return", '    ctx.check(options.add < 9, "too much")\n    return')
+    counts.write("recipes/g.yaml", CHAIN)
+    assert here("build", "g")[0] == 0
+    before = here.got(), here.got(node="g:a1"), here("show", "g:a0")[1], here("show", "g")[1]
+    page = here.report()
+    assert here("build", "g", "--set", "a1.add=9")[0] == 1
     counts.write("data", "2")
-    assert counts.dxb("build", "g:a0").code == 0
-    assert got() == b"6"
-    counts.write("data", "1")
-    assert counts.build("g:a0").nodes("cached") == {"a0"}
-    assert got() == b"3"
-    never = counts.dxb("get", "g:a0", "--set", "a0.add=7")
-    assert never.code == 2
-    assert "was never built" in never.err
-    assert "request   a0.add=7-" in never.err
+    counts.edit("recipes/g.yaml", "add: 1", "add: 9")
+    assert here("build", "g")[0] == 1
+    after = here.got(), here.got(node="g:a1"), here("show", "g:a0")[1], here("show", "g")[1]
+    assert after == before
+    assert here.report() == page
+    assert "run 0003 of `g` failed or was stopped; `dxb report 0003` shows it" in here("report", "g")[2]
+    counts.edit("recipes/g.yaml", "add: 9", "add: 2")
+    assert here("build", "g")[0] == 0
+    assert (here.got(), here.got(node="g:a1")) == (b"6", b"20")
+
+
+CHAIN = """
+inputs: {l: data}
+nodes:
+  a0: {rule: toy.mul, text: $l}
+  a1: {rule: toy.mul, text: $a0, add: 1}
+targets: {default: [a1]}
+"""
 
 
 def test_a_profile_of_the_environment_does_not_hide_what_was_built_with_it(counts: Space) -> None:
@@ -245,3 +288,79 @@ def test_python_places_like_the_command_line(counts: Space) -> None:
     same = counts.dxb("build", "g:a0", "--set", "a0.add=5")
     assert (counts.root / same.out.strip().partition("\t")[2]).samefile(done.stdout.strip())
     assert "up to date" in same.err
+
+
+def test_a_recipe_beside_a_node_of_its_name_has_files_of_its_own(counts: Space) -> None:
+    nested = counts.root / "recipes/g/a0.yaml"
+    nested.parent.mkdir()
+    nested.write_text("inputs: {l: data}\nnodes:\n  a0: {rule: toy.mul, text: $l, add: 10}\ntargets: {default: [a0]}\n")
+    for _ in range(2):
+        for recipe, value in (("g/a0", 13), ("g:a0", 3)):
+            assert placed(counts, counts.dxb("build", recipe).out) == [value]
+    printed = [counts.dxb("build", recipe).out for recipe in ("g:a0", "g/a0")]
+    assert [value for out in printed for value in placed(counts, out)] == [3, 13]
+    assert not list(counts.root.glob("cache/out/**/*~*"))
+
+
+def test_files_of_a_recipe_in_the_way_of_a_new_one_are_kept(counts: Space) -> None:
+    counts.write("recipes/h/a0.yaml", (counts.root / "recipes/g.yaml").read_text())
+    assert counts.dxb("build", "h/a0:a1").out == "a1\tcache/out/h/a0/a1/a1\n"
+    counts.write("recipes/h.yaml", (counts.root / "recipes/g.yaml").read_text())
+    answer = counts.dxb("build", "h:a0")
+    assert "kept in cache/out/h/a0~" in answer.err
+    assert (counts.root / "cache/out/h/a0~/a1/a1").read_bytes() == b"3"
+    assert placed(counts, counts.dxb("build", "h/a0:a1").out) == [3]
+
+
+GRP = '''
+"""toy.grp: labels that file names once did not tell apart."""
+from dextera_build.artifacts.base import Collection, File
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def grp(ctx: Context) -> Collection[File]:
+    """Two numbers."""
+    return Collection[File](items={"a:b": File(data=b"1"), "a.b": File(data=b"2")})
+'''
+
+
+def test_labels_of_one_group_never_share_a_folder(counts: Space) -> None:
+    counts.write("rules/toy/grp.py", GRP.lstrip())
+    counts.write(
+        "recipes/s.yaml",
+        "nodes:\n  s: {rule: toy.grp}\n  b:\n    each: $s\n    as: o\n    nodes:\n      c: {rule: toy.mul, text: $o}\n"
+        "targets: {default: [b.c]}\n",
+    )
+    assert sorted(placed(counts, counts.dxb("build", "s").out)) == [3, 6]
+
+
+def test_a_folder_in_the_place_of_the_table_goes(counts: Space) -> None:
+    assert counts.dxb("build", "g:a0").code == 0
+    table = counts.root / "cache/out/g/.placed"
+    table.unlink()
+    (table / "inside").mkdir(parents=True)
+    counts.write("data", "2")
+    again = counts.dxb("build", "g:a0")
+    assert (again.code, placed(counts, again.out)) == (0, [6]), again.err
+    assert table.is_file()
+
+
+@pytest.mark.parametrize("copied", [True, False])
+def test_a_cached_build_accepts_equal_files_that_it_may_not_write(
+    counts: Space, copied: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert counts.dxb("build", "g:a0").code == 0
+    file = counts.root / "cache/out/g/a0/a0"
+    if copied:
+        content = file.read_bytes()
+        file.unlink()
+        file.write_bytes(content)
+    os.utime(file, (1, 1))
+    monkeypatch.chdir(counts.root)
+    monkeypatch.setattr(os, "access", lambda path, mode: not mode & os.W_OK)  # root may write anything
+    assert main(["build", "g:a0", "--console", "none"]) == 0
+    assert capsys.readouterr().out == "a0\tcache/out/g/a0/a0\n"
+    assert file.stat().st_mtime == 1
+    file.write_bytes(b"4")
+    assert main(["build", "g:a0", "--console", "none"]) == 0  # in truth it may be written
+    assert file.read_bytes() == b"3"

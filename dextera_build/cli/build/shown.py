@@ -32,9 +32,12 @@ def tell(built: Built, *, quiet: bool = False) -> None:
 
 
 def warn() -> None:
-    """Print the warnings of all sessions, once."""
-    from dextera_build.session import warnings
+    """Print the notices and warnings of all sessions, once."""
+    from dextera_build.session import notices, warnings
 
+    for text in notices:
+        print(text, file=sys.stderr)
+    notices.clear()
     for text in warnings:
         print(f"warning: {text}", file=sys.stderr)
     warnings.clear()
