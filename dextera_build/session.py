@@ -276,6 +276,11 @@ class Session:
             )
         return found.result.output
 
+    def is_bare(self, key: str) -> bool:
+        """Whether the result of a key is known without its bytes."""
+        found = self.store.actions.find(key)
+        return found is not None and not found.is_whole
+
     def artifact(self, node: str) -> Artifact:
         """A node's last output, decoded."""
         document = self.document(node)

@@ -193,6 +193,51 @@ def test_a_failed_build_changes_nothing_that_is_given(here: Here, counts: Space)
     assert (here.got(), here.got(node="g:a1")) == (b"6", b"20")
 
 
+def test_a_stub_build_changes_nothing_that_is_given_and_is_marked(here: Here, counts: Space) -> None:
+    for name, text in SAID.items():
+        counts.write(f"rules/toy/{name}.py", text.lstrip())
+    counts.write(
+        "recipes/g.yaml",
+        "inputs: {l: data}\nnodes: {a0: {rule: toy.said, text: $l}, a1: {rule: toy.mul, text: $a0}}\n"
+        "targets: {default: [a1]}\n",
+    )
+    stub, mark = ("--profile", "stub"), "stub backends made 1 of 2 results\n"
+    assert mark in here("build", "g", *stub)[2]
+    code, _, err = here("get", "g:a1", "-o", "got")
+    assert (code, "as built with stub" in err, "`g:a1` was made with stub backends: a0" in err) == (0, True, True)
+    assert mark not in here("build", "g")[2]
+    assert here("build", "g", *stub)[0] == 0
+    assert (here.got(node="g:a1"), here.got(*stub, node="g:a1")) == (b"21", b"0")
+    assert here("get", "g:a1", "-o", "got")[2] == ""
+    assert "a0\t" in (said := here("show", "g", *stub)[1])
+    assert "(stub)" in said
+    assert "(stub)" not in here("show", "g")[1]
+    assert "stub\t" in here("show", "g:a1", *stub)[1]
+    assert "stub backends made" not in here.report()
+
+
+SAID = {
+    "said": """
+\"\"\"toy.said: a rule with a stub.\"\"\"
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def said(ctx: Context, text: File) -> File:
+    \"\"\"Say a number.\"\"\"
+    return File(data=ctx.backend.say())
+""",
+    **{
+        f"said_{name}": f"""
+\"\"\"Numbers.\"\"\"
+from dextera_build.rule import Backend
+BACKEND = Backend(summary="a number", profiles=("{profile}",))
+def say():
+    return b"{number}"
+"""
+        for name, profile, number in (("stub", "stub", 0), ("real", "cpu", 7))
+    },
+}
 CHAIN = """
 inputs: {l: data}
 nodes:

@@ -136,7 +136,7 @@ def _find(project: Project, store: Store, text: str) -> Side | _Run:
         return _in_run(project, head, node) if colon else (text, runs.find(project, head)[1])
     named = parse_target(text)
     if colon:
-        session = Session(project, named.recipe, last=True)
+        session = Session(project, named.recipe, last=True, node=named.node)
         return Side(text, session.past(named.node).key, session.output(named.node))
     if len(text) >= _SHORTEST and not set(text) - set("0123456789abcdef"):
         return _by_digest(store, text)
