@@ -138,7 +138,7 @@ class Session:
         last = self._built_last()
         if last == own or (profile and not last.startswith(f"@{profile}+")) or not self._is_answered_by(last, own):
             return own
-        told = last[1:].rpartition("-")[0] or f"the profile {project.own_profile}"
+        told = last[1:].rpartition("-")[0]
         notices[f"`{self.recipe}` as built with {told}; `dxb build {self.recipe}` builds it without"] = None
         return last
 
