@@ -172,7 +172,8 @@ class Project(settings_of.Project):
     def get(self, node: str, **request: Unpack[RequestArguments]) -> Artifact:
         """The artifact from the last build of `twin/laptop_scene:scene`; nothing runs.
 
-        Without further arguments, this is the request built last; takes the arguments of `build`.
+        Takes the arguments of `build`. Without any, a recipe that was never built as it is answers for the request
+        that was last built successfully.
 
         Raises:
             UsageError: The node was never built here.
@@ -180,7 +181,7 @@ class Project(settings_of.Project):
         """
         named = parse_target(node)
         here = self._with(profile=request.get("profile"))
-        return Session(here, named.recipe, _added(request), last=True).artifact(named.node)
+        return Session(here, named.recipe, _added(request), last=True, node=named.node).artifact(named.node)
 
     def _with(self, **settings: object) -> Project:
         flags = {name: value for name, value in settings.items() if value is not None}

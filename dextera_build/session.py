@@ -30,6 +30,8 @@ NO_BYTES = "its bytes are not in the store"
 """Text about a bare result."""
 warnings: dict[str, None] = {}
 """Warnings from sessions of this process, printed by the command line."""
+notices: dict[str, None] = {}
+"""Lines about what a reading verb answered for, printed by the command line."""
 
 
 def reading(project: Project) -> Store:
@@ -43,6 +45,8 @@ def reading(project: Project) -> Store:
     return store
 
 
+_BUILT = "built"
+"""Kind of state rows: a request that was built successfully."""
 _LONGEST = 40
 """Maximum length [characters] of the readable part of a variant's name."""
 
@@ -79,8 +83,9 @@ class Session:
         recipe: The recipe's address.
         added: Additions of the request.
         makes: Whether the verb builds, so that a missing store is created.
-        last: If the request adds nothing and no flag sets a profile, use the history of the request built last; a
-            profile set in the environment must match it.
+        last: If the request adds nothing, no flag sets a profile, and it was never built, answer for the last request
+            that was built successfully, with a line in `notices`; a profile set in the environment must match it.
+        node: The node that is read; "" if the whole recipe is.
         names: Bindings to use instead of those of `dxb.lock`.
     """
 
@@ -92,12 +97,13 @@ class Session:
         *,
         makes: bool = False,
         last: bool = False,
+        node: str = "",
         names: Bindings | None = None,
     ) -> None:
         self.project = project
         self.recipe = recipe
         self.added = added or Added()
-        self._makes, self._last, self._names = makes, last, names
+        self._makes, self._last, self._node, self._names = makes, last, node, names
 
     @cached_property
     def store(self) -> Store:
@@ -115,35 +121,50 @@ class Session:
         return lock.names if lock is not None else {}
 
     @cached_property
+    def workspace(self) -> str:
+        """The project's name in the records of its store."""
+        from dextera_build.project import workspace
+
+        return workspace.workspace(self.project)
+
+    @cached_property
     def variant(self) -> str:
         """Suffix that separates a request's files and history from the recipe's default: `@gpu-1a2b3c4d`, or ""."""
-        project, added = self.project, self.added
+        project = self.project
         profile = project.profile if project.profile != project.own_profile else ""
-        if self._last and not added and project.config["profile"].origin != "command line":
-            last = self._built_last()
-            if not profile or last.startswith(f"@{profile}+"):
-                return last
-        if not (profile or added):
-            return ""
-        inputs = {name: path if ":" in path else os.path.abspath(path) for name, path in added.inputs.items()}
-        # The last value of an option wins, so the sort by option name must be stable.
-        settings = sorted(added.settings, key=lambda text: text.partition("=")[0])
-        said = [profile, sorted(inputs.items()), settings, sorted(added.backends.items())]
-        words = [profile, *added.settings, *map("=".join, added.backends.items())]
-        words += [f"{name}={os.path.basename(path)}" for name, path in inputs.items()]
-        text = "+".join(redact(word) for word in words if word)
-        readable = re.sub(r"[^A-Za-z0-9._=+]+", "-", text)[:_LONGEST].strip("-.")
-        return f"@{readable}-{digests.of_value(said)[:8]}"
+        own = variant_of(profile, self.added)
+        if not self._last or self.added or project.config["profile"].origin == "command line":
+            return own
+        last = self._built_last()
+        if last == own or (profile and not last.startswith(f"@{profile}+")) or not self._is_answered_by(last, own):
+            return own
+        told = last[1:].rpartition("-")[0]
+        notices[f"`{self.recipe}` as built with {told}; `dxb build {self.recipe}` builds it without"] = None
+        return last
 
-    def note_last(self) -> None:
-        """Record this request as the one of its recipe built last."""
-        if self._built_last() != self.variant:
-            self.store.state.put(LAST, {self.last_name: self.variant.encode()})
+    def _is_answered_by(self, last: str, own: str) -> bool:
+        """Whether the request built last has what is read, and the own one does not."""
+        for variant in (own, last):
+            if self._node and self._node in self._past(variant).all():
+                return variant == last
+        built = self.store.state.some(_BUILT, [self._name_of(own), self._name_of(last)])
+        return self._name_of(own) not in built and self._name_of(last) in built
+
+    def note_built(self, variant: str) -> None:
+        """Record that a request of the recipe was built successfully, and is the last one."""
+        state, name = self.store.state, self._name_of(variant)
+        if state.get(_BUILT, name) is None:
+            state.put(_BUILT, {name: b""})
+        if self._built_last() != variant:
+            state.put(LAST, {self.last_name: variant.encode()})
 
     @cached_property
     def last_name(self) -> str:
         """Name of the store's record of the recipe's request built last."""
-        return digests.of_value([str(self.project.root), self.recipe])[:16]
+        return self._name_of()
+
+    def _name_of(self, *variant: str) -> str:
+        return digests.of_value([self.workspace, self.recipe, *variant])[:16]
 
     def _built_last(self) -> str:
         found = self.store.state.get(LAST, self.last_name)
@@ -191,13 +212,16 @@ class Session:
     @cached_property
     def past_builds(self) -> History:
         """The history of this request on this machine."""
+        return self._past(self.variant)
+
+    def _past(self, variant: str) -> History:
         from dextera_build.runs.history import History
 
-        return History(self.store, self.recipe, str(self.project.root), self.variant, self._built_last())
+        return History(self.store, self.recipe, self.workspace, variant, self._built_last())
 
     @cached_property
     def history(self) -> dict[str, Entry]:
-        """Node address -> entry of the last run that finished the node."""
+        """Node address -> entry of the last run that finished the node, of the successful ones if there are any."""
         return self.past_builds.all()
 
     @cached_property
@@ -205,13 +229,21 @@ class Session:
         """Nodes that the request's last run brought up to date, without nodes known only from older runs."""
         from dextera_build.runs import log
 
-        run = log.latest(self.store, self.recipe, self.variant)
+        run = self.last_run()
         events = log.read(self.store, run) if run else []
         return [
             event["node"]
             for event in events
             if event["event"] == "node_finished" and event["output"] and event["node"] in self.history
         ]
+
+    def last_run(self) -> str | None:
+        """Id of the request's last successful run, else of its last one; None if there is none."""
+        from dextera_build.runs import log, workspaces
+
+        mark = workspaces.mark(self.workspace)
+        runs = (log.latest(self.store, self.recipe, self.variant, workspace=mark, ok=ok) for ok in (True, False))
+        return next(filter(None, runs), None)
 
     def past(self, node: str) -> Entry:
         """The history entry of a node.
@@ -244,6 +276,11 @@ class Session:
             )
         return found.result.output
 
+    def is_bare(self, key: str) -> bool:
+        """Whether the result of a key is known without its bytes."""
+        found = self.store.actions.find(key)
+        return found is not None and not found.is_whole
+
     def artifact(self, node: str) -> Artifact:
         """A node's last output, decoded."""
         document = self.document(node)
@@ -265,6 +302,21 @@ class Session:
 
         loaded: dict[str, Any] = json.loads(self.store.blobs.get(self.past(node).key_document))
         return loaded
+
+
+def variant_of(profile: str, added: Added) -> str:
+    """The variant of a request: a profile other than the project's own, and additions; "" without any."""
+    if not (profile or added):
+        return ""
+    inputs = {name: path if ":" in path else os.path.abspath(path) for name, path in added.inputs.items()}
+    # The last value of an option wins, so the sort by option name must be stable.
+    settings = sorted(added.settings, key=lambda text: text.partition("=")[0])
+    said = [profile, sorted(inputs.items()), settings, sorted(added.backends.items())]
+    words = [profile, *added.settings, *map("=".join, added.backends.items())]
+    words += [f"{name}={os.path.basename(path)}" for name, path in inputs.items()]
+    text = "+".join(redact(word) for word in words if word)
+    readable = re.sub(r"[^A-Za-z0-9._=+]+", "-", text)[:_LONGEST].strip("-.")
+    return f"@{readable}-{digests.of_value(said)[:8]}"
 
 
 def no_recipe(project: Project, name: str) -> UsageError:

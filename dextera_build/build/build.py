@@ -139,6 +139,7 @@ class _Build:
                 recall=project.asks_again and not brings,
                 whole=order.whole or brings,
                 project=str(project.root),
+                workspace=session.workspace,
                 profile=project.profile,
                 run=log.run,
                 dxb=__version__,
@@ -155,7 +156,8 @@ class _Build:
                 exchange=order.bring_from or fetch.usable(session),
                 pause=log.flush,
             )
-        session.note_last()
+        if result.ok:
+            session.note_built(session.variant)
         return Built(result, log.run, log.lost)
 
     def place(self, out: Out, built: Built) -> Built:

@@ -1,4 +1,4 @@
-"""Exports the targets of a build to `<cache>/out/<recipe>/<node>/`."""
+"""Exports the targets of a build to `<cache>/out/<recipe>/<node>/`; `places` says where exactly."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build import digest as digests
+from dextera_build.build import places
+from dextera_build.build.places import name_of
 from dextera_build.errors import DxbError
 from dextera_build.session import Session
 from dextera_build.store import failpoints, files, headers, permissions, signature
@@ -66,14 +68,15 @@ class Out:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self.base = os.path.abspath(session.project.cache / "out" / f"{session.recipe}{session.variant}")
+        self._place = places.of(session.project, session.recipe, session.variant)
+        self.base = self._place.folder
         self._scratch = ""
         self._placed = Placed()
 
     @contextmanager
     def held(self) -> Iterator[None]:
         """Lock the folder against other builds, from reading the table until it is saved."""
-        with self._session.store.locks.hold(digests.of_bytes(f"out {self.base}".encode())):
+        with self._place.locks.hold(self._place.lock):
             yield
 
     def place(self, result: RunResult, gone: Iterable[str] = ()) -> Placed:
@@ -94,6 +97,10 @@ class Out:
         outputs = {node: output for node in result.targets if (output := result.nodes[node].output) is not None}
         stale = {node for node in outputs if not self._stands(table.get(node), outputs[node], node)}
         gone = [node for node in gone if node in table]
+        if (stale or gone) and not self._may_be_written():
+            # Copied stores and changed permissions leave other times: what counts then is the content.
+            table |= self._equal({node: outputs[node] for node in stale}, result)
+            stale, gone = {node for node in stale if not self._stands(table.get(node), outputs[node], node)}, []
         try:
             if stale or gone:
                 self._replace(table, {node: outputs[node] for node in outputs if node in stale}, gone, result)
@@ -112,6 +119,25 @@ class Out:
         """Address -> output of every node in the folder."""
         return {node: copy.output for node, copy in self._table().items()}
 
+    def _may_be_written(self) -> bool:
+        there = next(folder for folder in (Path(self.base), *Path(self.base).parents) if folder.is_dir())
+        return os.access(there, os.W_OK)
+
+    def _equal(self, outputs: Mapping[str, str], result: RunResult) -> dict[str, _Copy]:
+        """Node -> its files as they are, for the nodes whose folders hold the content of their outputs."""
+        import filecmp
+        import tempfile
+
+        found = {}
+        for node, output in outputs.items():
+            copy, folder = _Copy(output, result.nodes[node].rule), self._folder(node)
+            with tempfile.TemporaryDirectory() as scratch, suppress(OSError):
+                main = self._restore(scratch, node, copy)
+                known = {name: signature.of(os.stat(f"{folder}/{name}")) for name in _files(scratch)}
+                if all(filecmp.cmp(f"{scratch}/{name}", f"{folder}/{name}", shallow=False) for name in known):
+                    found[node] = replace(copy, main=main, files=known)
+        return found
+
     def _stands(self, copy: _Copy | None, output: str, node: str) -> bool:
         return copy is not None and copy.output == output and copy.is_intact(self._folder(node))
 
@@ -128,6 +154,8 @@ class Out:
             # The table claims complete files, so it is written after they are on disk.
             if self._session.project.durable:
                 files.settle(str(self._session.store.root))
+                if os.stat(self.base).st_dev != os.stat(self._session.store.root).st_dev:
+                    files.settle(self.base)
             old = {node: table.pop(node) for node in (*stale, *gone) if node in table}
             if old:
                 self._save(table)
@@ -140,7 +168,7 @@ class Out:
             shutil.rmtree(self._scratch, ignore_errors=True)
 
     def _write(self, node: str, copy: _Copy) -> _Copy:
-        folder = f"{self._scratch}/{_name(node)}"
+        folder = f"{self._scratch}/{name_of(node)}"
         os.mkdir(folder)
         main = self._restore(folder, node, copy)
         permissions.share_tree(folder)
@@ -159,13 +187,13 @@ class Out:
 
     def _swap(self, node: str, old: _Copy | None) -> None:
         """Move the new folder of a node into place; an edited old folder is kept under another name."""
-        folder, new, aside = self._folder(node), f"{self._scratch}/{_name(node)}", f"{self._scratch}/~{_name(node)}"
+        folder, new, aside = self._folder(node), f"{self._scratch}/{name_of(node)}", f"{self._scratch}/~{name_of(node)}"
         with suppress(FileNotFoundError):
             os.rename(folder, aside)
         failpoints.reach("export.cleared")
         if os.path.isdir(new):
             os.rename(new, folder)
-        if old is not None and os.path.isdir(aside) and self._is_changed(aside, node, old):
+        if os.path.isdir(aside) and (_holds_table(aside) if old is None else self._is_changed(aside, node, old)):
             self._placed.kept[node] = _free(folder)
             os.rename(aside, self._placed.kept[node])
 
@@ -179,7 +207,7 @@ class Out:
             return False
         import filecmp  # rarely needed
 
-        scratch = f"{self._scratch}/={_name(node)}"
+        scratch = f"{self._scratch}/={name_of(node)}"
         with suppress(DxbError, OSError):
             os.mkdir(scratch)
             self._restore(scratch, node, old)
@@ -187,13 +215,13 @@ class Out:
         return True
 
     def _folder(self, node: str) -> str:
-        return f"{self.base}/{_name(node)}"
+        return f"{self.base}/{name_of(node)}"
 
     def _sweep(self) -> None:
         """Remove unfinished folders of killed builds; no other build writes here while the folder is held."""
         import time
 
-        sure = self._session.store.locks.reliable()
+        sure = self._place.locks.reliable()
         for entry in os.scandir(self.base):
             if entry.name.startswith(f"{files.TEMPORARY}-"):
                 with suppress(OSError):
@@ -214,7 +242,8 @@ class Out:
     def _save(self, table: Mapping[str, _Copy]) -> None:
         nodes = {node: [copy.output, copy.rule, copy.main, copy.files] for node, copy in table.items()}
         text = json.dumps({"form": _FORM, "check": digests.of_value(nodes), "nodes": nodes})
-        files.write(f"{self.base}/{TABLE}", text.encode(), 0o644)
+        # A folder of this name is damage and moved aside, into the same folder as unfinished files.
+        files.write(f"{self.base}/{TABLE}", text.encode(), 0o644, workshop=self.base)
 
 
 def stem_of(node: str) -> str:
@@ -222,15 +251,16 @@ def stem_of(node: str) -> str:
     return re.split("[./:]", node)[-1]
 
 
-def _name(node: str) -> str:
-    return node.replace("/", ".").replace(":", ".")
-
-
 def _files(folder: str) -> Iterator[str]:
     """Paths of all files below a folder, relative to it."""
     for place, _, names in os.walk(folder):
         below = place[len(folder) + 1 :]
         yield from (f"{below}/{name}" if below else name for name in names)
+
+
+def _holds_table(folder: str) -> bool:
+    """Whether the files of a recipe lie in a folder: of `g/a` in that of `g:a`, from before there was a recipe `g`."""
+    return any(TABLE in names for _, _, names in os.walk(folder))
 
 
 def _free(folder: str) -> str:

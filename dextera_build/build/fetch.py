@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -58,6 +58,19 @@ def usable(session: Session) -> Exchange | None:
     from dextera_build.remotes.spec import guarded
 
     return Exchange(session.store, [guarded(spec) for spec in used])
+
+
+def bring(session: Session, nodes: Iterable[str]) -> list[str]:
+    """Download the bytes of bare results from the remotes that a build uses; the nodes that are still bare."""
+    bare = {node: key for node in nodes if session.is_bare(key := session.past(node).key)}
+    remotes = usable(session) if bare else None
+    if remotes is not None:
+        try:
+            for key in bare.values():
+                remotes.fetch(key)
+        finally:
+            remotes.close()
+    return [node for node, key in bare.items() if session.is_bare(key)]
 
 
 def held(session: Session, nodes: Sequence[Planned]) -> set[str]:

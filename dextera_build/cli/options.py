@@ -90,7 +90,7 @@ def session(
     from dextera_build.session import Session
 
     named = parse_target(target)
-    return Session(of or project(args), named.recipe, added(args), last=last, makes=makes), named.node
+    return Session(of or project(args), named.recipe, added(args), last=last, node=named.node, makes=makes), named.node
 
 
 def added(args: argparse.Namespace) -> Added:

@@ -23,6 +23,8 @@ class Policy:
     """Nothing runs; nodes that would run stay in `State.STALE`."""
     project: str = ""
     """Project folder, passed to workers."""
+    workspace: str = ""
+    """The project's name in the history."""
     profile: str = ""
     run: str = ""
     """Id of the run, `0143`."""

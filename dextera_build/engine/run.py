@@ -16,7 +16,7 @@ from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node, Unit
 from dextera_build.errors import DxbError
-from dextera_build.runs import events
+from dextera_build.runs import events, workspaces
 from dextera_build.runs.events import Event, Listener, NodeFinished
 from dextera_build.runs.history import History
 from dextera_build.store.store import Store
@@ -76,7 +76,7 @@ def build(
             records[event.node] = event
         listen(event)
 
-    history = History(store, graph.name, policy.project, policy.variant)
+    history = History(store, graph.name, policy.workspace, policy.variant)
     scheduler = Scheduler(graph, store, executor, policy, listen=take, history=history, exchange=exchange, pause=pause)
     with store.running.announced():
         _announce(scheduler, wanted)
@@ -117,6 +117,7 @@ def _announce(scheduler: Scheduler, targets: Sequence[Address]) -> None:
             groups=len(groups),
             argv=list(policy.argv),
             variant=policy.variant,
+            workspace=workspaces.mark(policy.workspace),
             backends={f"{rule.path}: {rule.backend}": rule.chosen for rule in rules if rule.backend},
             instead=[f"{rule.path} runs on {rule.backend} ({rule.chosen})" for rule in rules if rule.passed],
         )
@@ -143,7 +144,7 @@ def _close(scheduler: Scheduler, records: Mapping[str, NodeFinished], whole: boo
 
 def _finish(scheduler: Scheduler, result: RunResult, seconds: float, interrupted: bool) -> None:
     if scheduler.history is not None:
-        scheduler.history.save()
+        scheduler.history.save(ok=result.ok)
     scheduler.store.leaves.save()
     counts: Counter[str] = Counter(record.status for record in result.nodes.values())
     spared = [node for node in scheduler.wiring.nodes.values() if node.status in ("cached", "fetched")]

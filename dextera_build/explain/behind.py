@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterator
 
 from dextera_build.artifacts.base import Artifact
@@ -13,18 +12,9 @@ from dextera_build.session import Session
 
 def behind(session: Session, node: str) -> Iterator[tuple[str, Event]]:
     """Artifact type without version, and final event, of a node and of all that it depends on, nearest first."""
-    origins = Origins(session.store)
-    start = origins.event(session.past(node).key)
-    waiting = deque([] if start is None else [start])
-    seen = set()
-    while waiting:
-        event = waiting.popleft()
-        if event["node"] in seen:
-            continue
-        seen.add(event["node"])
+    for event in Origins(session.store).behind(session.past(node)):
         header = document(session.store, event["output"]) or {}
         yield str(header.get("artifact", "")).partition("@")[0], event
-        waiting.extend(origins.made_for(event).values())
 
 
 def found(session: Session, node: str, kind: type[Artifact]) -> Iterator[tuple[str, Artifact]]:

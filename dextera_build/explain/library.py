@@ -36,8 +36,11 @@ def assets(project: Project, *, old: bool = False) -> list[Asset]:
         project: The project whose store is read.
         old: Also outputs that a later build of the same node replaced.
     """
+    from dextera_build.project.workspace import workspace
+    from dextera_build.runs import workspaces
+
     store = reading(project)
-    made, urdf = _made(store, old=old)
+    made, urdf = _made(store, workspaces.mark(workspace(project)), old=old)
     found = [asset for output, each in made.items() if (asset := _asset(project, store, output, each, urdf))]
     return sorted(found, key=lambda asset: (asset.kind != "object", asset.name, asset.digest))
 
@@ -65,14 +68,14 @@ def _rule_of(session: Session, document: str) -> str:
         return ""
 
 
-def _made(store: Store, *, old: bool) -> tuple[dict[str, _Made], dict[str, str]]:
+def _made(store: Store, workspace: str, *, old: bool) -> tuple[dict[str, _Made], dict[str, str]]:
     """Output digest -> who made it; and digest of an asset -> that of its URDF."""
     from dextera_build.runs import log
 
     made: dict[str, _Made] = {}
     urdf: dict[str, str] = {}
     seen: set[tuple[str, str]] = set()
-    for run in reversed(log.runs(store)):
+    for run in log.those(store, workspace=workspace):
         recipe = ""
         for event in log.read(store, run):
             if event["event"] == "run_started":

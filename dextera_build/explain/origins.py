@@ -6,11 +6,13 @@ Garbage collection keeps the logs of the runs that built the results in a store.
 from __future__ import annotations
 
 import json
+from collections import deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from dextera_build.runs import log
+from dextera_build.runs.history import Entry
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.store import Store
 
@@ -59,6 +61,18 @@ class Origins:
         """Address -> final event, for the nodes that a node depended on."""
         known = self._nodes(event["run"])
         return {node: known[node] for node in event["depends_on"] if node in known}
+
+    def behind(self, entry: Entry) -> Iterator[Event]:
+        """The final event of a node in the history, and those of all nodes that it depended on, nearest first."""
+        start = self.event(entry.key, entry.run)
+        waiting = deque([] if start is None else [start])
+        seen = set()
+        while waiting:
+            event = waiting.popleft()
+            if event["node"] not in seen:
+                seen.add(event["node"])
+                yield event
+                waiting.extend(self.made_for(event).values())
 
     def of(self, event: Event) -> Iterator[Origin]:
         """The origins of all inputs of a node."""

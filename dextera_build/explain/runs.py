@@ -8,7 +8,7 @@ from typing import Any
 
 from dextera_build.errors import UsageError
 from dextera_build.project.project import Project
-from dextera_build.session import Added, Session, reading
+from dextera_build.session import Added, Session, notices, reading
 
 Events = list[dict[str, Any]]
 
@@ -38,11 +38,12 @@ def find(project: Project, text: str | None) -> tuple[str, Events]:
     Raises:
         UsageError: There is none.
     """
-    from dextera_build.runs import log
+    from dextera_build.project.workspace import workspace
+    from dextera_build.runs import log, workspaces
 
     store = reading(project)
     known = list(log.runs(store))
-    run = text if text in known else log.latest(store, text)
+    run = text if text in known else log.latest(store, text, workspace=workspaces.mark(workspace(project)))
     if run is None:
         what = f"of `{text}` " if text else ""
         raise UsageError(f"no run {what}is logged here", code="DXB-U112", hint="`dxb ls runs`, or `dxb build RECIPE`")
@@ -50,9 +51,9 @@ def find(project: Project, text: str | None) -> tuple[str, Events]:
 
 
 def of_last_built(project: Project, text: str | None, added: Added) -> Events:
-    """The events of a run named by its id, or of the last run of a recipe's most recently built request.
+    """The events of a run named by its id, or of a recipe's last successful run, else of its last run.
 
-    That build may have found everything cached, so its run may be older than others of the recipe.
+    The recipe's own request counts, and if it was never built, the request that was built last; see `Session`.
 
     Args:
         project: The project.
@@ -62,18 +63,22 @@ def of_last_built(project: Project, text: str | None, added: Added) -> Events:
     Raises:
         UsageError: There is none.
     """
-    from dextera_build.runs import log
+    from dextera_build.runs import log, workspaces
 
     run, found = find(project, text)
     if run == text:
         return found
     recipe = next(event["recipe"] for event in found if event["event"] == "run_started")
     session = Session(project, recipe, added, last=True)
-    of_request = log.latest(session.store, recipe, session.variant)
+    of_request = session.last_run()
     if of_request is None:
         raise UsageError(
             f"no run of `{recipe}` with these flags is logged here", code="DXB-U112", hint=f"`dxb build {recipe}`"
         )
+    mark = workspaces.mark(session.workspace)
+    newest = log.latest(session.store, recipe, session.variant, workspace=mark)
+    if newest not in (None, of_request):
+        notices[f"run {newest} of `{recipe}` failed or was stopped; `dxb report {newest}` shows it"] = None
     return log.read(session.store, of_request)
 
 

@@ -11,7 +11,7 @@ from dextera_build.report.pictures import Pictures
 from dextera_build.report.pieces import failure, link, metrics, state
 from dextera_build.report.run import Node, Run
 from dextera_build.report.tables import passed
-from dextera_build.report.wording import count, duration, parted, some, states
+from dextera_build.report.wording import STUB, count, duration, parted, some, states, stubs
 
 _MOST = 3  # pictures of one node in the strip
 
@@ -22,7 +22,8 @@ def title(run: Run) -> Html:
     if run.interrupted:
         verdict = ("warn", "- stopped")
     # Stub backends give meaningless shapes: such a page must not be mistaken for a result.
-    warnings = ["stub backends"] if run.profile == "stub" else []
+    results = [node.backend for node in run.nodes if node.output]
+    warnings = [text for text in [stubs(results.count(STUB), len(results))] if text]
     if any(node.artifact == "Scene" and node.fields.get("scale") == "unknown" for node in run.nodes):
         warnings.append("scale unknown")
     doubtful = sum(len(parted(node.line)[1]) for node in run.nodes)

@@ -24,6 +24,14 @@ STATES: Mapping[str, tuple[str, str]] = {
 }
 """Status -> its word for one node and for several, in the order of summaries."""
 
+STUB = "stub"
+"""Name of the backends whose results are right in type and shape, and mean nothing."""
+
+
+def stubs(made: int, of: int) -> str:
+    """How many results stub backends made; "" for none."""
+    return f"stub backends made {made:,} of {count(of, 'result')}" if made else ""
+
 
 def duration(seconds: float) -> str:
     """Seconds as text: `0.31 s`, `34.2 s`, `1 min 10 s`, `21 min`, `2 h 05 min`."""

@@ -49,6 +49,8 @@ class RunStarted(Event):
     argv: list[str] = field(default_factory=list)
     variant: str = ""
     """Distinguishes the request from the recipe's default."""
+    workspace: str = ""
+    """Distinguishes the project from others that share the store; see `workspaces.mark`."""
     backends: Mapping[str, str] = field(default_factory=dict)
     """`factorize.mesh: primitives` -> who chose it, and what was passed over."""
     instead: list[str] = field(default_factory=list)

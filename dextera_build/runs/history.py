@@ -12,6 +12,8 @@ from dextera_build.store.state import State
 from dextera_build.store.store import Store
 
 _KIND = "history"
+_KEPT = "history before failures"
+"""Kind of the entries that a failed run would have replaced; the next successful run of a node drops them."""
 _NUMBERS = {int, float}
 
 
@@ -38,30 +40,33 @@ class History:
     Args:
         store: Keeps the history in its machine-local part.
         recipe: Address of the recipe.
-        project: Folder of the project; projects that share a store may have recipes of the same name.
+        workspace: The project; projects that share a store may have recipes of the same name.
         variant: Distinguishes the request from the recipe's default; "" for the default.
         last: Variant of the request built last.
     """
 
-    def __init__(self, store: Store, recipe: str, project: str = "", variant: str = "", last: str = "") -> None:
-        self._base = History(store, recipe, project, last if last != variant else "") if variant else None
+    def __init__(self, store: Store, recipe: str, workspace: str = "", variant: str = "", last: str = "") -> None:
+        self._base = History(store, recipe, workspace, last if last != variant else "") if variant else None
         self._state = store.state
-        self._kind = "\0".join((_KIND, project, recipe, variant))
+        self._kind, self._kept = ("\0".join((kind, workspace, recipe, variant)) for kind in (_KIND, _KEPT))
         self._entries: dict[str, Entry] | None = None
         self._noted: set[str] = set()
         """Addresses of entries that are not saved yet."""
+        self._seen: dict[str, Entry | None] = {}
+        """Address of each recorded node -> its entry before."""
 
     def get(self, address: str) -> Entry | None:
         """The entry of a node in this request, else in the one built last, else in the default; None without any."""
         return self._load().get(address) or (self._base.get(address) if self._base else None)
 
     def all(self) -> dict[str, Entry]:
-        """Every entry of this request."""
-        return dict(self._load())
+        """Every entry of this request; where a failed run replaced one, the one before."""
+        return self._load() | dict(_entries(self._state, self._kept))
 
     def note(self, address: str, entry: Entry) -> None:
         """Record a node; if its key is unchanged, the run that first had it stays."""
         known = self._load().get(address)
+        self._seen.setdefault(address, known)
         if known is not None and known.key == entry.key and known.key_document == entry.key_document:
             if not entry.usage:
                 return
@@ -77,13 +82,24 @@ class History:
         peak = known.usage.get("memory_bytes") if known else None
         return peak / 2**30 if peak else None
 
-    def save(self) -> None:
-        """Save recorded entries next to those of other builds; a store that cannot be written stays as it is."""
+    def save(self, *, ok: bool = True) -> None:
+        """Save recorded entries next to those of other builds; a store that cannot be written stays as it is.
+
+        Args:
+            ok: Whether the run succeeded; the entries that a failed one replaces are kept for `all`.
+        """
+        known, kept = self._load(), self._state.all(self._kept) if self._seen else {}
+        if not ok:
+            before = {address: entry for address, entry in self._seen.items() if entry and address not in kept}
+            lost = {address: _row(entry) for address, entry in before.items() if entry.key != known[address].key}
+            if lost:
+                self._state.put(self._kept, lost)
         if self._noted:
-            known = self._load()
             self._state.put(self._kind, {address: _row(known[address]) for address in self._noted})
             self._noted.clear()
             failpoints.reach("history.saved")
+        if ok and (gone := kept.keys() & self._seen.keys()):
+            self._state.put(self._kept, {}, without=gone)
 
     def _load(self) -> dict[str, Entry]:
         if self._entries is None:
@@ -92,10 +108,10 @@ class History:
 
 
 def projects(state: State) -> Iterator[tuple[str, str, Iterator[Entry]]]:
-    """For every recipe: the project folder, the variant of the request, and its entries."""
+    """For every recipe: the workspace, the variant of the request, and its entries."""
     for kind in state.kinds():
         name, *rest = kind.split("\0")
-        if name == _KIND and rest:
+        if name in (_KIND, _KEPT) and rest:
             yield rest[0], rest[-1], (entry for _, entry in _entries(state, kind))
 
 

@@ -21,6 +21,8 @@ _FILE = "events.jsonl"
 _PROGRESS_S = 1.0
 _MOST = 256
 """Maximum number of buffered events."""
+_TAIL = 1 << 14
+"""Length above that of any final event [bytes]."""
 _NOT_WRITABLE = {errno.EACCES, errno.EPERM, errno.EROFS, *disk_full.FULL}
 
 
@@ -128,15 +130,38 @@ def read(store: Store, run: str) -> list[dict[str, Any]]:
     return list(lines(store, run))
 
 
-def latest(store: Store, recipe: str | None = None, variant: str | None = None) -> str | None:
-    """Id of the last run, optionally of a `recipe` and a `variant` of its request; None if there is none."""
+def latest(
+    store: Store, recipe: str | None = None, variant: str | None = None, *, workspace: str = "", ok: bool = False
+) -> str | None:
+    """Id of the last run in `those`, with `ok` of the successful ones; None if there is none."""
+    found = those(store, recipe, variant, workspace=workspace)
+    return next((run for run in found if not ok or _succeeded(store, run)), None)
+
+
+def those(store: Store, recipe: str | None = None, variant: str | None = None, *, workspace: str = "") -> Iterator[str]:
+    """Ids of runs, newest first.
+
+    Args:
+        store: The store.
+        recipe: Their recipe; None: any.
+        variant: The variant of their request; None: any.
+        workspace: The `mark` of their workspace; runs without one count, too.
+    """
     for run in reversed(runs(store)):
         first = next(lines(store, run), None)
         if first is None or (recipe is not None and first.get("recipe") != recipe):
             continue
-        if variant is None or first.get("variant", "") == variant:
-            return run
-    return None
+        if first.get("workspace", "") in ("", workspace) and variant in (None, first.get("variant", "")):
+            yield run
+
+
+def _succeeded(store: Store, run: str) -> bool:
+    """Whether a run's final event, on the last line of its log, says so."""
+    with suppress(OSError, ValueError), (store.root / "runs" / run / _FILE).open("rb") as file:
+        file.seek(max(0, file.seek(0, os.SEEK_END) - _TAIL))
+        last = digests.plain(file.read().rstrip(b"\n").rpartition(b"\n")[2])
+        return events.is_event(last) and last["event"] == "run_finished" and bool(last["ok"])
+    return False
 
 
 def lines(store: Store, run: str) -> Iterator[dict[str, Any]]:

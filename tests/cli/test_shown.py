@@ -19,12 +19,13 @@ from tests import episodes, factories, series
 @pytest.fixture
 def session(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A recipe `task/lift` whose nodes were made from what a test puts into `behind`, nearest first."""
-    made = SimpleNamespace(recipe="task/lift", artifacts={}, behind=[])
+    made = SimpleNamespace(recipe="task/lift", artifacts={}, behind=[], history={}, bare=set())
 
     def found(session: Any, node: str, kind: type[Artifact]) -> Iterator[tuple[str, Artifact]]:
         yield from ((address, each) for address, each in made.behind if isinstance(each, kind))
 
     monkeypatch.setattr(shown.behind, "found", found)
+    monkeypatch.setattr(shown.fetch, "bring", lambda session, nodes: made.bare & {*nodes})
     made.artifact = made.artifacts.__getitem__
     return made
 

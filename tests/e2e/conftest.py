@@ -40,6 +40,23 @@ def slow(ctx: Context, text: File, *, options: SlowOptions) -> File:
     return text
 '''
 
+MUL = '''
+"""toy.mul: counts."""
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, Options, rule
+
+class MulOptions(Options):
+    """Options."""
+    add: int = 0
+    """What to add."""
+
+@rule(version=1)
+def mul(ctx: Context, text: File, *, options: MulOptions) -> File:
+    """Multiply by three."""
+    return File(data=b"%d" % (int(text.data) * 3 + options.add))
+'''
+NODES = 12
+
 
 @pytest.fixture
 def space(tmp_path: Path) -> Space:
@@ -56,3 +73,13 @@ def served(space: Space) -> Iterator[str]:
     """`dxb cache serve` as a process."""
     with serving(space, "served") as url:
         yield url
+
+
+@pytest.fixture
+def counts(space: Space) -> Space:
+    space.write("rules/toy/mul.py", MUL.lstrip())
+    space.write("data", "1")
+    nodes = "".join(f"  a{number}: {{rule: toy.mul, text: $l}}\n" for number in range(NODES))
+    names = ", ".join(f"a{number}" for number in range(NODES))
+    space.write("recipes/g.yaml", f"inputs: {{l: data}}\nnodes:\n{nodes}targets: {{default: [{names}]}}\n")
+    return space

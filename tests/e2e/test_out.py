@@ -9,39 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from dextera_build.cli.main import main
+from tests.e2e.conftest import NODES
 from tests.e2e.space import Space
 
-MUL = '''
-"""toy.mul: counts."""
-from dextera_build.artifacts.base import File
-from dextera_build.rule import Context, Options, rule
-
-class MulOptions(Options):
-    """Options."""
-    add: int = 0
-    """What to add."""
-
-@rule(version=1)
-def mul(ctx: Context, text: File, *, options: MulOptions) -> File:
-    """Multiply by three."""
-    return File(data=b"%d" % (int(text.data) * 3 + options.add))
-'''
-NODES = 12
-RECIPE = """
-inputs: {l: data}
-nodes:
-"""
 ROUNDS = int(os.environ.get("ROUNDS", "25"))
-
-
-@pytest.fixture
-def counts(space: Space) -> Space:
-    space.write("rules/toy/mul.py", MUL.lstrip())
-    space.write("data", "1")
-    nodes = "".join(f"  a{number}: {{rule: toy.mul, text: $l}}\n" for number in range(NODES))
-    names = ", ".join(f"a{number}" for number in range(NODES))
-    space.write("recipes/g.yaml", f"inputs: {{l: data}}\nnodes:\n{nodes}targets: {{default: [{names}]}}\n")
-    return space
 
 
 def settings(kind: int) -> list[str]:
@@ -113,50 +85,6 @@ def test_another_request_lies_beside_the_recipes_own(counts: Space) -> None:
     assert bound.startswith("a0\tcache/out/g@l=more-")
     assert placed(counts, bound) == [6]
     assert counts.dxb("build", "g:a0", "--profile", "cpu").out == own.out
-
-
-@pytest.mark.slow
-def test_get_show_and_report_answer_for_the_request_that_was_built_last(counts: Space) -> None:
-    def got(*words: str) -> bytes:
-        answer = counts.dxb("get", "g:a0", "-o", "got", *words)
-        assert answer.code == 0, answer.err
-        return (counts.root / answer.out.strip()).read_bytes()
-
-    def shown(*words: str) -> str:
-        return counts.dxb("show", "g:a0", *words).out
-
-    def reported(*words: str) -> str:
-        answer = counts.dxb("report", "g", *words)
-        assert answer.code == 0, answer.err
-        return (counts.root / answer.out.strip()).read_text()
-
-    five = ("--set", "a0.add=5")
-    assert counts.dxb("build", "g:a0").code == 0
-    assert got() == b"3"
-    assert counts.dxb("build", "g:a0", *five).code == 0
-    assert (got(), got(*five), got("--profile", "cpu")) == (b"8", b"8", b"3")
-    assert "option add\t5" in shown()
-    assert "add=5" in reported()
-    for _ in range(2):  # by the snapshot
-        again = counts.dxb("build", "g:a0")
-        assert "up to date" in again.err
-        assert (got(), got(*five)) == (b"3", b"8")
-        assert "option add\t0" in shown()
-        assert "option add\t5" in shown(*five)
-        assert "add=5" not in reported()
-        assert "add=5" in reported(*five)
-        assert "up to date" in counts.dxb("build", "g:a0", *five).err
-        assert got() == b"8"
-    counts.write("data", "2")
-    assert counts.dxb("build", "g:a0").code == 0
-    assert got() == b"6"
-    counts.write("data", "1")
-    assert counts.build("g:a0").nodes("cached") == {"a0"}
-    assert got() == b"3"
-    never = counts.dxb("get", "g:a0", "--set", "a0.add=7")
-    assert never.code == 2
-    assert "was never built" in never.err
-    assert "request   a0.add=7-" in never.err
 
 
 def test_a_profile_of_the_environment_does_not_hide_what_was_built_with_it(counts: Space) -> None:
@@ -245,3 +173,79 @@ def test_python_places_like_the_command_line(counts: Space) -> None:
     same = counts.dxb("build", "g:a0", "--set", "a0.add=5")
     assert (counts.root / same.out.strip().partition("\t")[2]).samefile(done.stdout.strip())
     assert "up to date" in same.err
+
+
+def test_a_recipe_beside_a_node_of_its_name_has_files_of_its_own(counts: Space) -> None:
+    nested = counts.root / "recipes/g/a0.yaml"
+    nested.parent.mkdir()
+    nested.write_text("inputs: {l: data}\nnodes:\n  a0: {rule: toy.mul, text: $l, add: 10}\ntargets: {default: [a0]}\n")
+    for _ in range(2):
+        for recipe, value in (("g/a0", 13), ("g:a0", 3)):
+            assert placed(counts, counts.dxb("build", recipe).out) == [value]
+    printed = [counts.dxb("build", recipe).out for recipe in ("g:a0", "g/a0")]
+    assert [value for out in printed for value in placed(counts, out)] == [3, 13]
+    assert not list(counts.root.glob("cache/out/**/*~*"))
+
+
+def test_files_of_a_recipe_in_the_way_of_a_new_one_are_kept(counts: Space) -> None:
+    counts.write("recipes/h/a0.yaml", (counts.root / "recipes/g.yaml").read_text())
+    assert counts.dxb("build", "h/a0:a1").out == "a1\tcache/out/h/a0/a1/a1\n"
+    counts.write("recipes/h.yaml", (counts.root / "recipes/g.yaml").read_text())
+    answer = counts.dxb("build", "h:a0")
+    assert "kept in cache/out/h/a0~" in answer.err
+    assert (counts.root / "cache/out/h/a0~/a1/a1").read_bytes() == b"3"
+    assert placed(counts, counts.dxb("build", "h/a0:a1").out) == [3]
+
+
+GRP = '''
+"""toy.grp: labels that file names once did not tell apart."""
+from dextera_build.artifacts.base import Collection, File
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def grp(ctx: Context) -> Collection[File]:
+    """Two numbers."""
+    return Collection[File](items={"a:b": File(data=b"1"), "a.b": File(data=b"2")})
+'''
+
+
+def test_labels_of_one_group_never_share_a_folder(counts: Space) -> None:
+    counts.write("rules/toy/grp.py", GRP.lstrip())
+    counts.write(
+        "recipes/s.yaml",
+        "nodes:\n  s: {rule: toy.grp}\n  b:\n    each: $s\n    as: o\n    nodes:\n      c: {rule: toy.mul, text: $o}\n"
+        "targets: {default: [b.c]}\n",
+    )
+    assert sorted(placed(counts, counts.dxb("build", "s").out)) == [3, 6]
+
+
+def test_a_folder_in_the_place_of_the_table_goes(counts: Space) -> None:
+    assert counts.dxb("build", "g:a0").code == 0
+    table = counts.root / "cache/out/g/.placed"
+    table.unlink()
+    (table / "inside").mkdir(parents=True)
+    counts.write("data", "2")
+    again = counts.dxb("build", "g:a0")
+    assert (again.code, placed(counts, again.out)) == (0, [6]), again.err
+    assert table.is_file()
+
+
+@pytest.mark.parametrize("copied", [True, False])
+def test_a_cached_build_accepts_equal_files_that_it_may_not_write(
+    counts: Space, copied: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert counts.dxb("build", "g:a0").code == 0
+    file = counts.root / "cache/out/g/a0/a0"
+    if copied:
+        content = file.read_bytes()
+        file.unlink()
+        file.write_bytes(content)
+    os.utime(file, (1, 1))
+    monkeypatch.chdir(counts.root)
+    monkeypatch.setattr(os, "access", lambda path, mode: not mode & os.W_OK)  # root may write anything
+    assert main(["build", "g:a0", "--console", "none"]) == 0
+    assert capsys.readouterr().out == "a0\tcache/out/g/a0/a0\n"
+    assert file.stat().st_mtime == 1
+    file.write_bytes(b"4")
+    assert main(["build", "g:a0", "--console", "none"]) == 0  # in truth it may be written
+    assert file.read_bytes() == b"3"

@@ -108,6 +108,19 @@ def test_history_names_the_run_that_gave_the_key(store: Store) -> None:
     assert history.all()["n"].run == "0003"
 
 
+def test_a_failed_run_changes_no_entry_that_is_given(store: Store) -> None:
+    entries = {key: Entry(key, key, "0001", 1.0, 1.0) for key in ("k1", "k2", "k3")}
+    for key, ok in (("k1", True), ("k2", False), ("k3", False)):
+        history = History(store, "a")
+        history.note("n", entries[key])
+        history.save(ok=ok)
+    assert (History(store, "a").all()["n"], History(store, "a").get("n")) == (entries["k1"], entries["k3"])
+    history = History(store, "a")
+    history.note("n", entries["k3"])
+    history.save()
+    assert History(store, "a").all()["n"] == entries["k3"]
+
+
 def test_builds_at_once_lose_nothing_of_one_another(store: Store) -> None:
     one, other = History(store, "a"), History(store, "a")
     assert (one.all(), other.all()) == ({}, {})
@@ -159,6 +172,7 @@ def test_the_latest_run_of_a_recipe(store: Store) -> None:
     assert eventlog.latest(store, "twin/b") == "0002"
     assert eventlog.latest(store) == "0003"
     assert eventlog.latest(store, "twin/c") is None
+    assert eventlog.latest(store, "twin/a", ok=True) is None
     (store.root / "runs" / "9999").mkdir()
     with EventLog(store) as log:
         assert log.run == "10000"

@@ -12,6 +12,7 @@ from dextera_build.engine.policy import Policy
 from dextera_build.engine.run import build
 from dextera_build.gc import roots
 from dextera_build.gc.collect import collect_all
+from dextera_build.runs import workspaces
 from dextera_build.runs.history import Entry, History
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, graph, inline, out
@@ -21,7 +22,7 @@ KEY = "ab" * 32
 
 def run(store: Store, project: Path, value: int = 0) -> set[str]:
     plan = graph(call("a", value=value), call("b", a=out("a")))
-    policy = Policy(run="0001", project=str(project))
+    policy = Policy(run="0001", project=str(project), workspace=str(project))
     result = build(plan, [("b",)], store=store, executor=inline(), listen=Record(), policy=policy)
     return {node.key or "" for node in result.nodes.values()}
 
@@ -80,3 +81,24 @@ def test_the_past_of_a_request_with_flags_holds_its_results_for_a_month(store: S
         history.note("a", Entry(key, key, "0001", 1.0, time.time() - days * 86400))
         history.save()
     assert roots.find(store).keys == {str(tmp_path): {keys[0], keys[2]}}
+
+
+def test_what_another_machine_built_is_held_for_a_month(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workspaces, "_machine", lambda: "far")
+    far = workspaces.name("/no/such/lab", shared=True)
+    monkeypatch.undo()
+    for node, key, days in (("a", "ab" * 32, 40.0), ("b", "cd" * 32, 20.0)):
+        history = History(store, "tiny/graph", far)
+        history.note(node, Entry(key, key, "0001", 1.0, time.time() - days * 86400))
+        history.save()
+    found = roots.find(store)
+    assert (found.keys, found.vanished) == ({"/no/such/lab on another machine": {"cd" * 32}}, [])
+
+
+def test_what_a_failed_run_replaced_is_held(store: Store, tmp_path: Path) -> None:
+    old, new = "ab" * 32, "cd" * 32
+    for key, ok in ((old, True), (new, False)):
+        history = History(store, "tiny/graph", str(tmp_path))
+        history.note("a", Entry(key, key, "0001", 1.0, time.time()))
+        history.save(ok=ok)
+    assert roots.find(store).keys == {str(tmp_path): {old, new}}

@@ -16,9 +16,9 @@ def tell(built: Built, *, quiet: bool = False) -> None:
 
     Args:
         built: The build.
-        quiet: The console is `none` or `jsonl`: changes of `dxb.lock` are not reported.
+        quiet: The console is `none` or `jsonl`: changes of `dxb.lock` and stub backends are not reported.
     """
-    from dextera_build.report.wording import count, some
+    from dextera_build.report.wording import STUB, count, some, stubs
 
     if built.lost:
         print(f"the disk is full: the log of run {built.run} lacks {count(built.lost, 'event')}", file=sys.stderr)
@@ -29,12 +29,18 @@ def tell(built: Built, *, quiet: bool = False) -> None:
         print(f"out of date and removed from out/: {some(built.placed.removed)}", file=sys.stderr)
     if built.notice and not quiet:
         print(built.notice, file=sys.stderr)
+    made = [node.backend for node in built.result.nodes.values() if node.output]
+    if not quiet and (told := stubs(made.count(STUB), len(made))):
+        print(told, file=sys.stderr)
 
 
 def warn() -> None:
-    """Print the warnings of all sessions, once."""
-    from dextera_build.session import warnings
+    """Print the notices and warnings of all sessions, once."""
+    from dextera_build.session import notices, warnings
 
+    for text in notices:
+        print(text, file=sys.stderr)
+    notices.clear()
     for text in warnings:
         print(f"warning: {text}", file=sys.stderr)
     warnings.clear()

@@ -14,8 +14,9 @@ from dextera_build.cli import options, table
 from dextera_build.errors import UsageError, did_you_mean, listing
 from dextera_build.explain import compare, runs
 from dextera_build.explain.compare import Row, Side
+from dextera_build.project.workspace import workspace
 from dextera_build.recipe.addresses import parse_target
-from dextera_build.runs import log
+from dextera_build.runs import log, workspaces
 from dextera_build.session import Session, reading
 
 if TYPE_CHECKING:
@@ -112,8 +113,8 @@ def _pair(project: Project, store: Store, old: str, new: str | None) -> tuple[Si
     if new is not None:
         return _find(project, store, old), _find(project, store, new)
     named = parse_target(old)
-    known = (run for run in reversed(log.runs(store)) if _recipe(store, run) == named.recipe)
-    last = list(islice(known, 2))
+    mark = workspaces.mark(workspace(project))
+    last = list(islice(log.those(store, named.recipe, workspace=mark), 2))
     if len(last) < 2:
         raise UsageError(
             f"`{named.recipe}` has {('no run', 'only one run')[len(last)]} here; a comparison takes two",
@@ -135,7 +136,7 @@ def _find(project: Project, store: Store, text: str) -> Side | _Run:
         return _in_run(project, head, node) if colon else (text, runs.find(project, head)[1])
     named = parse_target(text)
     if colon:
-        session = Session(project, named.recipe, last=True)
+        session = Session(project, named.recipe, last=True, node=named.node)
         return Side(text, session.past(named.node).key, session.output(named.node))
     if len(text) >= _SHORTEST and not set(text) - set("0123456789abcdef"):
         return _by_digest(store, text)
@@ -183,7 +184,3 @@ def _by_digest(store: Store, text: str) -> Side:
         code="DXB-U168",
         hint="`dxb show RECIPE:NODE` prints the key and the output of a node",
     )
-
-
-def _recipe(store: Store, run: str) -> str | None:
-    return next(log.lines(store, run), {}).get("recipe")

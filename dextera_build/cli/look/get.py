@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 from dextera_build.cli import options
@@ -29,12 +30,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths, the main one first."""
     from dextera_build.build.export import stem_of
+    from dextera_build.explain import stubs
 
     session, node = options.session(args, args.node, last=True)
     if not node:
         hint = f"`dxb get {session.recipe}:NODE`; `dxb ls {session.recipe}`"
         raise UsageError("a node is missing: `get` takes RECIPE:NODE", code="DXB-U111", hint=hint)
     artifact = session.artifact(node)
+    if told := stubs.told(session, node):
+        print(told, file=sys.stderr)
     out = Path(args.out)
     with writing(out):
         # A type without file formats takes every path as a folder, `-o twin.v2` included.

@@ -23,6 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the file and print its path."""
+    from dextera_build.build import places
     from dextera_build.cli.table import writing
     from dextera_build.explain import runs
     from dextera_build.report.build import build
@@ -32,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
     events = runs.of_last_built(project, args.run, options.added(args))
     start = next(event for event in events if event["event"] == "run_started")
     recipe, variant = start["recipe"], start.get("variant", "")
-    out = Path(args.out) if args.out else project.cache / "out" / f"{recipe}{variant}" / "report.html"
+    out = Path(args.out) if args.out else Path(places.of(project, recipe, variant).folder) / "report.html"
     licences = {
         f"{found.path}:{backend.name}": backend.facts.licence
         for found in project.library.rules()

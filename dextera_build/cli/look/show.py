@@ -11,9 +11,10 @@ from dextera_build.cli import options, table
 from dextera_build.cli.look import graph
 from dextera_build.cli.table import give_text
 from dextera_build.errors import UsageError
+from dextera_build.explain import origins, stubs
 from dextera_build.explain.calls import is_call, show
 from dextera_build.explain.reads import Reads
-from dextera_build.report.wording import used
+from dextera_build.report.wording import STUB, used
 
 if TYPE_CHECKING:
     from dextera_build.project.project import Project
@@ -132,7 +133,7 @@ def _targets(session: Session, target: str) -> list[str]:
 
 
 def _recipe(session: Session, *, as_json: bool) -> int:
-    """Print the last build of each node of a recipe: time, run, result."""
+    """Print the last build of each node of a recipe: time, run, result; what stub backends made is marked."""
     if session.project.recipe(session.recipe) is None:
         session.plan()  # raises the error that lists the recipes
     rows = {
@@ -148,7 +149,14 @@ def _recipe(session: Session, *, as_json: bool) -> int:
 
 def _line(session: Session, key: str) -> str:
     found = session.store.actions.known(key)
-    return found.line if found else "(no longer in the store)"
+    if found is None:
+        return "(no longer in the store)"
+    return f"(stub) {found.line}" if _backend(session, key) == STUB else found.line
+
+
+def _backend(session: Session, key: str) -> str | None:
+    document = origins.document(session.store, key)
+    return document["backend"] if document else None
 
 
 def _node(session: Session, node: str) -> dict[str, Any]:
@@ -164,6 +172,8 @@ def _node(session: Session, node: str) -> dict[str, Any]:
         "known since": f"run {entry.run}, {when}; it took {entry.seconds:.1f} s to make",
         "key": entry.key,
     }
+    if told := stubs.told(session, node):
+        rows["stub"] = told
     if entry.usage:
         rows["used"] = used(entry.usage)
     if found is not None:

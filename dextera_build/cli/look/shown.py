@@ -13,10 +13,12 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Scene
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.trials import Trials
+from dextera_build.build import fetch
 from dextera_build.engine.graph import parse_address
 from dextera_build.errors import DxbError, RuleError, UsageError, listing
 from dextera_build.explain import behind
-from dextera_build.session import Session
+from dextera_build.report.wording import count
+from dextera_build.session import Session, notices
 
 Fill = Callable[[Any], Iterator[float]]
 """Fills a viewer, and gives the times of the further states of a recording [s]; each item moves the scene on."""
@@ -37,6 +39,7 @@ def of(session: Session, node: str, episode: str | None = None) -> Fill:
     """
     if not node:
         return _recipe(session)
+    fetch.bring(session, [node] if node in session.history else [])
     artifact = session.artifact(node)
     if isinstance(artifact, TaskBundle):
         return _task(session, node, artifact)
@@ -132,12 +135,14 @@ def _materials(session: Session, node: str) -> dict[str, str]:
 
 
 def _recipe(session: Session) -> Fill:
-    """The recipe's task, or else the twin's scene from the parts that the last build made."""
+    """The recipe's task, or else the twin's scene from the parts that the last build made, or as it was written."""
     nodes = _by_type(session)
     for node in nodes.get("TaskBundle", []):
         # Nodes of other recipes bear their names; what a recipe makes itself is what it is about.
-        if ":" not in node and isinstance(bundle := session.artifact(node), TaskBundle):
-            return _task(session, node, bundle)
+        if ":" not in node:
+            fetch.bring(session, [node, *nodes.get("Asset", [])])
+            if isinstance(bundle := session.artifact(node), TaskBundle):
+                return _task(session, node, bundle)
     if missing := [kind for kind in PARTS if kind not in nodes]:
         raise UsageError(
             f"`{session.recipe}` has no scene to show yet",
@@ -145,7 +150,26 @@ def _recipe(session: Session) -> Fill:
             facts={"missing": ", ".join(missing)},
             hint=f"`dxb build {session.recipe}`, or name a node: `dxb view {session.recipe}:NODE`",
         )
-    return _scene(session, nodes)
+    named = nodes.pop("Segmentation", [])[-1:]
+    bare = fetch.bring(session, [*(nodes[kind][-1] for kind in PARTS), *nodes.get("Asset", []), *named])
+    if named and named[0] not in bare:
+        nodes["Segmentation"] = named
+    return _as_written(session, nodes, bare) if {*bare} - {*named} else _scene(session, nodes)
+
+
+def _as_written(session: Session, nodes: dict[str, list[str]], bare: list[str]) -> Fill:
+    """The file of the scene that was exported, where a remote or a bundle brought no more than that.
+
+    Raises:
+        RuleError: The store has none.
+    """
+    told = f"the store lacks the bytes of {count(len(bare), 'part')} of the scene"
+    hint = f"`dxb build --whole {session.recipe}`"
+    for node in reversed(nodes.get("Scene", [])):
+        if not session.is_bare(session.past(node).key) and isinstance(scene := session.artifact(node), Scene):
+            notices[f"shown as `{node}` was written, without the photograph: {told}; {hint} brings them"] = None
+            return _written(session, node, scene)
+    raise RuleError(f"{told}: {listing(bare, most=3)}", code="DXB-B401", hint=hint)
 
 
 def _scene(session: Session, nodes: dict[str, list[str]]) -> Fill:
@@ -199,14 +223,13 @@ def _binder(session: Session, nodes: dict[str, list[str]], photograph: Photograp
 
 
 def _by_type(session: Session) -> dict[str, list[str]]:
-    """Artifact type -> the recipe's own nodes of the last build that returned one."""
+    """Artifact type -> the recipe's own nodes of the last build that returned one, with or without bytes."""
     found: dict[str, list[str]] = {}
     for node in session.last_nodes:
-        try:
-            header = json.loads(session.store.blobs.get(session.output(node)))
-        except DxbError:
-            continue  # no longer in the store
-        found.setdefault(parse(header["artifact"])[0], []).append(node)
+        result = session.store.actions.find(session.past(node).key)
+        if result is not None:  # else it is no longer in the store
+            header = json.loads(session.store.blobs.get(result.result.output))
+            found.setdefault(parse(header["artifact"])[0], []).append(node)
     return found
 
 

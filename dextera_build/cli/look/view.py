@@ -40,15 +40,24 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until interrupted; the address goes to stdout, or the file's path."""
+    from dextera_build.cli.build.shown import warn
     from dextera_build.cli.look import shown
+    from dextera_build.explain import stubs
+    from dextera_build.session import notices
     from dextera_build.view import save, server
 
     session, node = options.session(args, args.target, last=True)
     if args.save:
         save.check(Path(args.save))
     fill = shown.of(session, node, args.episode)
+    stub = stubs.told(session, node)
+    if stub:
+        notices[stub] = None
+    warn()  # the viewer runs until it is stopped
     viewer, url = server.start(args.port, args.host, args.allow_origin)
     steps = fill(viewer)
+    if stub:
+        viewer.gui.add_markdown(f"**{stub}**")
     if args.save:
         return _save(args, viewer, steps)
     print(json.dumps({"url": url}) if args.json else url, flush=True)

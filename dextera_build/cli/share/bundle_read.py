@@ -79,11 +79,14 @@ def keygen(args: argparse.Namespace) -> int:
 
 def _remember(project: Project, store: Store, build: Build, bundle: Opened) -> None:
     """Record an import as a run that fetched its nodes, which makes it visible to every verb."""
-    from dextera_build.runs import events
+    from dextera_build.runs import events, workspaces
     from dextera_build.runs.history import Entry, History
     from dextera_build.runs.log import EventLog
+    from dextera_build.session import Added, Session, variant_of
 
-    now, history = time.time(), History(store, build.recipe, str(project.root))
+    session = Session(project, build.recipe, makes=True)
+    variant = variant_of(build.profile if build.profile != project.own_profile else "", Added())
+    now, history = time.time(), History(store, build.recipe, session.workspace, variant)
     counts = Counter("fetched" if node.result else "cancelled" for node in build.nodes)
     with EventLog(store) as log:
         log(
@@ -97,6 +100,8 @@ def _remember(project: Project, store: Store, build: Build, bundle: Opened) -> N
                 calls=len(build.nodes),
                 groups=0,
                 argv=["bundle", "import", bundle.source.name],
+                variant=variant,
+                workspace=workspaces.mark(session.workspace),
             )
         )
         for node in build.nodes:
@@ -122,6 +127,7 @@ def _remember(project: Project, store: Store, build: Build, bundle: Opened) -> N
             )
         log(events.RunFinished(time.time(), True, time.time() - now, dict(counts), 0.0))
     history.save()
+    session.note_built(variant)
 
 
 def _say(bundle: Opened, voucher: sign.Voucher, taken: importer.Taken) -> None:
