@@ -79,6 +79,11 @@ def _run(words: list[str]) -> int:
     from dextera_build.cli.grammar import parse
     from dextera_build.cli.verbs import MODULES
 
+    for word in words:
+        if "@" in word or "?" in word:
+            from dextera_build.redact import hide_address
+
+            hide_address(word)  # an address that is taken for a path is spelled in other ways later
     args = parse(words or ["--help"])
     args.words = words
     # The search for pydantic plug-ins reads the metadata of every installed package, and nothing here uses one.
