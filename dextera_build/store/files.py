@@ -10,6 +10,7 @@ import errno
 import fcntl
 import os
 import re
+import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -101,6 +102,18 @@ def clear(folder: str, age_s: float = 60.0) -> None:
         for entry in os.scandir(folder):
             if _UNFINISHED.fullmatch(entry.name) and entry.stat().st_mtime < time.time() - age_s:
                 os.unlink(entry.path)
+
+
+def remove(path: str) -> None:
+    """Remove a file, a link, or a folder with all that is in it; what a link leads to stays.
+
+    Raises:
+        OSError: It cannot be removed.
+    """
+    if os.path.isdir(path) and not os.path.islink(path):
+        shutil.rmtree(path)  # follows no link either
+    else:
+        os.unlink(path)
 
 
 def write_all(descriptor: int, data: bytes | bytearray | memoryview) -> None:
