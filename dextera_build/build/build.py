@@ -120,8 +120,8 @@ def _name_missing_locks(store: Store) -> None:
     if store.locks.are_missing():
         kind = files.file_system(str(store.local)) or "its file system"
         warnings[
-            f"the file system of the store has no locks ({kind}, `{store.root}`): builds at once may run a node twice and "
-            "lose the history, and a collection keeps what was used within a day"
+            f"the file system of the store has no locks ({kind}, `{store.root}`): builds at once may run a node twice "
+            "and lose the history, and a collection keeps what was used within a day"
         ] = None
 
 
