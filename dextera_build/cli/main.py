@@ -70,8 +70,8 @@ def _guarded(words: "list[str]") -> int:
     except Exception as error:  # the last resort: a traceback is never shown unexplained
         from dextera_build.errors import DxbError, interrupt_of
 
-        if (interrupt := interrupt_of(error)) is not None:
-            return _interrupted(interrupt)
+        if (wrapped := interrupt_of(error)) is not None:
+            return _interrupted(wrapped)
         if streams.is_lost():
             raise
         return _refuse(error) if isinstance(error, DxbError) else _fault(error, words)

@@ -26,6 +26,8 @@ def test_a_failed_check_says_what_where_and_what_waits(space):
     assert "error[DXB-B201]: bad failed its check: the text is wrong" in answer.err
     assert "length" in answer.err
     assert "after" in answer.err
+    assert "bad\tfailed\t" in (log := space.dxb("log").out)
+    assert "DXB-B201: the text is wrong" in log
     assert "hint: set `do` to `work`" in answer.err
     assert "Traceback" not in answer.err
 
