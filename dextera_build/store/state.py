@@ -101,7 +101,8 @@ class State:
             except (sqlite3.Error, UnicodeDecodeError) as error:  # messages quote the file's bytes
                 code = getattr(error, "sqlite_errorcode", _CORRUPT) & 0xFF
                 if code in (_BUSY, _IO) and not patience_s:
-                    patience_s = self._patience()
+                    self._look_for_locks()
+                    patience_s = _PATIENCE_S
                 elif not self._takes or not self._is_damage(code, writes) or not self._set_aside() or not writes:
                     return None
             except OSError:
@@ -118,16 +119,14 @@ class State:
         name = quote(os.fsencode(os.path.abspath(self._path)))
         return sqlite3.connect(f"file:{name}?vfs=unix-none", patience_s, isolation_level=None, uri=True)
 
-    def _patience(self) -> float:
-        """How long to wait for another build's lock [s]; none is waited for where locks are missing."""
+    def _look_for_locks(self) -> None:
+        """Note whether the file system has no locks: SQLite takes that for a lock of another build, and would wait."""
         from pathlib import Path
 
         from dextera_build.store.locks import Locks
 
-        # SQLite takes a system that has no locks for another build that holds one.
         if Locks(Path(self._path).with_name("locks")).are_missing():
             _lockless.add(self._path)
-        return _PATIENCE_S
 
     def _is_damage(self, code: int, writes: bool) -> bool:
         # A reader may see the file before its table exists, which is a generic error.
