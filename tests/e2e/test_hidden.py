@@ -100,6 +100,8 @@ class GossipOptions(Options):
 @rule(version=1)
 def gossip(ctx: Context, *, options: GossipOptions) -> File:
     """Return its environment."""
+    assert "DXB_REMOTE_TOKEN" not in os.environ
+    assert len(ctx.secret("DXB_REMOTE_TOKEN")) == 12
     print(dict(os.environ), os.environ.get("LAB_WORD"))
     subprocess.run(["env"], check=True)
     if options.how == "raise":
