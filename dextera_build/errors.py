@@ -147,6 +147,15 @@ def from_json(data: Mapping[str, object]) -> DxbError:
     )
 
 
+def interrupt_of(error: BaseException | None) -> KeyboardInterrupt | None:
+    """The interrupt that an exception is or was raised for; Python wraps one that comes while a class is made."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return error
+        error = error.__cause__
+    return None
+
+
 def install_extra(extra: str) -> str:
     """The hint to install an extra; dxb is distributed as a clone or a wheel, not on a package index."""
     return f"`pip install -e '.[{extra}]'` in the clone of dxb, or `pip install 'WHEEL[{extra}]'`"

@@ -13,7 +13,8 @@ from dextera_build.build import fetch
 from dextera_build.build.executors import executor
 from dextera_build.build.export import Out, Placed
 from dextera_build.errors import DxbError, StoreError, UsageError
-from dextera_build.session import Session, addresses
+from dextera_build.session import Session, addresses, warnings
+from dextera_build.store import files
 
 if TYPE_CHECKING:
     from dextera_build.build.lock import Locking
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from dextera_build.remotes.exchange import Exchange
     from dextera_build.runs.events import Listener
     from dextera_build.store.signature import Watch
+    from dextera_build.store.store import Store
     from dextera_build.workers.protocol import Executor
 
 
@@ -86,6 +88,7 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, wa
         StoreError: The disk is full, or a folder cannot be written.
     """
     store = session.store
+    _name_missing_locks(store)
     store.leaves.watch = watch
     # Protects the results from garbage collection until they are exported.
     with executor(session, idle=order.bring_from is not None) as ready, store.running.announced():
@@ -110,6 +113,16 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, wa
             if watch is not None:
                 watch.present |= built.placed.present
             return replace(built, notice=locking.write())
+
+
+def _name_missing_locks(store: Store) -> None:
+    """Warn of a file system without locks."""
+    if store.locks.are_missing():
+        kind = files.file_system(str(store.local)) or "its file system"
+        warnings[
+            f"the file system of the store has no locks ({kind}, `{store.root}`): builds at once may run a node twice "
+            "and lose the history, and a collection keeps what was used within a day"
+        ] = None
 
 
 @dataclass(frozen=True)

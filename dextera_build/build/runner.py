@@ -15,11 +15,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
+from dextera_build.calls import secrets
 from dextera_build.code.distributions import version_of
 from dextera_build.code.importer import IMPORTER
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.errors import DxbError, MachineError, RuleError, listing
-from dextera_build.redact import hidden, redact_plain
+from dextera_build.redact import hidden
 from dextera_build.rule import Context, Options
 from dextera_build.rule.chosen import Chosen
 from dextera_build.rule.pretrained import Device, Pretrained, out_of_memory, unload
@@ -298,20 +299,20 @@ def _fetcher(task: Mapping[str, Any], store: Store) -> Callable[[str], ActionRes
     """A function that looks for a recorded answer on the remotes of the project."""
 
     def fetch(key: str) -> ActionResult | None:
-        exchange = _exchange(store, task["project"], os.environ.get("DXB_REMOTES", ""))
+        exchange = _exchange(store, task["project"], secrets.variable(secrets.REMOTES))
         return exchange.fetch(key).result if exchange is not None else None
 
     return fetch
 
 
 @lru_cache(maxsize=1)
-def _exchange(store: Store, project: str, listed: str) -> Exchange | None:
-    """The remotes of this worker, opened once; `listed` is the value of `DXB_REMOTES`."""
+def _exchange(store: Store, project: str, listed: str | None) -> Exchange | None:
+    """The remotes of this worker, opened once; `listed` is the value of `DXB_REMOTES`, as `withhold` found it."""
     from dextera_build.project.project import Project
     from dextera_build.remotes.exchange import Exchange
     from dextera_build.remotes.spec import guarded
 
-    known = Project(Path(project))
+    known = Project(Path(project), {"remotes": listed})
     used = known.used_remotes
     if not used:
         return None
@@ -333,7 +334,7 @@ def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[st
     writer: Callable[[bytes], str] = _careful(store.writer) if hidden() else store.writer
     return {
         "output": result.encode(writer),
-        "line": redact_plain(ctx.outcome.told),
+        "line": ctx.outcome.told,
         "previews": [[caption, writer(data)] for caption, data in ctx.outcome.previews],
         "metrics": {name: list(value) for name, value in ctx.outcome.metrics.items()},
     }
@@ -344,7 +345,7 @@ def _careful(put: Callable[[bytes], str]) -> Callable[[bytes], str]:
 
     def checked(data: bytes) -> str:
         for value, name in hidden().items():
-            if value.encode() in bytes(data):
+            if value.encode(errors="surrogateescape") in bytes(data):
                 raise RuleError(
                     f"the result holds the secret `{name}`",
                     code="DXB-B363",

@@ -5,3 +5,6 @@ from dextera_build.code.importer import install
 install().takes_dxb = True
 
 from dextera_build.build.runner import run_task as run_task  # noqa: E402
+from dextera_build.calls import secrets  # noqa: E402
+
+secrets.withhold()

@@ -71,8 +71,9 @@ class Calling:
     def secret(self, name: str) -> str:
         """An API key or password: the variable `name`, or else the entry `name` of the service `dxb` in the keyring.
 
-        It is removed from the node's log, errors and events. Requests, answers and results that hold it are refused,
-        and it must not be passed on in any other way.
+        It is removed from what the node prints, raises and says of its result, also where it is quoted or encoded in
+        base64. Requests, answers and results that hold it are refused. It must not be passed on in any other way, as
+        in a file of `ctx.keep`, which is not searched.
 
         Raises:
             MachineError: There is no such secret.

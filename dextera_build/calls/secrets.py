@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from dextera_build.errors import MachineError, Place, RecipeError
-from dextera_build.redact import SHORTEST, hidden, hide
+from dextera_build.redact import SHORTEST, hidden, hide, hide_address, spellings
 
 KEYRING = "dxb"
 """Name of the service in the keyring; the name of the secret is the user name there."""
@@ -22,6 +22,13 @@ _BEGINS = ("sk-", "AKI", "AIza", "ghp_", "gho_", "ghu_", "ghs_", "ghr_", "hf_", 
 """Each key contains one of these; looking for them is faster than the pattern."""
 _PUBLIC = re.compile(r"PUBLIC|TRUSTED", re.IGNORECASE)
 """Keys in variables with such a name are no secrets: `DXB_TRUSTED_KEYS`."""
+_OWN = "DXB_"
+REMOTES = "DXB_REMOTES"
+"""Variable whose addresses may hold passwords."""
+_NEEDLESS = ("DXB_KEY_PASSPHRASE", "DXB_SERVE_SECRET")
+"""Secrets that no worker needs."""
+_withheld: dict[str, str] = {}
+"""Variables that `withhold` took out of the environment."""
 _PATHS = ("/", "./", "../", "~")
 _LEAST_WRITTEN = 12
 """Shorter values of variables may occur in a file by chance [characters]."""
@@ -33,7 +40,7 @@ def get(name: str) -> str:
     Raises:
         MachineError: There is none.
     """
-    value = os.environ.get(name) or _from_keyring(name)
+    value = variable(name) or _from_keyring(name)
     if not value:
         raise MachineError(
             f"there is no secret `{name}`",
@@ -45,10 +52,35 @@ def get(name: str) -> str:
     return value
 
 
+def variable(name: str) -> str | None:
+    """The value of an environment variable, also of one that `withhold` took out."""
+    return os.environ.get(name, _withheld.get(name))
+
+
+def hide_own() -> None:
+    """Hide the secrets in dxb's own variables, and the passwords of the addresses there."""
+    for name, value in os.environ.items():
+        if _is_own(name):
+            hide(name, value)
+        if name.startswith(_OWN):
+            hide_address(value)
+
+
+def withhold() -> None:
+    """Take dxb's own secrets out of the environment: rules, and programs that they start, could pass it on."""
+    for name in [name for name in os.environ if _is_own(name) or name == REMOTES]:
+        _withheld[name] = os.environ.pop(name)
+
+
+def for_workers() -> dict[str, str]:
+    """The environment of this process without the secrets that no worker needs."""
+    return {name: value for name, value in os.environ.items() if name not in _NEEDLESS}
+
+
 def secret_in(data: bytes, secrets: Iterable[str] = ()) -> str | None:
     """A name for the secret that `data` contains, or None."""
     for name, value in _known(secrets):
-        if value.encode() in data:
+        if value.encode(errors="surrogateescape") in data:
             return name
     return None
 
@@ -85,6 +117,11 @@ def refuse_written(text: str, file: str) -> None:
         )
 
 
+def _is_own(name: str) -> bool:
+    """Whether a variable of dxb holds a secret."""
+    return name.startswith(_OWN) and NAMES.search(name) is not None and not _PUBLIC.search(name)
+
+
 def _of_variables() -> Iterator[tuple[str, str]]:
     """Variables with the name of a secret and a value that is neither a word nor a path."""
     for name, value in os.environ.items():
@@ -96,11 +133,13 @@ def _of_variables() -> Iterator[tuple[str, str]]:
 
 
 def _known(secrets: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """(name, value) of everything that counts as a secret, longest first."""
-    found = [(f"the value of `{name}`", value) for name, value in os.environ.items() if NAMES.search(name)]
-    found += [(f"the secret `{name}`", value) for value, name in hidden().items()]
-    found += [("a secret", value) for value in secrets]
-    yield from sorted((row for row in found if len(row[1]) >= SHORTEST), key=lambda row: -len(row[1]))
+    """(name, spelling) of everything that counts as a secret, longest first."""
+    found = [("a secret", value) for value in secrets]
+    variables = {**os.environ, **_withheld}
+    found += [(f"the value of `{name}`", value) for name, value in variables.items() if NAMES.search(name)]
+    spelled = {text: f"the secret `{name}`" for text, name in hidden().items()}
+    spelled |= {text: name for name, value in found if len(value) >= SHORTEST for text in spellings(value)}
+    yield from sorted(((name, text) for text, name in spelled.items()), key=lambda row: -len(row[1]))
 
 
 def _from_keyring(name: str) -> str | None:

@@ -2,7 +2,7 @@
 
 Exit codes: 0 done, 1 a node failed, 2 command line or recipe wrong, 3 stale under `--check` or
 not as locked under `--locked`, 4 the machine lacks something, 70 an internal error, 130 interrupted,
-141 broken pipe.
+141 broken pipe, 143 terminated.
 """
 
 import gc
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 _YOUNG = 200_000
 """Number of new objects that triggers Python's garbage collector."""
+_owns_process = False
+"""Whether this process is a command, rather than a program that runs one."""
 
 
 def main(argv: "Sequence[str] | None" = None) -> int:
@@ -31,6 +33,7 @@ def main(argv: "Sequence[str] | None" = None) -> int:
         argv: The command line; None: that of this process.
     """
     words = list(sys.argv[1:] if argv is None else argv)
+    streams.begin(words[0] if words else "")
     if "_ARGCOMPLETE" in os.environ:
         from dextera_build.cli.project import complete
 
@@ -49,6 +52,8 @@ def main(argv: "Sequence[str] | None" = None) -> int:
 
 def entry() -> "NoReturn":
     """The console script."""
+    global _owns_process
+    _owns_process = True
     streams.watch()
     code = main()
     # Python searches all objects for cycles as it exits; after a build of 1,000 nodes that would take 70 ms.
@@ -60,25 +65,44 @@ def _guarded(words: "list[str]") -> int:
     """Run one command and print its error, if any; only failed writes to a stream are left to the caller."""
     try:
         return 0 if snapshot.answer(words) else _run(words)
-    except KeyboardInterrupt:
-        print("interrupted; finished results are kept, and the next build continues from there", file=sys.stderr)
-        return 130
+    except KeyboardInterrupt as interrupt:
+        return _interrupted(interrupt)
     except Exception as error:  # the last resort: a traceback is never shown unexplained
-        from dextera_build.errors import DxbError
+        from dextera_build.errors import DxbError, interrupt_of
 
+        if (wrapped := interrupt_of(error)) is not None:
+            return _interrupted(wrapped)
         if streams.is_lost():
             raise
         return _refuse(error) if isinstance(error, DxbError) else _fault(error, words)
 
 
+def _interrupted(interrupt: KeyboardInterrupt) -> int:
+    print("interrupted; finished results are kept, and the next build continues from there", file=sys.stderr)
+    return streams.code_of(interrupt)
+
+
+def _terminate(number: int, frame: object) -> "NoReturn":
+    raise streams.Terminated
+
+
 def _run(words: list[str]) -> int:
     import importlib
+    import signal
+
+    if _owns_process:
+        signal.signal(signal.SIGTERM, _terminate)
 
     # A command keeps most of its objects; a search for cycles every 700 objects takes a tenth of a small build.
     gc.set_threshold(_YOUNG)
     from dextera_build.cli.grammar import parse
     from dextera_build.cli.verbs import MODULES
 
+    for word in words:
+        if "@" in word or "?" in word:
+            from dextera_build.redact import hide_address
+
+            hide_address(word)  # an address that is taken for a path is spelled in other ways later
     args = parse(words or ["--help"])
     args.words = words
     # The search for pydantic plug-ins reads the metadata of every installed package, and nothing here uses one.

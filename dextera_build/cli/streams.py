@@ -1,4 +1,4 @@
-"""Failed writes to standard output and standard error, and the exit code of a command after one."""
+"""How a command ends before its time: failed writes to standard output and standard error, and interrupts."""
 
 import errno
 import os
@@ -9,6 +9,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+INTERRUPTED, TERMINATED = 130, 143
+"""Exit codes after Ctrl-C and SIGTERM, as shells report them."""
 BROKEN_PIPE = 141
 """Exit code after a broken pipe, as shells report for a program that SIGPIPE ended."""
 _CANNOT_WRITE = 1
@@ -16,6 +18,19 @@ _CANNOT_WRITE = 1
 
 _faults: dict[str, OSError] = {}
 """Stream -> the error of a failed write."""
+_OUTLIVE = ("build", "check")
+"""Commands that do their work though nobody reads on."""
+_outlives = False
+"""Whether this command is one of them."""
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM; a command ends as after Ctrl-C."""
+
+
+def code_of(interrupt: KeyboardInterrupt) -> int:
+    """The exit code of a command that was interrupted."""
+    return TERMINATED if isinstance(interrupt, Terminated) else INTERRUPTED
 
 
 class StreamError(Exception):
@@ -32,6 +47,12 @@ def watch() -> None:
                 setattr(sys, name, stream)
         for method in ("write", "flush") if number else ():
             setattr(getattr(sys, name), method, _noting(name, getattr(getattr(sys, name), method)))
+
+
+def begin(verb: str) -> None:
+    """Note the command: that the reader of a build goes away (`| head`) ends its output and not the build."""
+    global _outlives
+    _outlives = verb in _OUTLIVE
 
 
 def give_up() -> "int | None":
@@ -51,7 +72,7 @@ def give_up() -> "int | None":
                     f"error: standard {what} cannot be written: {fault.strerror}", file=getattr(sys, other), flush=True
                 )
     for name in _faults:  # otherwise Python reports the same error at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), getattr(sys, name).fileno())
+        _silence(name)
     broken = any(fault.errno == errno.EPIPE for fault in _faults.values())
     return None if not _faults else BROKEN_PIPE if broken else _CANNOT_WRITE
 
@@ -66,7 +87,15 @@ def _noting(name: str, call: "Callable[..., int | None]") -> "Callable[..., int 
         try:
             return call(*arguments)
         except OSError as error:
+            if _outlives and error.errno == errno.EPIPE:
+                _silence(name)
+                return None
             _faults[name] = error
             raise
 
     return noted
+
+
+def _silence(name: str) -> None:
+    """Let a stream lead nowhere; what it holds back goes there, too."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), getattr(sys, name).fileno())

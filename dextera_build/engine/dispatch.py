@@ -22,7 +22,7 @@ from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
 from dextera_build.workers.admission import Admission, estimate, lacks
 from dextera_build.workers.capacity import Capacity
-from dextera_build.workers.protocol import Ended, Executor, Report, Said, Task
+from dextera_build.workers.protocol import Ended, Executor, Report, Said, Task, redacted
 
 _PATIENCE_S = 0.02
 """Polling interval for keys that another process builds [s]."""
@@ -101,7 +101,7 @@ class Dispatch:
         patience = 0.0 if not idle else _PATIENCE_S if busy else _REST_S if self._resting else None
         if self._running and self.executor is not None:
             for report in self.executor.poll(patience):
-                end = self._take(report)
+                end = self._take(redacted(report))
                 if end is not None:
                     yield end
         elif self.states.fetching:

@@ -15,7 +15,7 @@ from dextera_build.engine.remote_results import Remotes
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node, Unit
-from dextera_build.errors import DxbError
+from dextera_build.errors import DxbError, interrupt_of
 from dextera_build.runs import events, workspaces
 from dextera_build.runs.events import Event, Listener, NodeFinished
 from dextera_build.runs.history import History
@@ -87,7 +87,7 @@ def build(
             whole = True
             scheduler.sharing.finish(pause)
         except BaseException as error:
-            interrupted = isinstance(error, KeyboardInterrupt)
+            interrupted = interrupt_of(error) is not None
             executor.stop()
             raise
         finally:

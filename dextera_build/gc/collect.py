@@ -81,8 +81,9 @@ def collect(store: Store, roots: Callable[[], Roots], limits: Limits | None = No
         dry: Change nothing, report what would be removed.
 
     Raises:
-        StoreError: The store cannot be written.
+        StoreError: The store cannot be written, or a link lies in it.
     """
+    inventory.refuse_links(store)
     limits = limits or Limits()
     if dry:
         return _Collector(store, roots(), limits, alone=store.locks.reliable() and not store.running.starts()).said
@@ -107,7 +108,7 @@ def collect_all(store: Store, *, size: int | None = None, age_s: float | None = 
         dry: Change nothing, report what would be removed.
 
     Raises:
-        StoreError: The store cannot be written.
+        StoreError: The store cannot be written, or a link lies in it.
     """
     if not store.root.is_dir():
         return Collection()
@@ -202,7 +203,7 @@ class _Collector:
         failpoints.reach("collect.blobs")
         for left, _, _ in self._leftovers:
             with suppress(OSError):
-                inventory.remove(left)
+                files.remove(left)
         if spared or needed & choice.blobs:
             self.said.after = inventory.read(self._store).bytes()
         return self.said

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import os
-import shutil
+import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dextera_build.errors import StoreError
 from dextera_build.store import entry as entries
 from dextera_build.store import files
 from dextera_build.store.blobs import listing
 from dextera_build.store.store import Store
 
-_LEFTOVERS = (f"{files.TEMPORARY}-*", f"*/{files.TEMPORARY}-*", f"*/*/{files.TEMPORARY}-*", "local/quarantine/*")
+_DEPTH = 2
+"""Unfinished files lie in the store's folder and in those up to so many levels below it."""
 
 
 @dataclass(frozen=True)
@@ -82,23 +84,46 @@ def path_of(store: Store, key: str) -> str:
 
 def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
     """Unfinished files of killed processes, and damaged blobs in quarantine: (path, bytes, last change)."""
-    for pattern in _LEFTOVERS:
-        for path in store.root.glob(pattern):
-            with suppress(FileNotFoundError):
-                state = path.lstat()
-                yield str(path), state.st_size, state.st_mtime
+    aside = str(store.local / "quarantine")
+    for folder in _folders(str(store.root), _DEPTH):
+        for entry in _scan(folder):
+            if folder == aside or entry.name.startswith(f"{files.TEMPORARY}-"):
+                with suppress(FileNotFoundError):
+                    state = entry.stat(follow_symlinks=False)
+                    yield entry.path, state.st_size, state.st_mtime
 
 
-def remove(path: str) -> None:
-    """Remove a leftover, a file or a folder.
+def refuse_links(store: Store) -> None:
+    """Refuse a store in which a link is in the place of a folder or a file: what it leads to is not the store's.
 
     Raises:
-        OSError: It cannot be removed.
+        StoreError: There is such a link.
     """
-    if os.path.isdir(path):
-        shutil.rmtree(path)
-    else:
-        os.unlink(path)
+    places = [store.blobs.root, store.actions.root, store.root / "runs", store.local]
+    links = [str(place) for place in places if place.is_symlink()]
+    links += [entry.path for place in places for entry in _scan(str(place)) if entry.is_symlink()]
+    if links:
+        raise StoreError(
+            "a link lies in the store, and what it leads to would be removed with what is unused",
+            code="DXB-S403",
+            facts={"link": links[0], "leads to": os.readlink(links[0])},
+            hint=f"`rm {shlex.quote(links[0])}`; to keep a store elsewhere, link or name its whole folder",
+        )
+
+
+def _folders(root: str, depth: int) -> Iterator[str]:
+    """A folder and those below it; links are not followed."""
+    yield root
+    for entry in _scan(root) if depth else ():
+        if entry.is_dir(follow_symlinks=False):
+            yield from _folders(entry.path, depth - 1)
+
+
+def _scan(folder: str) -> list[os.DirEntry[str]]:
+    try:
+        return list(os.scandir(folder))
+    except OSError:
+        return []
 
 
 def unwritable(store: Store) -> Path | None:

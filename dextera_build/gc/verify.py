@@ -14,7 +14,7 @@ from pathlib import Path
 from dextera_build import digest as digests
 from dextera_build.errors import StoreError
 from dextera_build.gc import inventory
-from dextera_build.store import failpoints, last_use
+from dextera_build.store import failpoints, files, last_use
 from dextera_build.store.blobs import listed, shards
 from dextera_build.store.store import Store
 
@@ -64,8 +64,10 @@ def verify(
         progress: Called at most ten times a second.
 
     Raises:
-        StoreError: `repair` is set, and the store is read-only.
+        StoreError: `repair` is set, and the store is read-only or a link lies in it.
     """
+    if repair:
+        inventory.refuse_links(store)
     if repair and (folder := inventory.unwritable(store)) is not None:
         raise StoreError(
             "the store is read-only and cannot be repaired",
@@ -144,7 +146,7 @@ class _Verifier:
                 if kind in ("damaged", "truncated"):
                     self._store.blobs.quarantine(name)
                 else:
-                    inventory.remove(path)
+                    files.remove(path)
         with self._guard:
             self.verdict.findings.append(Finding(kind, name, detail, self._repair and not os.path.lexists(path)))
 

@@ -10,6 +10,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dextera_build.calls import secrets
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
 from dextera_build.project import settings
 from dextera_build.project.remotes_table import Choice
@@ -60,6 +61,7 @@ class Project:
     @cached_property
     def config(self) -> dict[str, Setting]:
         """Every setting: flags > `DXB_*` > `dxb.local.toml` > project > user > defaults."""
+        secrets.hide_own()
         found = {name: Setting(value, "default") for name, value in settings.DEFAULTS.items()}
         home = os.path.expanduser(os.environ.get("XDG_CACHE_HOME", "~/.cache"))
         found["models"] = Setting(f"{home}/dxb/models", "default")

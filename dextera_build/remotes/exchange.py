@@ -105,6 +105,13 @@ class Exchange:
             self.offered += 1
             self._writers.start(lambda remote=remote: self._send(remote, key))  # type: ignore[misc]
 
+    def holds(self, key: str) -> bool:
+        """Whether every remote that is written has a result already, with all its bytes."""
+        try:
+            return all(self._transfer.holds(remote, key) for remote in self._writing)
+        except RemoteFault:
+            return False
+
     def notices(self) -> list[GivenUp]:
         """Remotes that were given up since the last call."""
         found = [notice for remote in self.remotes for notice in remote.given_up]

@@ -7,9 +7,11 @@ never wrong, and never makes it fail.
 from __future__ import annotations
 
 import ipaddress
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 from io import BytesIO
 from typing import BinaryIO, Literal, NamedTuple, TypeAlias, TypeVar
+from urllib.parse import urlsplit
 
 from dextera_build.redact import redact
 
@@ -26,6 +28,22 @@ def is_loopback(host: str) -> bool:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
         return False
+
+
+def is_named(host: str, names: Collection[str]) -> bool:
+    """Whether a `Host` header is an address or one of `names`.
+
+    A web page of another site reaches a server of this machine by a name of its own that was made to point here (DNS
+    rebinding); the header then holds that name.
+    """
+    try:
+        name = urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return False
+    with suppress(ValueError):
+        ipaddress.ip_address(name)
+        return True
+    return name in names
 
 
 class Digest(NamedTuple):

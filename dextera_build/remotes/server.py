@@ -1,26 +1,32 @@
 """Serves the store over HTTP: GET, HEAD and PUT of `/ac/<hex>` and `/cas/<hex>`.
 
-Only whole results are served, and they are never replaced.
+Only whole results are served, and they are never replaced. Requests of web pages are refused: those that name their
+origin, and those to a name that is not this machine's.
 """
 
 from __future__ import annotations
 
 import base64
 import hmac
+import math
 import os
 import re
 import socket
 import ssl
+import threading
+import time
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext, suppress
 from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import TextIO
+from tempfile import SpooledTemporaryFile
+from typing import Any, TextIO
 
 from dextera_build.errors import StoreError
-from dextera_build.remotes.remote import MOST_ENTRY
+from dextera_build.remotes.remote import MOST_ENTRY, is_loopback, is_named
 from dextera_build.store import entry as entries
-from dextera_build.store import traces
+from dextera_build.store import files, traces
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.references import UNREADABLE
 from dextera_build.store.store import Store
@@ -28,6 +34,12 @@ from dextera_build.store.store import Store
 _PATH = re.compile(r"/(ac|cas)/([0-9a-f]{64})")
 _CHUNK = 1 << 18
 _IDLE_S = 60.0
+"""How long a client may take for the head of a request, for a chunk of its body, and at least for an answer [s]."""
+_SLOWEST = 4096
+"""Bytes that a client must take in a second."""
+_MOST_CONNECTIONS = 512
+_LARGE_ENTRY = 1 << 20
+"""Longer entries are written to disk, and read one at a time [bytes]."""
 
 
 class CacheServer(ThreadingHTTPServer):
@@ -65,6 +77,13 @@ class CacheServer(ThreadingHTTPServer):
         self.store, self.read_only, self.most_bytes, self.log = store, read_only, most_bytes, log
         self.welcome = b"Basic " + base64.b64encode(f"dxb:{secret}".encode()) if secret else b""
         """`Authorization` header that a client must send."""
+        own = {"localhost", address[0].lower(), socket.gethostname().lower()}
+        self.names = own if is_loopback(address[0]) and not secret else None
+        """The names by which clients may call this server; None: any, because no page knows the secret."""
+        self.reading = threading.Lock()
+        """Held while a large entry is in memory."""
+        self._until: dict[socket.socket, float] = {}
+        """Open connection -> when it is closed, by `time.monotonic`."""
         self._scheme = "https" if tls else "http"
         super().__init__(address, partial(_Request))
         if tls:
@@ -79,6 +98,30 @@ class CacheServer(ThreadingHTTPServer):
         host, port = self.server_address[:2]
         shown = str(host)
         return f"{self._scheme}://[{shown}]:{port}" if ":" in shown else f"{self._scheme}://{shown}:{port}"
+
+    def allow(self, connection: socket.socket, seconds: float) -> None:
+        """Close a connection unless `allow` is called again within so many seconds."""
+        self._until[connection] = time.monotonic() + seconds
+
+    def service_actions(self) -> None:
+        """Close the connections whose time is over: a client that sends a byte now and then holds a thread."""
+        now = time.monotonic()
+        for connection in [connection for connection, until in list(self._until.items()) if until < now]:
+            with suppress(OSError):
+                socket.socket.shutdown(connection, socket.SHUT_RDWR)  # of the socket below TLS, too
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Start a thread for a connection; at most `_MOST_CONNECTIONS` are open."""
+        if len(self._until) >= _MOST_CONNECTIONS:
+            self.shutdown_request(request)
+            return
+        self.allow(request, _IDLE_S)
+        super().process_request(request, client_address)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection."""
+        self._until.pop(request, None)
+        super().shutdown_request(request)
 
     def handle_error(self, request: object, client_address: object) -> None:
         """Ignored: clients may disconnect at any time."""
@@ -100,6 +143,11 @@ class _Request(BaseHTTPRequestHandler):
     disable_nagle_algorithm = True
     server: CacheServer
 
+    def handle_one_request(self) -> None:
+        """Handle the next request of a connection."""
+        self.server.allow(self.connection, _IDLE_S)
+        super().handle_one_request()
+
     def do_GET(self) -> None:
         """Serve a blob or a result."""
         self._carry_out(self._give)
@@ -119,7 +167,11 @@ class _Request(BaseHTTPRequestHandler):
             print(f"{self.address_string()} {said}", file=self.server.log, flush=True)
 
     def _carry_out(self, work: Callable[[str, str], None]) -> None:
+        self.server.allow(self.connection, math.inf)  # its head is here; what follows allows its own time
         try:
+            names = self.server.names
+            if "Origin" in self.headers or not (names is None or is_named(self.headers.get("Host", ""), names)):
+                raise _RefusedError(HTTPStatus.FORBIDDEN, "web pages, and names of other machines, are not served")
             welcome = self.server.welcome
             if welcome and not hmac.compare_digest(self.headers.get("Authorization", "").encode(), welcome):
                 raise _RefusedError(HTTPStatus.UNAUTHORIZED, "a name and a password are needed")
@@ -143,7 +195,9 @@ class _Request(BaseHTTPRequestHandler):
             self._answer(HTTPStatus.NOT_FOUND)
             return
         with file:
-            self._head(HTTPStatus.OK, file.seek(0, os.SEEK_END))
+            size = file.seek(0, os.SEEK_END)
+            self.server.allow(self.connection, _IDLE_S + size / _SLOWEST)
+            self._head(HTTPStatus.OK, size)
             if self.command == "GET":
                 file.seek(0)
                 self.connection.sendfile(file)
@@ -152,7 +206,7 @@ class _Request(BaseHTTPRequestHandler):
         pieces = self._pieces(self._length(MOST_ENTRY if kind == "ac" else self.server.most_bytes))
         try:
             if kind == "ac":
-                _publish(self.server.store, digest, b"".join(pieces))
+                self._take_entry(digest, pieces)
             else:
                 blobs = self.server.store.blobs
                 blobs.verify(digest)  # a damaged one is moved to quarantine, and replaced by the upload
@@ -167,6 +221,19 @@ class _Request(BaseHTTPRequestHandler):
         else:
             self._answer(HTTPStatus.OK)
 
+    def _take_entry(self, key: str, pieces: Iterator[bytes]) -> None:
+        store = self.server.store
+        with SpooledTemporaryFile(_LARGE_ENTRY, dir=str(store.root)) as message:
+            for piece in pieces:
+                try:
+                    message.write(piece)
+                except OSError as error:
+                    raise files.store_error(error, str(store.root)) from None
+            is_large = message.tell() > _LARGE_ENTRY
+            message.seek(0)
+            with self.server.reading if is_large else nullcontext():
+                _publish(store, key, message.read())
+
     def _length(self, most: int) -> int:
         length = self.headers.get("Content-Length", "")
         if not (length.isascii() and length.isdigit()) or "Transfer-Encoding" in self.headers:
@@ -179,7 +246,9 @@ class _Request(BaseHTTPRequestHandler):
 
     def _pieces(self, length: int) -> Iterator[bytes]:
         while length > 0:
+            self.server.allow(self.connection, _IDLE_S)
             piece = self.rfile.read(min(length, _CHUNK))
+            self.server.allow(self.connection, math.inf)
             if not piece:
                 raise EOFError
             length -= len(piece)

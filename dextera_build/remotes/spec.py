@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from dextera_build.calls import secrets
 from dextera_build.errors import MachineError, UsageError, did_you_mean, install_extra, listing
-from dextera_build.redact import redact
+from dextera_build.redact import hide, hide_address, redact
 from dextera_build.remotes.remote import is_loopback
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ _SETTINGS = ("address", "mode", "timeout_s")
 LOCAL, EVERY = "local", "remote"
 _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 _SECRET = re.compile(r"key|secret|token|password|credential|sas", re.IGNORECASE)
+_VARIABLE = re.compile(r"\$\{(\w+)\}")
 _TIMEOUT_S = 10.0
 _LONGEST_S = 1e6
 
@@ -43,6 +45,14 @@ class Spec:
     """How long to wait for an answer [s]."""
     options: Mapping[str, str] = field(default_factory=dict)
     """Further options for the object store's library: `endpoint`, `region`, ..."""
+
+    def __post_init__(self) -> None:
+        # Its passwords may be in what a rule prints, or in the error of a library.
+        for name, value in {"": self.address, **self.options}.items():
+            filled = _VARIABLE.sub(lambda match: secrets.variable(match[1]) or "", value)
+            hide_address(filled)
+            if name and _SECRET.search(name):
+                hide(name, filled)
 
     @property
     def shown(self) -> str:
@@ -204,12 +214,13 @@ def guarded(spec: Spec) -> Guarded:
 
 def _filled(text: str, name: str) -> str:
     def value(match: re.Match[str]) -> str:
-        if match[1] not in os.environ:
+        found = secrets.variable(match[1])
+        if found is None:
             raise UsageError(
                 f"remote `{name}` needs the environment variable `{match[1]}`, which is not set",
                 code="DXB-U135",
                 hint=f"export {match[1]}=...",
             )
-        return os.environ[match[1]]
+        return found
 
-    return re.sub(r"\$\{(\w+)\}", value, text)
+    return _VARIABLE.sub(value, text)

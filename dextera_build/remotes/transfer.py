@@ -111,6 +111,15 @@ class Transfer:
             self._send_traces(remote, parts[0])
         return octets
 
+    def holds(self, remote: Remote, key: str) -> bool:
+        """Whether the remote has a result with all its bytes.
+
+        Raises:
+            RemoteFault: The remote failed.
+        """
+        entry = entry_at(remote, key)
+        return entry is not None and all(map(remote.has, _blobs(entry.files)))
+
     def _send_traces(self, remote: Remote, static: Mapping[str, Any]) -> None:
         """Merge the traces of a call with discovered inputs into the remote's list."""
         key = digests.of_bytes(traces.spelled(static, None))

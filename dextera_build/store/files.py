@@ -10,6 +10,7 @@ import errno
 import fcntl
 import os
 import re
+import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -103,6 +104,18 @@ def clear(folder: str, age_s: float = 60.0) -> None:
                 os.unlink(entry.path)
 
 
+def remove(path: str) -> None:
+    """Remove a file, a link, or a folder with all that is in it; what a link leads to stays.
+
+    Raises:
+        OSError: It cannot be removed.
+    """
+    if os.path.isdir(path) and not os.path.islink(path):
+        shutil.rmtree(path)  # follows no link either
+    else:
+        os.unlink(path)
+
+
 def write_all(descriptor: int, data: bytes | bytearray | memoryview) -> None:
     """Write all of `data`, in as many system calls as that takes."""
     done = os.write(descriptor, data)
@@ -194,6 +207,17 @@ def settle(folder: str) -> bool:
         finally:
             os.close(descriptor)
     return False
+
+
+def file_system(path: str) -> str:
+    """Type of the file system of a path, as the system calls it: `nfs4`; "" if it does not say."""
+    with suppress(OSError, ValueError), open("/proc/self/mountinfo") as table:
+        device = os.stat(path).st_dev
+        for row in table:
+            place, _, kind = row.partition(" - ")
+            if place.split()[2] == f"{os.major(device)}:{os.minor(device)}":
+                return kind.split()[0]
+    return ""
 
 
 @cache

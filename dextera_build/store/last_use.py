@@ -67,7 +67,7 @@ class Use:
         """
         with self.gate(path):
             try:
-                if os.stat(path).st_mtime >= older_than:
+                if os.lstat(path).st_mtime >= older_than:
                     return False
                 failpoints.reach("collect.file")
                 os.unlink(path)

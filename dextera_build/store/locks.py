@@ -6,6 +6,7 @@ to clean up. A build that waited for a lock checks the cache again before buildi
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import threading
@@ -18,6 +19,9 @@ from dextera_build.store import failpoints, permissions
 
 _PROBE = 1 << 61
 """An offset that no key has."""
+
+_NONE = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP}
+"""What systems say where a file system has no locks."""
 
 _MOST_OPEN = 64
 """Number of open lock files from which unlocked ones are closed."""
@@ -81,16 +85,24 @@ class Locks:
 
     def reliable(self) -> bool:
         """Whether the file system has locks and this process may take them."""
+        return self._refused() is None
+
+    def are_missing(self) -> bool:
+        """Whether the file system has no locks, as NFS without its lock daemon."""
+        return self._refused() in _NONE
+
+    def _refused(self) -> int | None:
+        """Why the system refuses a lock (`errno`); None if it gives one."""
         with _guard:
             descriptor = self._descriptor()
             if descriptor < 0:
-                return False
+                return errno.EACCES
             try:
                 fcntl.lockf(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB, 1, _PROBE)
                 fcntl.lockf(descriptor, fcntl.LOCK_UN, 1, _PROBE)
-            except OSError:
-                return False
-        return True
+            except OSError as error:
+                return error.errno
+        return None
 
     @contextmanager
     def hold(self, key: str, patience_s: float = 0.02) -> Iterator[None]:

@@ -7,7 +7,6 @@ the call's result is in the store.
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -31,14 +30,14 @@ class Keep:
 
     def drop(self, key: str) -> None:
         """Remove the folder of a key atomically: others see all of it or none, even after a kill."""
-        if not os.access(f"{self.root}/{key}", os.F_OK):  # the common case, which must be fast
+        if not os.path.lexists(f"{self.root}/{key}"):  # the common case, which must be fast
             return
         aside = self.root / f"{files.TEMPORARY}-{files.unique()}"
         # A read-only store keeps it; nothing can be published there either.
         with suppress(OSError):
             os.rename(self.path(key), aside)
             failpoints.reach("keep.aside")
-            shutil.rmtree(aside, ignore_errors=True)
+            files.remove(str(aside))
 
     def all(self) -> Iterator[tuple[str, int, float]]:
         """Every folder as (key, bytes, last change)."""
@@ -49,6 +48,8 @@ class Keep:
 
 def _looked_at(folder: Path) -> tuple[int, float]:
     """Bytes and last change of everything below a folder."""
+    if folder.is_symlink():
+        return 0, folder.lstat().st_mtime
     size, changed = 0, 0.0
     for place, _, names in os.walk(folder):
         for name in (".", *names):

@@ -2,6 +2,8 @@
 
 All of it can be recomputed. A damaged file is therefore moved aside, and nothing is saved if the disk is full, the file
 cannot be written, or another build locks it for too long. No other module uses SQL.
+
+On a file system without locks, builds at once may damage the file, which costs what it holds and no more.
 """
 
 import os
@@ -20,8 +22,10 @@ _PATIENCE_S = 20.0
 _TABLE = """CREATE TABLE IF NOT EXISTS rows
 (kind BLOB, name BLOB, value BLOB, sum INT, PRIMARY KEY (kind, name)) WITHOUT ROWID"""
 _SELECT = "SELECT name, value, sum FROM rows WHERE kind=?"
-_CORRUPT, _NOT_A_DATABASE, _GENERIC = 11, 26, 1
+_CORRUPT, _NOT_A_DATABASE, _GENERIC, _BUSY, _IO = 11, 26, 1, 5, 10
 """Error codes of SQLite."""
+_lockless: set[str] = set()
+"""Files on file systems without locks."""
 
 
 class State:
@@ -82,11 +86,12 @@ class State:
     def _try(self, work: "Callable[[sqlite3.Connection], T]", *, writes: bool) -> "T | None":
         import sqlite3
 
-        for _ in range(2):
+        patience_s = 0.0
+        for _ in range(3):
             try:
                 if writes and not os.path.exists(self._path):
                     self._make()
-                base = sqlite3.connect(self._path, _PATIENCE_S, isolation_level=None)
+                base = self._connected(patience_s)
                 try:
                     # A power cut may damage the file, which is detected; a build flushes everything at its end.
                     base.execute("PRAGMA synchronous=OFF")
@@ -95,11 +100,33 @@ class State:
                     base.close()
             except (sqlite3.Error, UnicodeDecodeError) as error:  # messages quote the file's bytes
                 code = getattr(error, "sqlite_errorcode", _CORRUPT) & 0xFF
-                if not self._takes or not self._is_damage(code, writes) or not self._set_aside() or not writes:
+                if code in (_BUSY, _IO) and not patience_s:
+                    self._look_for_locks()
+                    patience_s = _PATIENCE_S
+                elif not self._takes or not self._is_damage(code, writes) or not self._set_aside() or not writes:
                     return None
             except OSError:
                 return None
         return None
+
+    def _connected(self, patience_s: float) -> "sqlite3.Connection":
+        import sqlite3
+
+        if self._path not in _lockless:
+            return sqlite3.connect(self._path, patience_s, isolation_level=None)
+        from urllib.parse import quote
+
+        name = quote(os.fsencode(os.path.abspath(self._path)))
+        return sqlite3.connect(f"file:{name}?vfs=unix-none", patience_s, isolation_level=None, uri=True)
+
+    def _look_for_locks(self) -> None:
+        """Note whether the file system has no locks: SQLite takes that for a lock of another build, and would wait."""
+        from pathlib import Path
+
+        from dextera_build.store.locks import Locks
+
+        if Locks(Path(self._path).with_name("locks")).are_missing():
+            _lockless.add(self._path)
 
     def _is_damage(self, code: int, writes: bool) -> bool:
         # A reader may see the file before its table exists, which is a generic error.

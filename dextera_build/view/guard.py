@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import functools
 import http
-import ipaddress
 import socket
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -18,6 +17,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from dextera_build.errors import UsageError
+from dextera_build.remotes.remote import is_named
 
 
 class Guard:
@@ -40,22 +40,11 @@ class Guard:
     def refusal(self, host: str | None, origin: str | None) -> str:
         """Why a request with these headers is refused, or ""."""
         allowed = origin is not None and origin.lower() in self._origins
-        if not allowed and not self._is_own(host or ""):
+        if not allowed and not is_named(host or "", self._names):
             return f"host {host!a} is not a name of this viewer; `--allow-origin` admits the pages of a proxy or tunnel"
         if origin is None or allowed or origin.lower() in (f"http://{host}".lower(), f"https://{host}".lower()):
             return ""
         return f"a page of {origin!a} asked for the scene; `--allow-origin ORIGIN` admits a page that you trust"
-
-    def _is_own(self, host: str) -> bool:
-        """Whether a `Host` header names this server; an address does, because rebinding needs a name."""
-        try:
-            name = urlsplit(f"//{host}").hostname or ""
-        except ValueError:
-            return False
-        with contextlib.suppress(ValueError):
-            ipaddress.ip_address(name)
-            return True
-        return name in self._names
 
     def check(self, follow: Callable[..., Any] | None, connection: Any, request: Any) -> Any:
         """Handle a request before `follow`, the server's own handler: a response if it is refused."""

@@ -235,7 +235,7 @@ class Process:
                     start_new_session=True,
                     # CUDA reads this variable once per process, so a worker keeps its devices.
                     env={
-                        **os.environ,
+                        **secrets.for_workers(),
                         **environment,
                         "CUDA_VISIBLE_DEVICES": ",".join(devices),
                         "PYTHONPATH": _search_path(),

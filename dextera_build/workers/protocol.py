@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol, TypeAlias
 
 from dextera_build.errors import DxbError, Place, RuleError
+from dextera_build.redact import redact_plain
 from dextera_build.workers.capacity import Capacity, Needs
 
 _LITTLE = Needs()
@@ -18,6 +19,8 @@ _OWN = ("ticket", "needs")
 """Fields of a task that its runner is not told."""
 _LOG_MOST = 1 << 20
 """Only this much of the end of a log is kept [bytes]."""
+_TOLD = ("line", "previews", "metrics")
+"""Fields of a reply that hold texts of the rule."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +85,20 @@ class Ended:
 
 
 Report: TypeAlias = Said | Ended
+
+
+def redacted(report: Report) -> Report:
+    """A report without the secrets that this process knows; all that a node says of itself passes here."""
+    if isinstance(report, Said):
+        return report if report.kind == "read" else replace(report, data=redact_plain(dict(report.data)))
+    return replace(report, log=redact_plain(report.log), reply=redacted_reply(report.reply))
+
+
+def redacted_reply(reply: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    """A reply without secrets in its texts; digests stay."""
+    if reply is None:
+        return None
+    return {name: redact_plain(value) if name in _TOLD else value for name, value in reply.items()}
 
 
 class Executor(Protocol):

@@ -29,7 +29,7 @@ from typing import Any
 
 from dextera_build.errors import DxbError, MachineError
 from dextera_build.redact import redact_plain
-from dextera_build.workers.protocol import escaped, printed
+from dextera_build.workers.protocol import escaped, printed, redacted_reply
 from dextera_build.workers.retries import names_of
 
 _PR_SET_PDEATHSIG = 1
@@ -71,6 +71,7 @@ class Worker:
         self._last_progress = 0.0
         answer = attempt(lambda: runner(task, self._emit), task["project"])
         self._flush()
+        answer["reply"] = redacted_reply(answer["reply"])
         answer["error"] = answer["error"] and answer["error"].to_json()
         answer["log"] = redact_plain(printed(1)).decode("latin-1")  # any bytes; the next task overwrites them
         self._write(answer)

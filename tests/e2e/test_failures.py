@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import time
@@ -25,6 +26,8 @@ def test_a_failed_check_says_what_where_and_what_waits(space):
     assert "error[DXB-B201]: bad failed its check: the text is wrong" in answer.err
     assert "length" in answer.err
     assert "after" in answer.err
+    assert "bad\tfailed\t" in (log := space.dxb("log").out)
+    assert "DXB-B201: the text is wrong" in log
     assert "hint: set `do` to `work`" in answer.err
     assert "Traceback" not in answer.err
 
@@ -62,7 +65,8 @@ def test_a_dead_or_faulty_worker_fails_its_node_alone(space, do, code, text, las
     assert again.nodes("ran") == {"bad", "after"}
 
 
-def test_ctrl_c_keeps_what_is_done(space):
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_ctrl_c_keeps_what_is_done(space, number, code):
     space.write("recipes/say/bad.yaml", RECIPE.replace("seconds: 0.3", "seconds: 60") % "work")
     process = space.start("build", "-j", "1", "say/bad", start_new_session=True)
     runs = space.root / "cache" / "runs" / "0001" / "events.jsonl"
@@ -71,9 +75,10 @@ def test_ctrl_c_keeps_what_is_done(space):
         runs.exists() and '"node_started"' in runs.read_text() and '"other"' in runs.read_text()
     ):
         time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGINT)
+    os.killpg(process.pid, number)
     _, err = process.communicate(timeout=40)
-    assert process.returncode == 130
+    assert process.returncode == code
+    assert json.loads(runs.read_text().splitlines()[-1])["interrupted"]
     assert "interrupted; finished results are kept" in err
     assert "Traceback" not in err
     space.edit("recipes/say/bad.yaml", "seconds: 60", "seconds: 0")

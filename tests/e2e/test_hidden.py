@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import base64
+
 import pytest
 
-from tests.e2e.space import Space
+from tests.e2e.space import Answer, Space
 
 SECRET = "geheim-0123456789"
 RULE = '''
 """toy.whisper: does with a secret what it should not."""
+import base64
 import os
 import sys
+import numpy
 from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
@@ -28,6 +32,9 @@ def whisper(ctx: Context, *, options: WhisperOptions) -> File:
     ctx.log(f"logged {key}")
     ctx.progress(1, 2, f"shown {key}")
     ctx.say(f"said {key}")
+    ctx.metric(f"measured {key}", 1.0, f"per {key}")
+    ctx.preview(numpy.zeros((4, 4, 3), "uint8"), f"seen {key}")
+    print(base64.b64encode(f"anna:{key}".encode()).decode())
     if options.how == "raise":
         raise ValueError(f"called with {key}")
     if options.how == "fail":
@@ -66,10 +73,60 @@ def test_a_secret_is_shown_and_written_nowhere(whispering: Space, how: str, code
     assert code in answers[0].err
     answers += [whispering.dxb("log"), whispering.dxb("log", "0001", "w"), whispering.dxb("report", "--out", "r.html")]
     assert "printed ***" in answers[3].out
-    assert [text for answer in answers for text in (answer.out, answer.err) if SECRET in text] == []
-    files = [path for path in whispering.root.rglob("*") if path.is_file()]
-    assert [str(path) for path in files if SECRET.encode() in path.read_bytes()] == []
+    assert holders(whispering, answers, SECRET) == []
+    assert holders(whispering, answers, base64.b64encode(f"anna:{SECRET}".encode()).decode()) == []
+
+
+def holders(space: Space, answers: list[Answer], secret: str) -> list[str]:
+    """Files and printed texts that hold a secret."""
+    files = [path for path in space.root.rglob("*") if path.is_file()]
     assert len(files) > 10
+    printed = [text for answer in answers for text in (answer.out, answer.err) if secret in text]
+    return printed + [str(path) for path in files if secret.encode() in path.read_bytes()]
+
+
+GOSSIP = '''
+"""toy.gossip: passes its environment on."""
+import os
+import subprocess
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, Options, rule
+
+class GossipOptions(Options):
+    """Options."""
+    how: str = "return"
+    """What it does."""
+
+@rule(version=1)
+def gossip(ctx: Context, *, options: GossipOptions) -> File:
+    """Return its environment."""
+    assert "DXB_REMOTE_TOKEN" not in os.environ
+    assert len(ctx.secret("DXB_REMOTE_TOKEN")) == 12
+    print(dict(os.environ), os.environ.get("LAB_WORD"))
+    subprocess.run(["env"], check=True)
+    if options.how == "raise":
+        raise RuntimeError(str(dict(os.environ)))
+    named = {name: value for name, value in os.environ.items() if name != "LAB_WORD"}
+    return File(data=repr(named).encode())
+'''
+
+
+@pytest.mark.parametrize("how", ["return", "raise"])
+def test_secrets_of_dxb_reach_neither_a_log_nor_a_result(space: Space, how: str) -> None:
+    space.write("rules/toy/gossip.py", GOSSIP.lstrip())
+    space.write("recipes/say/gossip.yaml", "nodes:\n  g: {rule: toy.gossip}\ntargets: {default: [g]}\n")
+    space.write("dxb.toml", 'cache = "cache"\n[remotes]\nlab = "http://a:${LAB_WORD}@127.0.0.1:9/x"\n')
+    secret = {
+        "DXB_REMOTE_TOKEN": "geheim-token",
+        "DXB_REMOTES": "local:rw,lab:r,http://u:geheim-address@127.0.0.1:9/x:r",
+        "DXB_KEY_PASSPHRASE": "geheim-phrase",
+        "LAB_WORD": "geheim-of-lab",
+    }
+    built = space.dxb("build", "say/gossip", "--set", f"g.how={how}", "-v", env=secret)
+    assert built.code == (1 if how == "raise" else 0), built.err
+    answers = [built, space.dxb("log", "0001", "g"), space.dxb("report", "--out", "r.html")]
+    assert "***" in answers[1].out
+    assert holders(space, answers, "geheim") == []
 
 
 def test_a_secret_that_there_is_not_is_a_clear_error(whispering: Space, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -60,6 +60,21 @@ def test_push_says_what_is_not_built(space: Space, served: str) -> None:
     assert "hint: dxb build say/words" in answer.err
 
 
+def test_push_of_results_without_bytes_is_no_success_unless_they_are_there(space: Space, served: str) -> None:
+    space.build("say/words")
+    space.dxb("cache", "push", "say/words", "--to", served)
+    two = {"DXB_CACHE": "two", "DXB_REMOTES": f"{served}:r"}
+    assert space.dxb("build", "say/words", env=two).code == 0
+    there = space.dxb("cache", "push", "say/words", "--to", served, env=two)
+    assert (there.code, there.out) == (0, f"say/words:all\t{there.out.split()[-1]}\n"), there.err
+    elsewhere = space.dxb("cache", "push", "say/words", "--to", "./elsewhere", env=two)
+    assert elsewhere.code == 1
+    assert "error[DXB-S201]: not uploaded: 6 nodes" in elsewhere.err
+    assert "hint: dxb build --whole say/words" in elsewhere.err
+    assert space.dxb("build", "--whole", "say/words", env=two).code == 0
+    assert space.dxb("cache", "push", "say/words", "--to", "./elsewhere", env=two).code == 0
+
+
 def test_push_to_where_nothing_may_be_written(space: Space) -> None:
     space.build("say/words")
     with serving(space, "served", "--read-only") as url:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,8 @@ from dextera_build import digest
 from dextera_build.errors import StoreError
 from dextera_build.gc import inventory
 from dextera_build.gc.choose import Limits
-from dextera_build.gc.collect import collect
+from dextera_build.gc.collect import collect, collect_all
+from dextera_build.gc.verify import verify
 from dextera_build.store.results import Found
 from dextera_build.store.store import Store
 from tests.store.stores import (
@@ -233,3 +235,52 @@ def test_a_store_that_may_only_be_read_is_not_collected(store: Store, monkeypatc
         collect(store, nobody, dry=False)
     assert caught.value.code == "DXB-S401"
     assert collect(store, nobody).before > 0  # a dry run changes nothing
+
+
+@pytest.mark.parametrize(
+    "place",
+    ["cas", "ac", "runs", "local", "local/quarantine", "local/keep", "local/running", "cas/ab", "ac/ab", "runs/7"],
+)
+@pytest.mark.parametrize("remove", [collect_all, verify], ids=["collect", "repair"])
+def test_a_link_in_the_place_of_a_folder_is_refused(
+    store: Store, tmp_path: Path, place: str, remove: Callable[..., object]
+) -> None:
+    publish(store, "a")
+    precious = cherished(tmp_path)
+    (store.root / "aside").mkdir()
+    if os.path.lexists(store.root / place):
+        (store.root / place).rename(store.root / "aside" / "was")
+    (store.root / place).parent.mkdir(parents=True, exist_ok=True)
+    (store.root / place).symlink_to(tmp_path / "precious")
+    with pytest.raises(StoreError, match="a link lies in the store") as caught:
+        remove(store, **{"dry": False} if remove is collect_all else {"repair": True})
+    assert caught.value.code == "DXB-S403"
+    assert caught.value.facts["link"] == str(store.root / place)
+    assert all(path.exists() for path in precious)
+
+
+@pytest.mark.parametrize("place", ["out", "more", "more/below", "cas/ab/.tmp-1", "local/quarantine/a", "local/keep/b"])
+def test_what_other_links_lead_to_stays(store: Store, tmp_path: Path, place: str) -> None:
+    publish(store, "a")
+    precious = cherished(tmp_path)
+    link = store.root / place
+    link.parent.mkdir(parents=True, exist_ok=True)
+    link.symlink_to(tmp_path / "precious")
+    os.utime(link, (0, 0), follow_symlinks=False)
+    verify(store, repair=True)
+    collect(store, nobody, Limits(size=0, since=time.time()), dry=False)
+    collect(store, nobody, dry=False)
+    assert all(path.exists() for path in precious)
+    assert link.is_symlink() == (place in ("out", "more", "more/below"))
+
+
+def cherished(root: Path) -> list[Path]:
+    """Old files that somebody else needs, some with the names of files of a store."""
+    names = ("thesis", ".tmp-0123456789abcdef", "below/.tmp-1/thesis", "ab/cd", "3/events.jsonl", "0123456789abcdef")
+    paths = [root / "precious" / name for name in names]
+    for path in paths:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("x")
+    for path in (root / "precious").rglob("*"):
+        age(path, time.time() - 400 * DAY)
+    return paths

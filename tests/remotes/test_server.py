@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import http.client
 import socket
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
 
+from dextera_build.remotes import server
 from dextera_build.store.store import Store
 from tests.remotes import servers
 from tests.store.stores import entry, key_of, publish
@@ -95,9 +100,9 @@ def test_bytes_with_another_digest_are_refused(client: Client, tmp_path: Path, b
 
 
 def test_too_much_is_refused_before_it_is_sent(client: Client) -> None:
-    answer = client.raw(b"PUT /cas/%s HTTP/1.1\r\nHost: x\r\nContent-Length: 1001\r\n\r\n" % NAME.encode())
+    answer = client.raw(b"PUT /cas/%s HTTP/1.1\r\nHost: localhost\r\nContent-Length: 1001\r\n\r\n" % NAME.encode())
     assert answer.startswith(b"HTTP/1.1 413 ")
-    huge = b"PUT /ac/%s HTTP/1.1\r\nHost: x\r\nContent-Length: 99999999999999\r\n\r\n" % NAME.encode()
+    huge = b"PUT /ac/%s HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99999999999999\r\n\r\n" % NAME.encode()
     assert client.raw(huge).startswith(b"HTTP/1.1 413 ")
 
 
@@ -105,19 +110,19 @@ def test_too_much_is_refused_before_it_is_sent(client: Client) -> None:
     "header", [b"", b"Content-Length: -5\r\n", b"Content-Length: x\r\n", b"Transfer-Encoding: chunked\r\n"]
 )
 def test_a_length_is_needed(client: Client, header: bytes) -> None:
-    answer = client.raw(b"PUT /cas/%s HTTP/1.1\r\nHost: x\r\n%s\r\n0\r\n\r\n" % (NAME.encode(), header))
+    answer = client.raw(b"PUT /cas/%s HTTP/1.1\r\nHost: localhost\r\n%s\r\n0\r\n\r\n" % (NAME.encode(), header))
     assert answer.startswith(b"HTTP/1.1 411 ")
 
 
 def test_an_upload_that_breaks_off_leaves_nothing(client: Client, tmp_path: Path) -> None:
-    client.raw(b"PUT /cas/%s HTTP/1.1\r\nHost: x\r\nContent-Length: 17\r\n\r\nwhat a" % NAME.encode())
+    client.raw(b"PUT /cas/%s HTTP/1.1\r\nHost: localhost\r\nContent-Length: 17\r\n\r\nwhat a" % NAME.encode())
     assert client.ask("GET", f"/cas/{NAME}")[0] == 404
     assert not list((tmp_path / "store" / "cas").rglob(".tmp-*"))
 
 
 def test_several_requests_share_a_connection(client: Client) -> None:
-    put = b"PUT /cas/%s HTTP/1.1\r\nHost: x\r\nContent-Length: 17\r\n\r\n%s" % (NAME.encode(), DATA)
-    get = b"GET /cas/%s HTTP/1.1\r\nHost: x\r\n\r\n" % NAME.encode()
+    put = b"PUT /cas/%s HTTP/1.1\r\nHost: localhost\r\nContent-Length: 17\r\n\r\n%s" % (NAME.encode(), DATA)
+    get = b"GET /cas/%s HTTP/1.1\r\nHost: localhost\r\n\r\n" % NAME.encode()
     answer = client.raw(put + put + get + get)
     assert answer.count(b"HTTP/1.1 200 OK") == 4
     assert answer.count(DATA) == 2
@@ -169,3 +174,88 @@ def test_what_is_no_result_is_refused(client: Client, body: bytes) -> None:
     code, said = client.ask("PUT", f"/ac/{OTHER}", body)
     assert code == 400
     assert said.startswith(b"this is not an entry of dxb")
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Host": "evil.example"},
+        {"Host": "evil.example:8098"},
+        {"Host": "127.0.0.1.evil.example"},
+        {"Host": ""},
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Host": "localhost", "Origin": "http://localhost"},
+    ],
+)
+@pytest.mark.parametrize("method", ["GET", "PUT"])
+def test_web_pages_are_not_served(client: Client, tmp_path: Path, method: str, headers: dict[str, str]) -> None:
+    Store(tmp_path / "store").blobs.put(b"other")
+    body = DATA if method == "PUT" else None
+    code, said = client.ask(method, f"/cas/{NAME if body else OTHER}", body, **headers)
+    assert (code, said) == (403, b"web pages, and names of other machines, are not served\n")
+    assert not Store(tmp_path / "store").blobs.has(NAME)
+
+
+@pytest.mark.parametrize("host", ["localhost", "LOCALHOST:1", "127.0.0.1:8098", "[::1]:8098", "192.0.2.7"])
+def test_its_own_names_and_addresses_are_served(client: Client, host: str) -> None:
+    assert client.ask("PUT", f"/cas/{NAME}", DATA, Host=host)[0] == 200
+
+
+def test_a_secret_admits_whatever_the_name(tmp_path: Path) -> None:
+    with servers.own(tmp_path / "store", secret="geheim") as url:
+        welcome = "Basic " + base64.b64encode(b"dxb:geheim").decode()
+        client = Client(url)
+        assert client.ask("PUT", f"/cas/{NAME}", DATA, Host="cache.lab.example", Authorization=welcome)[0] == 200
+        assert client.ask("GET", f"/cas/{NAME}", Host="cache.lab.example")[0] == 401
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [b"", b"GET /cas/", b"PUT /cas/%s HTTP/1.1\r\nHost: localhost\r\nContent-Length: 17\r\n\r\nwh" % NAME.encode()],
+)
+def test_a_client_that_sends_a_byte_now_and_then_is_dropped(
+    client: Client, monkeypatch: pytest.MonkeyPatch, sent: bytes
+) -> None:
+    monkeypatch.setattr(server, "_IDLE_S", 0.2)
+    host, _, port = client.place.partition(":")
+    with socket.create_connection((host, int(port)), timeout=10) as link:
+        link.sendall(sent)
+        with suppress(ConnectionError):
+            while True:
+                link.sendall(b"w")
+                time.sleep(0.02)
+
+
+def test_only_so_many_connections_are_open_and_the_next_are_served_when_they_end(
+    client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "_MOST_CONNECTIONS", 3)
+    host, _, port = client.place.partition(":")
+    links = [socket.create_connection((host, int(port)), timeout=10) for _ in range(4)]
+    links[3].settimeout(10)
+    assert links[3].recv(1) == b""
+    for link in links:
+        link.close()
+    while True:  # the threads of the others end soon
+        with suppress(OSError):
+            assert client.ask("PUT", f"/cas/{NAME}", DATA)[0] == 200
+            break
+
+
+def test_large_entries_are_in_memory_one_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "_LARGE_ENTRY", 100)
+    most, now = 0, 0
+
+    def publish(*words: object) -> None:
+        nonlocal most, now
+        now += 1
+        most = max(most, now)
+        time.sleep(0.05)
+        now -= 1
+
+    monkeypatch.setattr(server, "_publish", publish)
+    with servers.own(tmp_path / "store") as url, ThreadPoolExecutor(4) as pool:
+        asked = [pool.submit(Client(url).ask, "PUT", f"/ac/{OTHER}", b"x" * 200) for _ in range(4)]
+        assert [each.result()[0] for each in asked] == [200] * 4
+    assert most == 1

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dextera_build.calls.spending import LEDGER, open_ledger
-from dextera_build.cli import options
+from dextera_build.cli import options, streams
 from dextera_build.cli.build.shown import shown, tell
 from dextera_build.cli.consoles import console
 from dextera_build.cli.errors import render, wants_colour
@@ -50,14 +50,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one line per round on stderr; return 0 if Ctrl-C interrupts the wait, 130 if it interrupts a build."""
+    """Print one line per round on stderr; return 0 if Ctrl-C interrupts the wait, 130 if a build."""
     if args.once:
         return _once(args, *args.once)
     because = _FIRST
     _, os.environ[LEDGER] = open_ledger()  # `--max-cost` limits all rounds together
     while True:
         code, watch = _round(args.words[1:], because)
-        if code == 130 or (code == 2 and because == _FIRST):
+        if code in (streams.INTERRUPTED, streams.TERMINATED) or (code == 2 and because == _FIRST):
             return code  # an edit cannot fix an unknown name
         try:
             because = _wait(watch)
@@ -77,11 +77,11 @@ def _round(words: Sequence[str], because: str) -> tuple[int, Watch]:
         child = subprocess.Popen(command, start_new_session=True, pass_fds=[opened.fileno()])
         try:
             code = child.wait()
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as interrupt:
             with suppress(ProcessLookupError):
                 child.send_signal(signal.SIGINT)
             child.wait()
-            return 130, watch
+            return streams.code_of(interrupt), watch
         text = opened.read()
     if not text:
         raise DxbError(

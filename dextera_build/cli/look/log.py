@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     finished = {event["node"]: event for event in events if event["event"] == "node_finished"}
     if args.node is None:
         cells = [
-            {"node": node, "status": event["status"], "time": f"{event['seconds']:.1f} s", "line": event["line"]}
+            {"node": node, "status": event["status"], "time": f"{event['seconds']:.1f} s", "line": _line(event)}
             for node, event in finished.items()
         ]
         code = table.give(events, as_json=args.json, cells=cells)
@@ -45,11 +45,18 @@ def run(args: argparse.Namespace) -> int:
             hint=did_you_mean(args.node, finished),
         )
     logged = (event["text"] for event in events if event["event"] == "node_log" and event["node"] == args.node)
-    if text := _printed(project, finished[args.node]) or "\n".join(logged):
-        print(text)
+    text = _printed(project, finished[args.node]) or "\n".join(logged)
+    if text or finished[args.node].get("error"):
+        print(text or _line(finished[args.node]))
     else:
         print("no output: the node printed nothing, or the store no longer holds its log", file=sys.stderr)
     return 0
+
+
+def _line(finished: Mapping[str, Any]) -> str:
+    """What a node said of its result, or its error."""
+    error = finished.get("error")
+    return f"{error.get('code', '')}: {error.get('message', '')}".partition("\n")[0] if error else finished["line"]
 
 
 def _tell_costs(events: Iterable[Mapping[str, Any]]) -> None:

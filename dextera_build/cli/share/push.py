@@ -37,31 +37,32 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print one line per uploaded node: address, key."""
     project, exchange = options.project(args), None
-    sent, stale, bare = dict[str, str](), list[str](), list[str]()
+    sent, stale, bare = dict[str, str](), list[str](), dict[str, str]()
     for text in args.targets:
         session, target = options.session(args, text, project)
         graph = session.plan().graph
         exchange = exchange or fetch.exchange(session, "w", args.to)
         for node in plan(graph, addresses(graph, target), session.store):
             address = f"{session.recipe}:{node.address}"
-            if node.status == "cached" and node.bare:
-                bare.append(address)
-            elif node.status == "cached" and node.key is not None:
+            if node.status != "cached" or node.key is None:
+                stale.append(address)
+            elif node.bare:
+                bare[address] = node.key
+            else:
                 exchange.offer(node.key)
                 sent[address] = node.key
-            else:
-                stale.append(address)
     assert exchange is not None
+    bare = {address: key for address, key in bare.items() if not exchange.holds(key)}
     left = _finish_uploads(exchange)
     table.give([{"node": address, "key": key} for address, key in sent.items() if key not in left], as_json=args.json)
-    if bare:
-        print(f"not uploaded, because the store lacks the bytes: {listing(bare)}", file=sys.stderr)
-    if stale:
+    if stale or bare:
+        lacking = {"not built": listing(stale)} if stale else {}
+        lacking |= {"without bytes here": listing(bare)} if bare else {}
         raise StoreError(
-            f"not uploaded, because not built: {count(len(stale), 'node')}",
+            f"not uploaded: {count(len(stale) + len(bare), 'node')}",
             code="DXB-S201",
-            facts={"not built": listing(stale)},
-            hint=f"dxb build {' '.join(args.targets)}",
+            facts=lacking,
+            hint=f"dxb build {'--whole ' if bare else ''}{' '.join(args.targets)}",
         )
     return 1 if left else 0
 
