@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 
@@ -103,12 +103,21 @@ def digest_of(data: bytes) -> str:
     return digest.of_bytes(data)[:32]
 
 
-@cache
 def is_first_party(file: str) -> bool:
     """Whether a module's file belongs neither to the standard library nor to an installed distribution."""
     if not os.path.isabs(file):
         return False  # built in, or frozen
-    return not file.startswith(f"{_LIBRARY}{os.sep}") and _INSTALLED.isdisjoint(file.split(os.sep))
+    return not file.startswith(_installed(tuple(sys.path)))
+
+
+@lru_cache(maxsize=8)
+def _installed(path: tuple[str, ...]) -> tuple[str, ...]:
+    """Beginnings of the files of the standard library and of installed distributions.
+
+    A folder called `site-packages` counts if modules are searched there; a project may lie below another one.
+    """
+    folders = [entry for entry in path if os.path.basename(entry.rstrip(os.sep)) in _INSTALLED]
+    return tuple(f"{folder.rstrip(os.sep)}{os.sep}" for folder in (_LIBRARY, *folders))
 
 
 @dataclass(frozen=True)

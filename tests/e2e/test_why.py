@@ -100,6 +100,15 @@ def test_a_request_that_was_never_built_is_compared_with_the_one_built_last(spac
     assert answer.out.splitlines()[1].startswith("  option\ttext\tthree -> four")
 
 
+def test_a_moved_statement_is_told_as_a_change_of_order(space):
+    space.edit("rules/toy/marks.py", "def mark", "SIGNS = {}\nSIGN = SIGNS.get(1)\nSIGNS.update({})\n\ndef mark")
+    assert space.build("say/words").code == 0
+    space.edit("rules/toy/marks.py", "SIGN = SIGNS.get(1)\nSIGNS.update({})", "SIGNS.update({})\nSIGN = SIGNS.get(1)")
+    (cause,) = json.loads(space.dxb("why", "--json", "say/words:word[two].loud").out)["causes"]
+    assert (cause["kind"], cause["name"]) == ("code", "order of statements of rules/toy/marks.py")
+    assert cause["change"] == "SIGN <module> -> <module> SIGN"
+
+
 def test_a_changed_helper_is_named_with_function_and_line(built):
     built.edit("rules/toy/marks.py", 'b"!" * times', 'b"?" * times')
     answer = json.loads(built.dxb("why", "--json", "say/words:word[two].loud").out)
