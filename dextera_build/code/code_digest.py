@@ -34,7 +34,7 @@ class Code:
     sources: Mapping[str, str]
     """Source -> digest of its bytes, checked by workers; "" for one that was looked for but does not exist."""
     foreign: Mapping[str, Path]
-    """Top-level module that is not first-party -> a file that imports it; imports by dxb itself are left out."""
+    """Top-level module that is not first-party -> a file that imports it."""
 
 
 class CodeIndex:
@@ -66,8 +66,7 @@ class CodeIndex:
             parsed = self._source(module.file)
             definitions[source] = parsed.definitions | ({ORDER: parsed.sequence} if every else {})
             sources[source] = digest_of(read(module.file))
-            if not module.file.is_relative_to(PACKAGE):
-                foreign |= dict.fromkeys(self._foreign.get(module.file, ()), module.file)
+            foreign |= dict.fromkeys(self._foreign.get(module.file, ()), module.file)
         return Code(*(dict(sorted(found.items())) for found in (definitions, sources, foreign)))  # type: ignore[arg-type]
 
     def _lists_names(self, module: Module | None) -> bool:

@@ -25,7 +25,7 @@ DXB = "dextera_build"
 _LIBRARY = os.path.dirname(os.path.realpath(os.__file__))
 _INSTALLED = {"site-packages", "dist-packages"}
 _BESIDE = {"PIL", "annotated_types", "numpy", "pydantic", "pydantic_core", "typing_extensions", "yaml"}
-KNOWN = sys.stdlib_module_names | _BESIDE
+_KNOWN = sys.stdlib_module_names | _BESIDE
 """Top-level modules of Python and of packages that every installation of dxb has."""
 _READ: dict[str, bytes] = {}
 _SHARED = "DEXTERA_SOURCES"
@@ -187,7 +187,7 @@ class Modules:
             return None
         found = _module(name, spec)
         places = [str(found.file)] if found.file else [os.path.join(folder, "_") for folder in found.search or ()]
-        if all(is_first_party(place) for place in places) or (name not in KNOWN and name in self._own()):
+        if all(is_first_party(place) for place in places) or (name not in _KNOWN and name in self._own()):
             return found
         self._foreign.add(name)
         return None

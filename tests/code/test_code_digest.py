@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from dextera_build.code.distributions import version_of
 from dextera_build.code.loader import Library, RuleFile
 
 RULE = '''"""A rule."""
@@ -249,20 +250,44 @@ def test_a_package_that_an_editable_install_finds_is_seen(stage, monkeypatch):
     assert "mapped_package/__init__.py" in code(stage)
 
 
-def test_what_a_rule_imports_and_does_not_declare_is_named(stage):
-    text = "import json, numpy, yaml, scipy.spatial, cv2, rich\ndef mesh():\n    import trimesh, own_missing\n"
-    write(stage, {"mesh.py": text})
+def packages(stage: Path, *declared: str) -> tuple[dict[str, str | None], dict[str, str]]:
+    """The packages of `mesh.py`, and the warnings."""
     library = Library(stage.parents[1])
     found, code = RuleFile("toy.mesh", stage / "mesh.py", library.roots[0]), library.code.of(stage / "mesh.py")
-    library.warn_of_undeclared(found, code, ("rich",))
-    assert set(library.warnings) == {"cv2", "scipy", "trimesh"}
-    assert library.warnings["cv2"].startswith(
-        "toy.mesh imports `cv2`, which is neither code of the project nor a package"
-    )
-    library.warnings.clear()
-    packages = ("opencv-python-headless", "scipy", "trimesh", "rich")
-    library.warn_of_undeclared(found, code, packages)
-    assert library.warnings == {}
+    return library.packages(found, code, declared), library.warnings
+
+
+def test_packages_are_those_that_the_code_imports(stage):
+    write(stage, {"mesh.py": "import json, yaml, cv2.aruco\nfrom .helper import f\n"})
+    write(stage, {"helper.py": "def f():\n    import PIL.Image, own_missing\n    from . import deeper\n"})
+    found, warnings = packages(stage)
+    assert set(found) == {"opencv-python-headless", "pillow", "platform", "python", "pyyaml"}
+    assert found == {name: version_of(name) for name in found}
+    assert warnings == {}
+
+
+def test_packages_that_dxb_imports_for_a_rule_are_its_packages(stage):
+    write(stage, {"mesh.py": "from dextera_build.geometry import boxes\n"})
+    assert {"numpy", "scipy"} <= set(packages(stage)[0])
+
+
+def test_declared_packages_count_once_however_they_are_spelled(stage):
+    write(stage, {"mesh.py": "import PIL\n"})
+    found, _ = packages(stage, "Pillow", "OpenCV_Python.headless", "own-missing")
+    assert set(found) == {"opencv-python-headless", "own-missing", "pillow", "platform", "python"}
+    assert found["own-missing"] is None
+
+
+def test_a_module_of_no_distribution_is_named(stage, monkeypatch):
+    folder = stage.parents[1] / "lib" / "site-packages"
+    write(folder, {"unpacked/__init__.py": "", "claimed.py": "", "Claim-1.0.dist-info/METADATA": "Version: 1.0\n"})
+    write(folder, {"Claim-1.0.dist-info/RECORD": "claimed.py,,\n"})
+    write(stage, {"mesh.py": "import unpacked, claimed\n"})
+    monkeypatch.syspath_prepend(str(folder))
+    found, warnings = packages(stage)
+    assert (set(warnings), found["claim"]) == ({"unpacked"}, "1.0")
+    assert "toy.mesh imports `unpacked`, which is neither code of the project nor of an" in warnings["unpacked"]
+    assert packages(stage, "unpacked")[1] == {}
 
 
 def test_a_definition_is_found_again(stage):
