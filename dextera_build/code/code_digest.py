@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build.code import syntax
-from dextera_build.code.modules import DXB, PACKAGE, Module, Modules, digest_of, read
+from dextera_build.code.modules import DXB, PACKAGE, Module, Modules, digest_of, on_disk, read
 from dextera_build.code.order import ORDER
 
 # Modules that rules are written against but that cannot affect artifacts; the key's schema version covers them.
@@ -76,7 +76,7 @@ class CodeIndex:
 
     def looked_at(self) -> set[str]:
         """Files that were read, folders that were searched, and missing files that would take precedence."""
-        return {*map(str, self._parsed), *self._modules.looked_at}
+        return {*map(on_disk, map(str, self._parsed)), *self._modules.looked_at}
 
     def files(self) -> list[Path]:
         """The source files that were read so far."""

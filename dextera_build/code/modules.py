@@ -6,6 +6,7 @@ packages of a project anywhere on the module search path, and dxb itself.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import pkgutil
@@ -40,7 +41,7 @@ def read(file: str | os.PathLike[str]) -> bytes:
     name = os.fspath(file)
     if name not in _READ:
         try:
-            _READ[name] = Path(name).read_bytes()
+            _READ[name] = _bytes(name)
         except OSError as error:
             raise MachineError(
                 f"a source file cannot be read: {error.strerror}",
@@ -66,8 +67,27 @@ def forget_changed() -> bool:
 
 def _now(name: str) -> bytes | None:
     with suppress(OSError):
-        return Path(name).read_bytes()
+        return _bytes(name)
     return None
+
+
+def _bytes(name: str) -> bytes:
+    place = on_disk(name)
+    if place == name:
+        return Path(name).read_bytes()
+    from zipfile import BadZipFile, ZipFile
+
+    try:
+        with ZipFile(place) as archive:
+            return archive.read(os.path.relpath(name, place))
+    except (BadZipFile, KeyError):
+        raise FileNotFoundError(errno.ENOENT, "it is not in its archive", name) from None
+
+
+def on_disk(name: str) -> str:
+    """The file itself, or the archive on the module search path that holds it."""
+    above = () if os.path.exists(name) else Path(name).parents
+    return next((str(place) for place in above if place.is_file()), name)
 
 
 @contextmanager

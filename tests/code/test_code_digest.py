@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from importlib.util import spec_from_file_location
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 
@@ -235,6 +237,21 @@ def test_a_project_below_a_folder_called_site_packages_is_first_party(stage, mon
     write(stage, {"mesh.py": "import own_below\n"})
     monkeypatch.syspath_prepend(str(path))
     assert "own_below/__init__.py" in code(stage)
+
+
+def test_a_package_in_an_archive_is_seen(stage, monkeypatch):
+    archive, seen = stage.parents[1] / "lib.zip", []
+    write(stage, {"mesh.py": "import packed_own.inner\n"})
+    monkeypatch.syspath_prepend(str(archive))
+    for number in "12":
+        with ZipFile(archive, "w") as opened:
+            opened.writestr("packed_own/__init__.py", "")
+            opened.writestr("packed_own/inner.py", f"F = {number}\n")
+        importlib.invalidate_caches()
+        library = Library(stage.parents[1])
+        seen.append(library.code.of(stage / "mesh.py").definitions["packed_own/inner.py"])
+        assert str(archive) in library.looked_at()
+    assert seen[0] != seen[1]
 
 
 def test_a_package_that_an_editable_install_finds_is_seen(stage, monkeypatch):
