@@ -273,8 +273,10 @@ class Library:
         """
         having = providers(code.foreign.keys() - sys.stdlib_module_names)
         names = {*RUNTIME, *map(normal, declared), *(name for each in having.values() for name in each)}
-        listed = {top for name in declared for top in (normal(name).replace("-", "_"), *modules_of(name))}
-        for top in sorted(top for top in having if not having[top] and top not in listed):
+        unseen = {top for top in having if not having[top]}
+        if unseen:
+            unseen -= {top for name in declared for top in (normal(name).replace("-", "_"), *modules_of(name))}
+        for top in sorted(unseen):
             self.warnings[top] = (
                 f"{found.path} imports `{top}`, which is neither code of the project nor of an installed distribution: "
                 "another version of it makes nothing stale; install it as a distribution, or name the one that has it "
