@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build.code import syntax
-from dextera_build.code.modules import DXB, PACKAGE, Module, Modules, digest_of, read
+from dextera_build.code.modules import DXB, PACKAGE, Module, Modules, digest_of, on_disk, read
+from dextera_build.code.order import ORDER
 
 # Modules that rules are written against but that cannot affect artifacts; the key's schema version covers them.
 _INTERFACE = ("__init__", "backend", "context", "declaration", "options")
@@ -29,11 +30,11 @@ class Code:
     """The first-party code of a rule and its backend."""
 
     definitions: Mapping[str, Mapping[str, str]]
-    """Source -> top-level definition, or `<module>` -> digest; part of the key."""
+    """Source -> top-level definition, or `<module>` -> digest, and `ORDER` -> names; part of the key."""
     sources: Mapping[str, str]
     """Source -> digest of its bytes, checked by workers; "" for one that was looked for but does not exist."""
     foreign: Mapping[str, Path]
-    """Top-level module that is not first-party -> a file that imports it; imports by dxb itself are left out."""
+    """Top-level module that is not first-party -> a file that imports it."""
 
 
 class CodeIndex:
@@ -55,20 +56,27 @@ class CodeIndex:
     def of(self, *files: Path) -> Code:
         """The code of `files` and of all first-party modules they import, transitively."""
         definitions, sources, foreign = dict[str, dict[str, str]](), dict[str, str](), dict[str, Path]()
-        for name, module in list(self._closure(files)):
+        modules = list(self._closure(files))
+        every = any(self._lists_names(module) for _, module in modules)
+        for name, module in modules:
             if module is None or module.file is None:
                 sources[self._spelled(name) + (_SOURCE if module is None else f"/{_PACKAGE}")] = ""
                 continue
             source = self._name(module)
-            definitions[source] = self._source(module.file).definitions
+            parsed = self._source(module.file)
+            definitions[source] = parsed.definitions | ({ORDER: parsed.sequence} if every else {})
             sources[source] = digest_of(read(module.file))
-            if not module.file.is_relative_to(PACKAGE):
-                foreign |= dict.fromkeys(self._foreign.get(module.file, ()), module.file)
+            foreign |= dict.fromkeys(self._foreign.get(module.file, ()), module.file)
         return Code(*(dict(sorted(found.items())) for found in (definitions, sources, foreign)))  # type: ignore[arg-type]
+
+    def _lists_names(self, module: Module | None) -> bool:
+        """Whether a module may see in which order another one binds its names; none of dxb's asks for it."""
+        file = module.file if module else None
+        return file is not None and not file.is_relative_to(PACKAGE) and self._source(file).lists_names
 
     def looked_at(self) -> set[str]:
         """Files that were read, folders that were searched, and missing files that would take precedence."""
-        return {*map(str, self._parsed), *self._modules.looked_at}
+        return {*map(on_disk, map(str, self._parsed)), *self._modules.looked_at}
 
     def files(self) -> list[Path]:
         """The source files that were read so far."""

@@ -14,20 +14,20 @@ import importlib.machinery
 import importlib.util
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest
 from dextera_build.code.code_digest import RULES, Code, CodeIndex
-from dextera_build.code.distributions import modules_of, version_of
+from dextera_build.code.distributions import RUNTIME, modules_of, normal, providers, version_of
 from dextera_build.code.importer import IMPORTER, install, refused, watched
 from dextera_build.code.machine import Machine
-from dextera_build.code.modules import KNOWN, read
 from dextera_build.code.modules import PACKAGE as PACKAGE
+from dextera_build.code.modules import read
 from dextera_build.code.syntax import tree
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 
@@ -216,7 +216,7 @@ class Library:
         """The project's own root, if it has one."""
         self._found: dict[str, RuleFile] = {}
         self.warnings: dict[str, str] = {}
-        """Warnings about modules that rules import without declaring them, by module."""
+        """Warnings about modules whose versions are in no key, by module."""
         IMPORTER.forget_changed()
 
     @cached_property
@@ -261,25 +261,33 @@ class Library:
                     seen.add(path)
                     yield self.find(path)
 
-    def warn_of_undeclared(self, found: RuleFile, code: Code, packages: Sequence[str]) -> None:
-        """Add to `warnings` the modules imported by a rule's code whose version is in no key.
+    def packages(self, found: RuleFile, code: Code, declared: Iterable[str]) -> dict[str, str | None]:
+        """Distribution -> version, None if it is not installed, of all that a rule runs with; see `RUNTIME`.
+
+        A module that no distribution is known to have is added to `warnings`: its version is in no key.
 
         Args:
             found: The rule.
             code: The code of the rule and its backend.
-            packages: Distributions declared by the rule or its backend.
+            declared: Distributions that the rule or its backend declares.
         """
-        if found.root.path == bundled(RULES).resolve():
-            return
-        known = KNOWN | {package.replace("-", "_").lower() for package in packages}
-        unknown = code.foreign.keys() - known
-        provided = {top for package in packages for top in modules_of(package)} if unknown else set()
-        for top in sorted(unknown - provided):
+        having = providers(code.foreign.keys() - sys.stdlib_module_names)
+        names = {*RUNTIME, *map(normal, declared), *(name for each in having.values() for name in each)}
+        unseen = {top for top in having if not having[top]}
+        if unseen:
+            unseen -= {top for name in declared for top in (normal(name).replace("-", "_"), *modules_of(name))}
+        for top in sorted(unseen):
             self.warnings[top] = (
-                f"{found.path} imports `{top}`, which is neither code of the project nor a package that the rule "
-                "declares: another version of it makes nothing stale; add its distribution to `packages` "
-                f"({code.foreign[top]})"
+                f"{found.path} imports `{top}`, which is neither code of the project nor of an installed distribution: "
+                "another version of it makes nothing stale; install it as a distribution, or name the one that has it "
+                f"in `packages` ({code.foreign[top]})"
             )
+        return {name: self._version(name) for name in sorted(names)}
+
+    @cached_property
+    def _version(self) -> Callable[[str], str | None]:
+        """`version_of`, asked once for each distribution."""
+        return cache(version_of)
 
     def looked_at(self) -> set[str]:
         """Files and folders, including missing ones, that determine the code of the rules found so far."""

@@ -6,6 +6,7 @@ packages of a project anywhere on the module search path, and dxb itself.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import pkgutil
@@ -13,7 +14,7 @@ import sys
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 
@@ -25,7 +26,7 @@ DXB = "dextera_build"
 _LIBRARY = os.path.dirname(os.path.realpath(os.__file__))
 _INSTALLED = {"site-packages", "dist-packages"}
 _BESIDE = {"PIL", "annotated_types", "numpy", "pydantic", "pydantic_core", "typing_extensions", "yaml"}
-KNOWN = sys.stdlib_module_names | _BESIDE
+_KNOWN = sys.stdlib_module_names | _BESIDE
 """Top-level modules of Python and of packages that every installation of dxb has."""
 _READ: dict[str, bytes] = {}
 _SHARED = "DEXTERA_SOURCES"
@@ -40,7 +41,7 @@ def read(file: str | os.PathLike[str]) -> bytes:
     name = os.fspath(file)
     if name not in _READ:
         try:
-            _READ[name] = Path(name).read_bytes()
+            _READ[name] = _bytes(name)
         except OSError as error:
             raise MachineError(
                 f"a source file cannot be read: {error.strerror}",
@@ -66,8 +67,27 @@ def forget_changed() -> bool:
 
 def _now(name: str) -> bytes | None:
     with suppress(OSError):
-        return Path(name).read_bytes()
+        return _bytes(name)
     return None
+
+
+def _bytes(name: str) -> bytes:
+    place = on_disk(name)
+    if place == name:
+        return Path(name).read_bytes()
+    from zipfile import BadZipFile, ZipFile
+
+    try:
+        with ZipFile(place) as archive:
+            return archive.read(os.path.relpath(name, place))
+    except (BadZipFile, KeyError):
+        raise FileNotFoundError(errno.ENOENT, "it is not in its archive", name) from None
+
+
+def on_disk(name: str) -> str:
+    """The file itself, or the archive on the module search path that holds it."""
+    above = () if os.path.exists(name) else Path(name).parents
+    return next((str(place) for place in above if place.is_file()), name)
 
 
 @contextmanager
@@ -103,12 +123,21 @@ def digest_of(data: bytes) -> str:
     return digest.of_bytes(data)[:32]
 
 
-@cache
 def is_first_party(file: str) -> bool:
     """Whether a module's file belongs neither to the standard library nor to an installed distribution."""
     if not os.path.isabs(file):
         return False  # built in, or frozen
-    return not file.startswith(f"{_LIBRARY}{os.sep}") and _INSTALLED.isdisjoint(file.split(os.sep))
+    return not file.startswith(_installed(tuple(sys.path)))
+
+
+@lru_cache(maxsize=8)
+def _installed(path: tuple[str, ...]) -> tuple[str, ...]:
+    """Beginnings of the files of the standard library and of installed distributions.
+
+    A folder called `site-packages` counts if modules are searched there; a project may lie below another one.
+    """
+    folders = [entry for entry in path if os.path.basename(entry.rstrip(os.sep)) in _INSTALLED]
+    return tuple(f"{folder.rstrip(os.sep)}{os.sep}" for folder in (_LIBRARY, *folders))
 
 
 @dataclass(frozen=True)
@@ -178,7 +207,7 @@ class Modules:
             return None
         found = _module(name, spec)
         places = [str(found.file)] if found.file else [os.path.join(folder, "_") for folder in found.search or ()]
-        if all(is_first_party(place) for place in places) or (name not in KNOWN and name in self._own()):
+        if all(is_first_party(place) for place in places) or (name not in _KNOWN and name in self._own()):
             return found
         self._foreign.add(name)
         return None

@@ -1,12 +1,14 @@
 """Digests of Python source without comments, docstrings and positions, equal on every version of Python.
 
-Digests are kept per top-level definition, so that `dxb why` can name the function that changed.
+Digests are kept per top-level definition, so that `dxb why` can name the function that changed. Statements of one name
+are digested in their order; that of the others is an entry of its own.
 """
 
 from __future__ import annotations
 
 import ast
 import hashlib
+import re
 import threading
 import warnings
 from collections.abc import Iterator
@@ -14,15 +16,22 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from dextera_build import digest
+from dextera_build.code import order
+from dextera_build.code.names import FALSE, Names
+from dextera_build.code.order import ORDER
 from dextera_build.errors import Place, RecipeError
 
+_MODULE = "<module>"
 _PARSING = threading.Lock()
 # Fields added by newer Python versions are empty for older syntax, and empty fields are left out.
 _UNSAID = {"ctx", "kind", "type_comment", "type_ignores"}
 
-# Arguments of `@rule(...)` and `Backend(...)` about how a call runs; they do not affect results or the key.
+# Arguments of `@rule(...)` and `BACKEND = Backend(...)` about how a call runs; they affect neither results nor keys.
 _NEEDS = {"cpus", "memory_gb", "gpus", "resources", "retries", "retry_on", "retry_wait_s"}
 _BACKEND_NEEDS = {"gpu_gb", "summary"}
+_BACKEND = {"dextera_build.rule.Backend", "dextera_build.rule.backend.Backend"}
+_NOT_RUN = {"typing.TYPE_CHECKING", "typing_extensions.TYPE_CHECKING", FALSE}
+_ALL_NAMES = re.compile(rb"\b(vars|globals|locals|__dict__)\b")
 
 
 @dataclass(frozen=True)
@@ -30,12 +39,16 @@ class Source:
     """The digested contents of a source file."""
 
     definitions: dict[str, str]
-    """Top-level definition, or `<module>` -> digest."""
+    """Top-level definition, or `<module>` -> digest; `ORDER` -> the order as far as it can matter."""
     lines: dict[str, int]
     imports: tuple[tuple[int, str, tuple[str, ...]], ...]
     """(level, module, imported names) of every import statement that may run."""
     exports: tuple[str, ...] = ()
     """`__all__`, if it is a literal."""
+    sequence: str = ""
+    """The order of all statements, for code that lists the names of a module."""
+    lists_names: bool = False
+    """Whether it may list the names of a module, by `vars(module)` or the like."""
 
 
 def tree(data: bytes, file: str) -> ast.Module:
@@ -76,17 +89,21 @@ def source(data: bytes, file: str) -> Source:
         RecipeError: It is not Python, or nested more deeply than Python can read.
     """
     module = tree(data, file)
-    imports = tuple(_imports(module))
+    names = Names(module, data)
+    imports = tuple(_imports(module, names))
     exports = next((found for node in module.body if (found := _exports(node)) is not None), ())
-    _strip_needs(module)
+    _strip_needs(module, names)
+    statements = [(_definition(node), node) for node in module.body if not _is_text(node)]
     parts: dict[str, list[str]] = {}
     lines: dict[str, int] = {}
-    for node in module.body:
-        if not _is_text(node):
-            name = _definition(node)
-            parts.setdefault(name, []).append(dump(node))
-            lines.setdefault(name, node.lineno)
-    return Source({name: digest.of_value(dumps)[:16] for name, dumps in parts.items()}, lines, imports, exports)
+    for name, node in statements:
+        parts.setdefault(name, []).append(dump(node))
+        lines.setdefault(name, node.lineno)
+    definitions = {name: digest.of_value(dumps)[:16] for name, dumps in parts.items()}
+    if said := order.of(statements, names):
+        definitions[ORDER] = said
+    lists_names = _ALL_NAMES.search(data) is not None and any(map(_is_about_names, ast.walk(module)))
+    return Source(definitions, lines, imports, exports, order.spelled(name for name, _ in statements), lists_names)
 
 
 def dump(node: ast.AST) -> str:
@@ -118,9 +135,9 @@ def dump(node: ast.AST) -> str:
 
 def _field(node: ast.AST, name: str) -> object:
     """A field of a node, normalized across Python versions; None if empty."""
-    if name in _UNSAID:
-        return None
     value = getattr(node, name, None)
+    if value is None or name in _UNSAID:
+        return None
     if isinstance(value, ast.JoinedStr) and name == "format_spec" and not _pieces(value):
         return None
     if isinstance(value, list):
@@ -152,7 +169,7 @@ def _constant(value: object) -> str:
     return f"{kind}:{hex(value)}" if isinstance(value, int) and not isinstance(value, bool) else f"{kind}:{value!r}"
 
 
-def _imports(module: ast.Module) -> Iterator[tuple[int, str, tuple[str, ...]]]:
+def _imports(module: ast.Module, names: Names) -> Iterator[tuple[int, str, tuple[str, ...]]]:
     todo: list[ast.AST] = [module]
     while todo:
         node = todo.pop()
@@ -161,16 +178,16 @@ def _imports(module: ast.Module) -> Iterator[tuple[int, str, tuple[str, ...]]]:
         elif isinstance(node, ast.ImportFrom):
             yield node.level, node.module or "", tuple(alias.name for alias in node.names)
         else:
-            for block in _blocks(node):
+            for block in _blocks(node, names):
                 todo += getattr(node, block, ())
 
 
-def _blocks(node: ast.AST) -> tuple[str, ...]:
+def _blocks(node: ast.AST, names: Names) -> tuple[str, ...]:
     """Fields with the nested statements that may run, leaving out `TYPE_CHECKING` blocks."""
     if isinstance(node, ast.If):
         negated = isinstance(node.test, ast.UnaryOp) and isinstance(node.test.op, ast.Not)
         test = node.test.operand if isinstance(node.test, ast.UnaryOp) and negated else node.test
-        if getattr(test, "attr", getattr(test, "id", "")) == "TYPE_CHECKING":
+        if isinstance(test, ast.Name | ast.Attribute) and names.origin(test) in _NOT_RUN:
             return ("body",) if negated else ("orelse",)
     return ("body", "orelse", "handlers", "finalbody", "cases")
 
@@ -191,13 +208,22 @@ def _definition(node: ast.stmt) -> str:
         return node.name
     targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
     names = [target.id for target in targets if isinstance(target, ast.Name)]
-    return names[0] if names else "<module>"
+    return names[0] if names else _MODULE
 
 
-def _strip_needs(module: ast.Module) -> None:
+def _is_about_names(node: ast.AST) -> bool:
+    return _ALL_NAMES.fullmatch(getattr(node, "attr", getattr(node, "id", "")).encode()) is not None
+
+
+def _strip_needs(module: ast.Module, names: Names) -> None:
     for node in module.body:
-        marks = node.decorator_list if isinstance(node, ast.FunctionDef) else [getattr(node, "value", None)]
+        if isinstance(node, ast.FunctionDef):
+            marks, known, out = node.decorator_list, order.RULE, _NEEDS
+        elif isinstance(node, ast.Assign) and _definition(node) == "BACKEND":
+            marks, known, out = [node.value], _BACKEND, _BACKEND_NEEDS
+        else:
+            continue
         for mark in marks:
-            if isinstance(mark, ast.Call) and isinstance(mark.func, ast.Name):
-                out = {"rule": _NEEDS, "Backend": _BACKEND_NEEDS}.get(mark.func.id, set())
-                mark.keywords = [keyword for keyword in mark.keywords if keyword.arg not in out]
+            if isinstance(mark, ast.Call) and names.origin(mark.func) in known:
+                words = [word for word in mark.keywords if word.arg not in out or not order.is_plain(word.value)]
+                mark.keywords = words

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import Any, Literal, TypeAlias
 
 from dextera_build import digest as digests
+from dextera_build.code import order
+from dextera_build.code.order import ORDER
 from dextera_build.engine.graph import Call, RuleFacts
 from dextera_build.store import traces
 
-SCHEMA = 2
+SCHEMA = 3
 """Incremented when the form or meaning of the document changes; this changes every key."""
 
 _OWN = ("inputs", "options", "salt")
@@ -56,7 +59,7 @@ class Change:
 
     kind: Kind
     name: str
-    """Option path, `file: definition`, distribution, slot, ..."""
+    """Option path, `file: definition`, `file: order of statements`, distribution, slot, ..."""
     old: Any
     new: Any
 
@@ -68,6 +71,7 @@ def compare(old: Document, new: Document) -> list[Change]:
         # Before the code, because another backend has other code.
         *_rows("backend", {"backend": old["backend"]}, {"backend": new["backend"]}),
         *_rows("code", _code(old), _code(new)),
+        *_orders(old, new),
         *_rows("version", _versions(old), _versions(new)),
         *_rows("weights", _weights(old), _weights(new)),
         *_rows("package", old["packages"], new["packages"]),
@@ -123,7 +127,36 @@ def _code(document: Document) -> dict[str, str]:
         f"{file}: {definition}": digest
         for file, definitions in document["code"].items()
         for definition, digest in definitions.items()
+        if definition != ORDER
     }
+
+
+def _orders(old: Document, new: Document) -> Iterator[Change]:
+    """Changed orders of statements that are the same in both; new and changed ones are told by their names."""
+    for file in sorted(old["code"].keys() & new["code"].keys()):
+        before, after = old["code"][file], new["code"][file]
+        if ORDER in before and ORDER in after:
+            same = {name for name in before if before[name] == after.get(name)}
+            turned = [[name for name in _ordered(each) if name in same] for each in (before, after)]
+            if turned[0] != turned[1]:
+                yield Change("code", f"{file}: {ORDER}", *_apart(*turned))
+
+
+def _ordered(definitions: Mapping[str, str]) -> list[str]:
+    said = order.names_in(definitions[ORDER])
+    return [*said, *sorted(definitions.keys() - {ORDER, *said})]
+
+
+def _apart(old: list[str], new: list[str]) -> tuple[str, str]:
+    """Two orders without their common beginning and end, as text."""
+    start = _common(old, new)
+    end = _common(old[start:][::-1], new[start:][::-1])
+    return order.spelled(old[start : len(old) - end]), order.spelled(new[start : len(new) - end])
+
+
+def _common(old: list[str], new: list[str]) -> int:
+    """Length of the common beginning."""
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(old, new, strict=False)))
 
 
 def _versions(document: Document) -> dict[str, Any]:

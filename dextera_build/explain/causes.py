@@ -12,6 +12,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from dextera_build.code import order
+from dextera_build.code.order import ORDER
 from dextera_build.engine.graph import Call, Gather, Graph, Leaf, parse_address
 from dextera_build.engine.key import Change, compare
 from dextera_build.explain.origins import Origins, document
@@ -131,9 +133,11 @@ class Causes:
             cause.place = str(call.option_places.get(change.name.partition(".")[0], call.where))
         elif change.kind == "code":
             file, _, definition = change.name.partition(": ")
-            found = self._session.project.library.code.find(file, definition)
+            # Of an order, the first statement that has another place.
+            first = next(iter(order.names_in(change.new)), "") if definition == ORDER else definition
+            found = self._session.project.library.code.find(file, first)
             cause.place = f"{self._session.project.shown(found[0])}:{found[1]}" if found else "(gone)"
-            cause.name = f"`{definition}` of {file}"
+            cause.name = f"{definition} of {file}" if definition == ORDER else f"`{definition}` of {file}"
         elif change.kind == "input":
             self._follow(cause, question, call, change)
         elif change.kind == "read":

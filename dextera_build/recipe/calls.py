@@ -235,9 +235,8 @@ def facts_of(library: Library, found: RuleFile, choice: Choice | None) -> RuleFa
     """
     rule, backend = found.rule, choice.backend if choice else None
     used = with_used(found, backend) if backend else []
-    names = sorted({*rule.packages, *(package for each in used for package in each.facts.packages)})
-    versions = {name: version_of(name) for name in names}
-    if missing := [name for name in rule.packages if versions[name] is None]:
+    declared = (*rule.packages, *(package for each in used for package in each.facts.packages))
+    if missing := [name for name in rule.packages if version_of(name) is None]:
         raise MachineError(
             f"{found.path} needs {listing(missing)}, which is not installed",
             code="DXB-E302",
@@ -247,16 +246,15 @@ def facts_of(library: Library, found: RuleFile, choice: Choice | None) -> RuleFa
     # How values look outside is part of the result, although no backend imports it.
     code = library.code.of(found.file, *(each.file for each in used), *([EXCHANGE] if program else []))
     own = program.digests() if program else {}
-    library.warn_of_undeclared(found, code, names)
-    declared = {**{name: slot.annotation for name, slot in rule.slots.items()}, "return": rule.returns}
+    types = {**{name: slot.annotation for name, slot in rule.slots.items()}, "return": rule.returns}
     return RuleFacts(
         path=found.path,
         version=rule.version,
         code={**code.definitions, **{name: {FILE: digest} for name, digest in own.items()}},
-        packages={name: str(version) for name, version in versions.items()},
+        packages={name: str(version) for name, version in library.packages(found, code, declared).items()},
         backend=backend.name if backend else None,
         weights=library.machine.models.pinned(dict.fromkeys(name for each in used for name in each.facts.weights)),
-        types={name: _schema(annotation, name, found.place) for name, annotation in declared.items()},
+        types={name: _schema(annotation, name, found.place) for name, annotation in types.items()},
         cpus=rule.cpus,
         memory_gb=rule.memory_gb + sum(library.machine.memory_gb(each.facts) for each in used),
         gpus=rule.gpus,

@@ -19,7 +19,7 @@ class Backend:
     profiles: tuple[str, ...] = ()
     """Profiles that take it for rules that their files do not list; see `recipe.profiles`."""
     packages: tuple[str, ...] = ()
-    """Distributions that it uses; their versions enter the key."""
+    """Distributions without which it is not chosen; their versions enter the key."""
     extra: str = ""
     """Extra of dextera-build that installs them."""
     gpu_gb: float = 0.0

@@ -123,8 +123,8 @@ def rule(  # noqa: PLR0913 - one argument per declaration
 
     Args:
         version: Increment it when the meaning changes without a change of the code digest.
-        packages: Third-party distributions that the result depends on; their versions enter the key. Those of the
-            chosen backend are added.
+        packages: Distributions that must be installed. Their versions enter the key, as those of all distributions that
+            the code imports and those of the chosen backend do.
         cpus: Cores that one call keeps busy, reserved from `--jobs` while it runs.
         memory_gb: Peak memory of one call [GiB]; once a node has run here, its measured peak counts instead.
         gpus: Exclusive GPUs of one call. A backend declares GPU memory in its `BACKEND`.

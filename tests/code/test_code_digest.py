@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from importlib.util import spec_from_file_location
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 
+from dextera_build.code.distributions import version_of
 from dextera_build.code.loader import Library, RuleFile
 
 RULE = '''"""A rule."""
@@ -86,6 +89,75 @@ def test_a_change_names_its_definition(stage, file, old, new, where):
     assert changed == [where]
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "counts"),
+    [("T = {1: 2}", "T.update({1: 3})", True), ("def f(): ...", "def g(): ...", False)],
+    ids=["what acts", "functions"],
+)
+def test_moved_statements_count_if_one_acts_on_the_other(stage, first, second, counts):
+    seen = []
+    for one, other in ((first, second), (second, first)):
+        (stage / "deeper.py").write_text(f"import json\n{one}\n{other}\ndef twice(x):\n    return 2 * x\n")
+        seen.append(code(stage))
+    assert (seen[0] != seen[1]) == counts
+
+
+def test_moved_functions_count_for_code_that_lists_the_names_of_a_module(stage):
+    text = "def {}():\n    return 1\ndef {}():\n    return 1\n"
+    seen = []
+    for names in (("f", "twice"), ("twice", "f")):
+        (stage / "deeper.py").write_text(text.format(*names))
+        write(stage, {"helper.py": "from . import deeper\ndef double(x):\n    return list(vars(deeper))\n"})
+        seen.append(code(stage))
+    assert seen[0] != seen[1]
+    assert seen[0]["rules/toy/mesh.py"] == seen[1]["rules/toy/mesh.py"]
+
+
+OWN = "def rule(**given):\n    return lambda f: given\n"
+THEIRS = "from dextera_build.rule import Backend, rule\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "counts"),
+    [
+        pytest.param(f"{THEIRS}@rule(version=1, cpus=3)\ndef mesh(): ...\n", False, id="a rule"),
+        pytest.param(f"{THEIRS}BACKEND = Backend(summary='', gpu_gb=3)\n", False, id="a backend"),
+        pytest.param(f"{OWN}@rule(version=1, cpus=3)\ndef mesh(): ...\n", True, id="an own decorator"),
+        pytest.param("from .helper import rule\n@rule(cpus=3)\ndef mesh(): ...\n", True, id="an imported one"),
+        pytest.param("from mine import *\n@rule(cpus=3)\ndef mesh(): ...\n", True, id="perhaps an imported one"),
+        pytest.param(f"{THEIRS}{OWN}@rule(cpus=3)\ndef mesh(): ...\n", True, id="one that hides the package's"),
+        pytest.param(f"{THEIRS}if X:\n    rule = X\n@rule(cpus=3)\ndef mesh(): ...\n", True, id="a changed one"),
+        pytest.param(f"{OWN}LIMIT = rule(cpus=3)\n", True, id="a call"),
+        pytest.param(f"{THEIRS}LIMIT = Backend(summary='', gpu_gb=3).gpu_gb\n", True, id="a part of a backend"),
+        pytest.param("def Backend(**given): ...\nBACKEND = Backend(gpu_gb=3)\n", True, id="an own class"),
+        pytest.param(f"{THEIRS}@rule(cpus=(N := 3))\ndef mesh(): ...\n", True, id="a name that is bound aside"),
+    ],
+)
+def test_what_a_rule_asks_for_is_no_code_if_it_asks_the_package(stage, text, counts):
+    write(stage, {"mesh.py": text})
+    before = code(stage)
+    write(stage, {"mesh.py": text.replace("3", "5")})
+    assert (code(stage) != before) == counts
+
+
+@pytest.mark.parametrize(
+    ("text", "runs"),
+    [
+        ("import typing as t\nif t.TYPE_CHECKING:\n    from .deep import F\n", False),
+        ("TYPE_CHECKING = False\nif TYPE_CHECKING:\n    from .deep import F\n", False),
+        ("TYPE_CHECKING = True\nif TYPE_CHECKING:\n    from .deep import F\n", True),
+        ("from .own import X\nif X.TYPE_CHECKING:\n    from .deep import F\n", True),
+        ("class X:\n    TYPE_CHECKING = 1\nif X.TYPE_CHECKING:\n    from .deep import F\n", True),
+        ("from typing import TYPE_CHECKING\nTYPE_CHECKING = 1\nif TYPE_CHECKING:\n    from .deep import F\n", True),
+        ("def f(TYPE_CHECKING):\n    if TYPE_CHECKING:\n        from .deep import F\n", True),
+        ("def f():\n    (TYPE_CHECKING := True)\n    if TYPE_CHECKING:\n        from .deep import F\n", True),
+    ],
+)
+def test_only_blocks_for_type_checkers_are_left_out(stage, text, runs):
+    write(stage, {"mesh.py": text, "deep.py": "F = 1\n", "own.py": "X = 1\n"})
+    assert ("rules/toy/deep.py" in code(stage)) == runs
+
+
 def write(stage: Path, files: dict[str, str]) -> None:
     for name, text in files.items():
         (stage / name).parent.mkdir(parents=True, exist_ok=True)
@@ -159,6 +231,29 @@ def test_packages_of_the_project_are_seen_on_the_search_path(stage, layout, monk
     }
 
 
+def test_a_project_below_a_folder_called_site_packages_is_first_party(stage, monkeypatch):
+    path = stage.parents[1] / "site-packages" / "project" / "src"
+    write(path, {"own_below/__init__.py": "F = 1\n"})
+    write(stage, {"mesh.py": "import own_below\n"})
+    monkeypatch.syspath_prepend(str(path))
+    assert "own_below/__init__.py" in code(stage)
+
+
+def test_a_package_in_an_archive_is_seen(stage, monkeypatch):
+    archive, seen = stage.parents[1] / "lib.zip", []
+    write(stage, {"mesh.py": "import packed_own.inner\n"})
+    monkeypatch.syspath_prepend(str(archive))
+    for number in "12":
+        with ZipFile(archive, "w") as opened:
+            opened.writestr("packed_own/__init__.py", "")
+            opened.writestr("packed_own/inner.py", f"F = {number}\n")
+        importlib.invalidate_caches()
+        library = Library(stage.parents[1])
+        seen.append(library.code.of(stage / "mesh.py").definitions["packed_own/inner.py"])
+        assert str(archive) in library.looked_at()
+    assert seen[0] != seen[1]
+
+
 def test_a_package_that_an_editable_install_finds_is_seen(stage, monkeypatch):
     write(stage.parents[1], {"elsewhere/mapped_package/__init__.py": "F = 1\n"})
     write(stage, {"mesh.py": "import mapped_package\n"})
@@ -172,20 +267,44 @@ def test_a_package_that_an_editable_install_finds_is_seen(stage, monkeypatch):
     assert "mapped_package/__init__.py" in code(stage)
 
 
-def test_what_a_rule_imports_and_does_not_declare_is_named(stage):
-    text = "import json, numpy, yaml, scipy.spatial, cv2, rich\ndef mesh():\n    import trimesh, own_missing\n"
-    write(stage, {"mesh.py": text})
+def packages(stage: Path, *declared: str) -> tuple[dict[str, str | None], dict[str, str]]:
+    """The packages of `mesh.py`, and the warnings."""
     library = Library(stage.parents[1])
     found, code = RuleFile("toy.mesh", stage / "mesh.py", library.roots[0]), library.code.of(stage / "mesh.py")
-    library.warn_of_undeclared(found, code, ("rich",))
-    assert set(library.warnings) == {"cv2", "scipy", "trimesh"}
-    assert library.warnings["cv2"].startswith(
-        "toy.mesh imports `cv2`, which is neither code of the project nor a package"
-    )
-    library.warnings.clear()
-    packages = ("opencv-python-headless", "scipy", "trimesh", "rich")
-    library.warn_of_undeclared(found, code, packages)
-    assert library.warnings == {}
+    return library.packages(found, code, declared), library.warnings
+
+
+def test_packages_are_those_that_the_code_imports(stage):
+    write(stage, {"mesh.py": "import json, yaml, cv2.aruco\nfrom .helper import f\n"})
+    write(stage, {"helper.py": "def f():\n    import PIL.Image, own_missing\n    from . import deeper\n"})
+    found, warnings = packages(stage)
+    assert set(found) == {"opencv-python-headless", "pillow", "platform", "python", "pyyaml"}
+    assert found == {name: version_of(name) for name in found}
+    assert warnings == {}
+
+
+def test_packages_that_dxb_imports_for_a_rule_are_its_packages(stage):
+    write(stage, {"mesh.py": "from dextera_build.geometry import boxes\n"})
+    assert {"numpy", "scipy"} <= set(packages(stage)[0])
+
+
+def test_declared_packages_count_once_however_they_are_spelled(stage):
+    write(stage, {"mesh.py": "import PIL\n"})
+    found, _ = packages(stage, "Pillow", "OpenCV_Python.headless", "own-missing")
+    assert set(found) == {"opencv-python-headless", "own-missing", "pillow", "platform", "python"}
+    assert found["own-missing"] is None
+
+
+def test_a_module_of_no_distribution_is_named(stage, monkeypatch):
+    folder = stage.parents[1] / "lib" / "site-packages"
+    write(folder, {"unpacked/__init__.py": "", "claimed.py": "", "Claim-1.0.dist-info/METADATA": "Version: 1.0\n"})
+    write(folder, {"Claim-1.0.dist-info/RECORD": "claimed.py,,\n"})
+    write(stage, {"mesh.py": "import unpacked, claimed\n"})
+    monkeypatch.syspath_prepend(str(folder))
+    found, warnings = packages(stage)
+    assert (set(warnings), found["claim"]) == ({"unpacked"}, "1.0")
+    assert "toy.mesh imports `unpacked`, which is neither code of the project nor of an" in warnings["unpacked"]
+    assert packages(stage, "unpacked")[1] == {}
 
 
 def test_a_definition_is_found_again(stage):

@@ -271,20 +271,19 @@ def test_a_package_that_is_not_on_the_search_path_is_named_with_the_way_there(pr
 def test_a_worker_searches_where_the_build_does_and_not_in_the_current_folder(project):
     space = Space(project)
     space.write("dxb.toml", 'cache = "cache"\n')
-    body = "import os, sys\n    assert os.getcwd() not in sys.path\n    import deep_and_own\n    if 0: import scipy"
+    body = "import os, sys\n    assert os.getcwd() not in sys.path\n    import deep_and_own\n    if 0: import unclaimed"
     space.write("rules/toy/mul.py", RULE.format(body=body))
     space.write("recipes/g.yaml", "inputs: {}\nnodes:\n  a: {rule: toy.mul}\ntargets: {default: [a]}\n")
     space.write("path/deep_and_own.py", "")
+    space.write("site-packages/unclaimed.py", "")
     space.write("json.py", "raise SystemExit('the wrong one')\n")
-    path = os.pathsep.join([str(PACKAGE.parent), str(project / "path")])
+    path = os.pathsep.join(map(str, (PACKAGE.parent, project / "path", project / "site-packages")))
     words = [sys.executable, "-P", "-m", "dextera_build", "build", "g", "--console", "none"]
     done = subprocess.run(
         words, capture_output=True, text=True, cwd=project, env=space.environment(PYTHONPATH=path), check=False
     )
     assert not done.returncode, done.stderr
-    assert (
-        done.stderr.count("warning: toy.mul imports `scipy`, which is neither code of the project nor a package") == 1
-    )
+    assert done.stderr.count("warning: toy.mul imports `unclaimed`, which is neither code of the project nor of") == 1
 
 
 def test_a_type_of_another_module_is_told_with_its_import(project):

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 
 import pytest
+
+from dextera_build.code.modules import PACKAGE
 
 READ = '''
 """toy.read: a folder as one file."""
@@ -98,6 +101,30 @@ def test_a_request_that_was_never_built_is_compared_with_the_one_built_last(spac
     assert space.build("say/words", *changed).code == 0
     answer = space.dxb("why", "say/words:start", "--profile", "stub", "--set", "start.text=four")
     assert answer.out.splitlines()[1].startswith("  option\ttext\tthree -> four")
+
+
+def test_a_moved_statement_is_told_as_a_change_of_order(space):
+    space.edit("rules/toy/marks.py", "def mark", "SIGNS = {}\nSIGN = SIGNS.get(1)\nSIGNS.update({})\n\ndef mark")
+    assert space.build("say/words").code == 0
+    space.edit("rules/toy/marks.py", "SIGN = SIGNS.get(1)\nSIGNS.update({})", "SIGNS.update({})\nSIGN = SIGNS.get(1)")
+    (cause,) = json.loads(space.dxb("why", "--json", "say/words:word[two].loud").out)["causes"]
+    assert (cause["kind"], cause["name"]) == ("code", "order of statements of rules/toy/marks.py")
+    assert cause["change"] == "SIGN <module> -> <module> SIGN"
+
+
+def test_another_version_of_an_imported_package_makes_stale_what_reaches_it(space):
+    space.edit("rules/toy/marks.py", "def mark", "def seen():\n    import cv2\n\ndef mark")
+    assert space.build("say/words").code == 0
+    metadata = "Metadata-Version: 2.1\nName: opencv-python-headless\nVersion: 99.9\n"
+    space.write("newer/opencv_python_headless-99.9.dist-info/METADATA", metadata)
+    newer = {"PYTHONPATH": os.pathsep.join([str(PACKAGE.parent), str(space.root / "newer")])}
+    rows = json.loads(space.dxb("plan", "--json", "say/words", env=newer).out)
+    found = {row["node"]: row["status"] for row in rows}
+    assert {node for node, status in found.items() if status == "stale"} == {"word[one].loud", "word[two].loud"}
+    assert {node for node, status in found.items() if status == "cached"} == {"start", "words"}
+    (cause,) = json.loads(space.dxb("why", "--json", "say/words:word[two].loud", env=newer).out)["causes"]
+    assert (cause["kind"], cause["name"]) == ("package", "opencv-python-headless")
+    assert cause["change"].endswith(" -> 99.9")
 
 
 def test_a_changed_helper_is_named_with_function_and_line(built):

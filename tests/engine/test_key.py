@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from dextera_build import digest
+from dextera_build.code.order import ORDER
 from dextera_build.engine.graph import Call, Leaf, Output
 from dextera_build.engine.key import Change, Writer, compare
 from dextera_build.errors import Place
@@ -111,6 +112,25 @@ def test_another_backend_is_told_before_the_code_that_it_brings() -> None:
     other = rule(backend="other", code={**BASE.rule.code, "other.py": {"f": "1"}})
     kinds = [change.kind for change in compare(manifest(BASE, INPUTS), manifest(other, INPUTS))]
     assert kinds == ["backend", "code"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ({ORDER: "<module>*2 F <module>"}, {ORDER: "<module>*3 F"}, [("F <module>", "<module> F")]),
+        ({ORDER: "A B,C"}, {ORDER: "B,C A"}, [("A B C", "B C A")]),
+        ({ORDER: "A B"}, {ORDER: "A B X", "X": "1"}, []),
+        ({ORDER: "A B"}, {ORDER: "B A X", "X": "1"}, [("A B", "B A")]),
+        ({ORDER: "A X B", "X": "1"}, {ORDER: "A B X", "X": "2"}, []),
+        ({}, {ORDER: "A X", "X": "1"}, []),
+    ],
+    ids=["moved", "a set", "a new one", "a new one and moved", "changed and moved", "the first"],
+)
+def test_an_order_is_told_of_what_is_the_same(old: dict[str, str], new: dict[str, str], told: list[Any]) -> None:
+    known = {"<module>": "2", "A": "1", "B": "1", "C": "1", "F": "1"}
+    first, second = (manifest(rule(code={"a.py": known | each}), INPUTS) for each in (old, new))
+    changes = [change for change in compare(first, second) if ORDER in change.name]
+    assert changes == [Change("code", f"a.py: {ORDER}", *each) for each in told]
 
 
 def test_numbers_are_typed() -> None:

@@ -86,10 +86,17 @@ from typing import TYPE_CHECKING
 {imports}
 NUMBER = {number}
 SEEN = ""
+STEPS = []
+STEPS.append(NUMBER)
+STEPS.append(10)
+STEPS.reverse()
+
+def one(): ...
+def two(): ...
 
 def value():
     """Say which code ran."""
-{inner}    return f"{name}:{{NUMBER}}{{SEEN}}{{[{values}]}}"
+{inner}    return f"{name}:{{NUMBER}}{{SEEN}}{{STEPS}}{{[{values}]}}"
 {tail}'''
 BACKEND = '''"""A backend."""
 from dextera_build.rule import Backend
@@ -139,6 +146,8 @@ class RandomProject:
         """Change one thing; returns what, and "harmless: ..." for what no node may run for."""
         kinds = ["number"] * 5 + ["appear"] * 4 + ["vanish", "vanish", "rewire", "backend", "shadow", "shadow"]
         kinds += ["shadow"] * 6 * (self.main == PLUG) + [
+            "move",
+            "move",
             "recipe_shadow",
             "input",
             "input",
@@ -174,6 +183,21 @@ class RandomProject:
         if how != "now":
             os.utime(file, ns=(before, before))
         return f"{path} {how}"
+
+    def _move(self) -> str:
+        """A statement of a module goes below the next one."""
+        path = self.random.choice([path for path, text in self.files().items() if "STEPS.reverse" in text])
+        self._swap(path, "STEPS.")
+        return f"{path} statements moved"
+
+    def _swap(self, path: str, *heads: str) -> None:
+        """Let a line that begins with one of `heads` and the next such line change places."""
+        lines = (self.root / path).read_text().splitlines(keepends=True)
+        places = [place for place, line in enumerate(lines) if line.startswith(heads)]
+        first = self.random.randrange(len(places) - 1)
+        here, there = places[first : first + 2]
+        lines[here], lines[there] = lines[there], lines[here]
+        self.put(path, "".join(lines))
 
     def _input(self) -> str:
         return self.alter(self.random.choice(INPUTS), self.random.choice(("kept", "now")))
@@ -231,8 +255,12 @@ class RandomProject:
     def _harmless(self) -> str:
         path = self.random.choice(list(self.sources()))
         file = self.root / path
-        kind = self.random.choice(("comment", "touched", "no byte code", "other byte code"))
-        if kind == "comment":
+        kind = self.random.choice(("comment", "touched", "no byte code", "other byte code", "functions moved"))
+        if kind == "functions moved":
+            if "def two" not in file.read_text():
+                return ""
+            self._swap(path, "def one", "def two")
+        elif kind == "comment":
             self.put(path, f"{file.read_text()}# a comment\n")
         elif kind == "touched":
             os.utime(file)
