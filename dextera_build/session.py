@@ -181,6 +181,7 @@ class Session:
         """
         from dextera_build.recipe import settings
         from dextera_build.recipe.plan import Request, plan
+        from dextera_build.store.store import Store
 
         if self.project.recipe(self.recipe) is None:
             raise no_recipe(self.project, self.recipe)
@@ -188,7 +189,8 @@ class Session:
         names = {node.removeprefix(f"{self.recipe}:"): bound for node, bound in self.names.items()}
         lock = Place(self.project.shown(self.project.root / LOCK))
         request = Request(self.project.preferences, added.inputs, tuple(texts), added.backends, incomplete, names, lock)
-        made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
+        with self.project.library.code.kept_in(Store(self.project.cache, make=False).state):
+            made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
         self.project.forget_recipes()
         if self.project.console != "jsonl":
             warnings.update(dict.fromkeys(self.project.library.warnings.values()))

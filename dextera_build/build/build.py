@@ -229,8 +229,13 @@ def _note(session: Session, watch: Watch, plan: Plan) -> None:
 
 def note_packages(watch: Watch) -> None:
     """Add importable modules and installed packages, before any import."""
+    from dextera_build.code.distributions import metadata_files
+
     for entry in sys.path:
         watch.modules(entry or os.getcwd())
+    for folder, names in watch.paths.items():
+        for path in metadata_files(folder, names or ()):
+            watch.file(path)
 
 
 def _makes(node: Planned, output: str) -> bool:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build.code import syntax
 from dextera_build.code.modules import DXB, PACKAGE, Module, Modules, digest_of, on_disk, read
 from dextera_build.code.order import ORDER
+from dextera_build.code.parsed import Parsed
+from dextera_build.store.state import State
 
 # Modules that rules are written against but that cannot affect artifacts; the key's schema version covers them.
 _INTERFACE = ("__init__", "backend", "context", "declaration", "options")
@@ -49,9 +52,21 @@ class CodeIndex:
         self._roots = roots
         self._modules = Modules(roots, own)
         self._parsed: dict[Path, syntax.Source] = {}
+        self._parse: Callable[[bytes, str], syntax.Source] = syntax.source
         self._named: dict[str, Path] = {}
         self._imports: dict[str, tuple[str, ...]] = {}
         self._foreign: dict[Path, set[str]] = {}
+
+    @contextmanager
+    def kept_in(self, state: State) -> Iterator[None]:
+        """In the block, take sources that earlier commands parsed from a store's state, and add those that it lacks."""
+        parsed = Parsed(state)
+        self._parse = parsed.source
+        try:
+            yield
+        finally:
+            self._parse = syntax.source
+            parsed.save()
 
     def of(self, *files: Path) -> Code:
         """The code of `files` and of all first-party modules they import, transitively."""
@@ -159,7 +174,7 @@ class CodeIndex:
     def _source(self, file: Path) -> syntax.Source:
         if file not in self._parsed:
             data, is_text = read(file), file.suffix == _SOURCE
-            parsed = syntax.source(data, str(file)) if is_text else syntax.Source({"<binary>": digest_of(data)}, {}, ())
+            parsed = self._parse(data, str(file)) if is_text else syntax.Source({"<binary>": digest_of(data)}, {}, ())
             self._parsed[file] = parsed
         return self._parsed[file]
 

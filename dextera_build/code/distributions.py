@@ -7,7 +7,7 @@ import os
 import re
 import sys
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
@@ -19,6 +19,9 @@ RUNTIME = {
 """Part of every key, because `sum`, `random` and `math.sin` give other bits elsewhere."""
 _RECORDS = ("top_level.txt", "RECORD")
 """Files that list the modules of a distribution; the first may be absent or empty."""
+
+_METADATA = {".dist-info": ("METADATA", "entry_points.txt"), ".egg-info": ("PKG-INFO", "entry_points.txt")}
+"""Ending of a distribution's folder -> its files that hold the version and the entry points."""
 
 
 def version_of(distribution: str) -> str | None:
@@ -76,6 +79,20 @@ def _changed_ns(folder: str) -> int:
     with suppress(OSError):
         return os.stat(folder or os.curdir).st_mtime_ns if os.path.isdir(folder or os.curdir) else 0
     return 0
+
+
+def metadata_files(folder: str, names: Iterable[str]) -> Iterator[str]:
+    """Files, existing or not, that hold the versions and entry points of distributions; some change in place.
+
+    Args:
+        folder: A folder of the module search path.
+        names: Names in it.
+    """
+    for name in names:
+        files = _METADATA.get(os.path.splitext(name)[1])
+        if files is not None:
+            path = os.path.join(folder, name)
+            yield from (os.path.join(path, file) for file in files) if os.path.isdir(path) else (path,)
 
 
 @cache

@@ -212,7 +212,8 @@ class Library:
         self.machine = machine or Machine()
         self._project = project
         folder = project / RULES if project else None
-        self._first = [Root(folder.resolve())] if folder and folder.is_dir() else []
+        # Links stay in the path, so that every look follows them as they lead now.
+        self._first = [Root(folder.absolute())] if folder and folder.is_dir() else []
         """The project's own root, if it has one."""
         self._found: dict[str, RuleFile] = {}
         self.warnings: dict[str, str] = {}
@@ -227,7 +228,8 @@ class Library:
             for point in self._points
         ]
         folders.append(bundled(RULES).resolve())
-        others = [folder for folder in dict.fromkeys(folders) if folder not in {root.path for root in self._first}]
+        own = {root.path.resolve() for root in self._first}
+        others = [folder for folder in dict.fromkeys(folders) if folder.resolve() not in own]
         return [*self._first, *(Root(folder, self.project) for folder in others)]
 
     @cached_property

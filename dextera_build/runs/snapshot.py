@@ -168,7 +168,7 @@ def _list(texts: list[str], first: int, end: int) -> bool:
             if check:
                 return False
             continue
-        if stamp != f"{state.st_mtime_ns} {state.st_ino}" and _names(path, kind) != check:
+        if stamp != f"{state.st_mtime_ns} {state.st_ctime_ns} {state.st_ino}" and _names(path, kind) != check:
             return False
     return True
 
@@ -179,7 +179,7 @@ def _folders(watch: "Watch", started: int) -> "Iterator[tuple[str, str, str, str
     for kind, folders in (("names", watch.folders), ("modules", watch.paths)):
         for path, known in folders.items():
             state = signature.look(path)
-            stamp = f"{state[0]} {state[3]}" if state and not signature.is_racy(state, started) else ""
+            stamp = f"{state[0]} {state[1]} {state[3]}" if state and signature.is_proof(state, started) else ""
             yield path, kind, stamp, _check(known)
 
 

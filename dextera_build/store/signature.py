@@ -1,17 +1,19 @@
 """File signatures from `stat`, and the record of every path that a build looked at.
 
-An equal signature means an unchanged file, unless the file was written so shortly before the look that a second write
-could get the same time stamp. `is_racy` detects that case, as git does.
+An equal signature means an unchanged file, with two exceptions. If the file was written shortly before the look, a
+second write could get the same time stamp; `is_racy` detects that case, as git does. And where the kernel does not set
+ctime, as in a read-only image, the next version of a file may have all stamps of this one; `of` then gives no ctime.
 """
 
 from __future__ import annotations
 
 import os
 import time
+from functools import cache
 from typing import TypeAlias
 
 Signature: TypeAlias = tuple[int, int, int, int]
-"""(mtime_ns, ctime_ns, size, inode)."""
+"""(mtime_ns, ctime_ns, size, inode); ctime is `_NO_CTIME` where it proves nothing."""
 
 IGNORED = frozenset({".git", "__pycache__"})
 """Names that do not count as content of a folder."""
@@ -22,13 +24,46 @@ _FINE_NS = 20_000_000
 """Two kernel ticks at 100 Hz, the coarsest step of a file system with nanosecond stamps."""
 _COARSE_NS = 2_000_000_000
 """Step of FAT; HFS+ and ext3 step by one second."""
+_NO_CTIME = 0
+_SECOND_NS = 1_000_000_000
+_MOUNTS = "/proc/self/mountinfo"
 _NEVER: Signature = (0, 0, 0, 0)
 """No file has this signature."""
 
 
 def of(state: os.stat_result) -> Signature:
     """The signature in a `stat` result."""
-    return (state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino)
+    ctime = state.st_ctime_ns if _sets_ctime(state) else _NO_CTIME
+    return (state.st_mtime_ns, ctime, state.st_size, state.st_ino)
+
+
+def _sets_ctime(state: os.stat_result) -> bool:
+    """Whether the ctime in a `stat` result was set by a kernel when the file changed."""
+    known = _devices().get(state.st_dev)
+    return state.st_ctime_ns % _SECOND_NS != 0 if known is None else known
+
+
+@cache
+def _devices() -> dict[int, bool]:
+    """Device number -> whether its file system sets ctime itself; others may if ctime has fractions of a second.
+
+    A read-only medium (squashfs, erofs, an image of ext4) is replaced as a whole, and images made reproducibly agree in
+    all stamps and inodes. Layers may lie on such a medium; FAT and some file systems in user space repeat mtime.
+    """
+    found = {}
+    try:
+        with open(_MOUNTS, encoding="utf-8", errors="surrogateescape") as file:
+            for line in file:
+                before, _, after = line.partition(" - ")
+                major, _, minor = before.split(" ")[2].partition(":")
+                kind, source, options = after.split()[:3]
+                if kind in ("overlay", "vfat") or kind.startswith("fuse"):
+                    continue
+                is_medium = source.startswith("/dev/") and "ro" in options.split(",")
+                found[os.makedev(int(major), int(minor))] = not is_medium
+    except (OSError, ValueError, IndexError):
+        return {}
+    return found
 
 
 def look(path: str) -> Signature | None:
@@ -61,10 +96,15 @@ def _is_module(name: str) -> bool:
     return name not in IGNORED and ((stem != "" and ending in _MODULE_ENDINGS) if dot else name.isidentifier())
 
 
+def is_proof(signature: Signature, looked_ns: int) -> bool:
+    """Whether a file that has this signature later is the file that was looked at (nanoseconds since the epoch)."""
+    return signature[1] != _NO_CTIME and not is_racy(signature, looked_ns)
+
+
 def is_racy(signature: Signature, looked_ns: int) -> bool:
     """Whether a write after `looked_ns` (nanoseconds since the epoch) could leave the same signature."""
     mtime, ctime = signature[0], signature[1]
-    margin = _FINE_NS if mtime % 1_000_000_000 else _COARSE_NS
+    margin = _FINE_NS if mtime % _SECOND_NS else _COARSE_NS
     return max(mtime, ctime) >= looked_ns - margin
 
 
@@ -111,7 +151,7 @@ class Watch:
             path: A file or folder that was noted.
             was_read: Whether it existed.
         """
-        if path in self.folders and ((state := look(path)) is None or is_racy(state, self.started_ns)):
+        if path in self.folders and ((state := look(path)) is None or not is_proof(state, self.started_ns)):
             self.folders[path] = [os.sep]  # no folder holds such a name
         if was_read and path in self.files and self.files[path] is None:
             self.files[path] = _NEVER
@@ -120,7 +160,7 @@ class Watch:
         """Whether nothing changed since the first look, and no later change can go undetected."""
         files = self.files.items()
         return (
-            all(look(path) == known and not (known and is_racy(known, self.started_ns)) for path, known in files)
+            all(look(path) == known and (not known or is_proof(known, self.started_ns)) for path, known in files)
             and all(names(path) == known for path, known in self.folders.items())
             and all(modules(path) == known for path, known in self.paths.items())
         )

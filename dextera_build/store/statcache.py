@@ -1,7 +1,8 @@
 """Digests files and folders of a project as artifacts, without reading unchanged files again.
 
 As git does: a file whose (mtime, ctime, size, inode) is known keeps its digest, unless it was written so shortly before
-it was read that a second write could have left the same stamps; then it is read again.
+it was read that a second write could have left the same stamps, or the kernel does not set its stamps (see
+`signature`); then it is read again.
 """
 
 from __future__ import annotations
@@ -90,7 +91,7 @@ class StatCache:
         seen = signature.of(state)
         if known is None or tuple(known[:4]) != seen or not isinstance(known[4], int):
             return None
-        if not signature.is_racy(seen, known[4]):
+        if signature.is_proof(seen, known[4]):
             digest = str(known[5])
             if is_digest(digest) and self._blobs.holds(digest, seen[2]):
                 self._note(path, seen)

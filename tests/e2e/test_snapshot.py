@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -27,6 +28,10 @@ def built(space: Space, monkeypatch: pytest.MonkeyPatch) -> Space:
     for name, value in space.environment().items():
         monkeypatch.setenv(name, value)
     monkeypatch.chdir(space.root)
+    (space.root / "rules").rename(space.root / "shelf")
+    (space.root / "rules").symlink_to("shelf")
+    space.write("site/own.egg-info/PKG-INFO", "Version: 1\n")
+    monkeypatch.setattr(sys, "path", [*sys.path, str(space.root / "site")])
     build()
     return space
 
@@ -50,6 +55,20 @@ def entry_of_a_target(root: Path) -> Path:
     return Path(row.decode().rpartition("\0")[2])
 
 
+def keeping(folder: Path, change: Callable[[], object]) -> None:
+    """Change something, and give the folder back the time that it had, as `rsync -a` does."""
+    before = folder.stat().st_mtime_ns
+    change()
+    os.utime(folder, ns=(before, before))
+
+
+def switch(link: Path) -> None:
+    """Let a link lead to a copy of the folder."""
+    copy = shutil.copytree(link, link.with_name("copy"))
+    link.unlink()
+    link.symlink_to(copy)
+
+
 def spoil(root: Path, how: Callable[[bytes], bytes]) -> None:
     rows = state(root).all(snapshot.KIND)
     state(root).put(snapshot.KIND, {name: how(row) for name, row in rows.items()})
@@ -58,6 +77,17 @@ def spoil(root: Path, how: Callable[[bytes], bytes]) -> None:
 CHANGES: dict[str, Callable[[Path], object]] = {
     "a rule's time stamp": lambda root: (root / "rules/toy/shout.py").touch(),
     "a new module": lambda root: (root / "rules/toy/new.py").write_text(""),
+    "a new module, the time of its folder kept": lambda root: keeping(
+        root / "rules/toy", (root / "rules/toy/newer.py").touch
+    ),
+    "a new module on the search path, the time of its folder kept": lambda root: keeping(
+        root / "site", (root / "site/newer.py").touch
+    ),
+    "the version of a distribution": lambda root: keeping(
+        root / "site/own.egg-info/PKG-INFO", lambda: (root / "site/own.egg-info/PKG-INFO").write_text("Version: 2\n")
+    ),
+    "the entry points of a distribution": (lambda root: (root / "site/own.egg-info/entry_points.txt").write_text("")),
+    "a link": lambda root: switch(root / "rules"),
     "an output deleted": lambda root: (root / "cache/out/say/words/all/all").unlink(),
     "an output edited": lambda root: (root / "cache/out/say/words/all/all").write_text("x"),
     "an entry deleted": lambda root: entry_of_a_target(root).unlink(),

@@ -19,7 +19,7 @@ from typing import Any
 
 import yaml
 
-from dextera_build.artifacts.base import File
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.code import loader
 from tests.chaos.children import Said, Workers, pool, start
 from tests.oracle.projects import PLUG, RECIPES, STAGE, RandomProject
@@ -104,13 +104,20 @@ def expected(files: Mapping[str, str], folder: Path, added: Mapping[str, int] | 
 
 def _evaluate(folder: Path, added: Mapping[str, int]) -> dict[str, str]:
     recipe = yaml.safe_load(next(folder / path for path in RECIPES if (folder / path).exists()).read_text())
-    known = {f"${name}": File(data=(folder / path).read_bytes()) for name, path in recipe["inputs"].items()}
+    known = {f"${name}": _input(folder / path) for name, path in recipe["inputs"].items()}
     for name, node in recipe["nodes"].items():
         rule, backend = _rule(folder, node["rule"].partition(".")[2])
-        inputs = {slot: known[node[slot]] for slot in "ab" if slot in node}
+        inputs = {slot: known[node[slot]] for slot in ("a", "b", "tree") if slot in node}
         options = rule.options(add=added.get(name, node.get("add", 0)))
         known[f"${name}"] = rule(SimpleNamespace(backend=backend), **inputs, options=options)
     return {name: known[f"${name}"].data.decode() for name in recipe["nodes"]}
+
+
+def _input(path: Path) -> File | Folder:
+    if path.is_file():
+        return File(data=path.read_bytes())
+    inside = {str(file.relative_to(path)): file.read_bytes() for file in path.rglob("*") if file.is_file()}
+    return Folder(files=inside)
 
 
 def _rule(folder: Path, name: str) -> tuple[Any, Any]:

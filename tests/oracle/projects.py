@@ -15,9 +15,15 @@ from pathlib import Path
 
 import yaml
 
+from tests.oracle.texts import BACKEND, IMPORTS, MODULE, RULE
+
 STAGE, PLUG = "rules/toy", "site/plug/rules/toy"
 OUTSIDE = (".config", ".cache", "cache", "share")
-INPUTS = ("data/one", "data/two")
+INPUTS = ("data/one", "data/two", "data/tree/one")
+TREE = ("data/tree/more", "data/tree/deep/more")
+LINKED = ("rules", STAGE, PLUG, "src", "more", "site", "data", "data/tree", "recipes")
+"""Folders that may become links."""
+METADATA = "site/plug-1.0.dist-info/METADATA"
 RECIPES = ("recipes/deep/g.yaml", "bundled/recipes/deep/g.yaml")
 ENTRY_POINTS = "[dxb.rules]\nplug = plug.rules\n"
 
@@ -54,56 +60,6 @@ BELOW |= {"own/__init__.py": "sub", "space/__init__.py": "part", "spread/__init_
 """Packages that change a module of theirs while they are imported."""
 FIRST = ("first/single.py", "first/single/__init__.py", "first/spread/part.py", "first/spread/__init__.py")
 """They come before others on the search path, in a folder that is not there at first."""
-
-RULE = '''"""toy.{name}: random."""
-from __future__ import annotations
-import hashlib
-import time
-from typing import TYPE_CHECKING
-from dextera_build.artifacts.base import File
-from dextera_build.rule import Context, Options, rule
-{imports}
-NUMBER = {number}
-
-class {Name}Options(Options):
-    """Options."""
-    add: int = 0
-    """A number."""
-    nap_s: float = 0.0
-    """How long to sleep [s]."""
-
-@rule(version=1)
-def {name}(ctx: Context, a: File | None = None, b: File | None = None, *, options: {Name}Options) -> File:
-    """Say which code ran on what."""
-    time.sleep(options.nap_s)
-{inner}    read = [hashlib.sha256(file.data).hexdigest()[:8] for file in (a, b) if file is not None]
-    backend = "" if ctx.backend is None else ctx.backend.NUMBER
-    return File(data=f"{name}:{{NUMBER}} {{backend}} {{options.add}} {{read}} {{[{values}]}}".encode())
-'''
-MODULE = '''"""A module."""
-from __future__ import annotations
-from typing import TYPE_CHECKING
-{imports}
-NUMBER = {number}
-SEEN = ""
-STEPS = []
-STEPS.append(NUMBER)
-STEPS.append(10)
-STEPS.reverse()
-
-def one(): ...
-def two(): ...
-
-def value():
-    """Say which code ran."""
-{inner}    return f"{name}:{{NUMBER}}{{SEEN}}{{STEPS}}{{[{values}]}}"
-{tail}'''
-BACKEND = '''"""A backend."""
-from dextera_build.rule import Backend
-BACKEND = Backend(summary="it", profiles=("cpu",))
-NUMBER = {}
-'''
-IMPORTS = ("{}\n", "try:\n    {}\nexcept ImportError:\n    {} = None\n", "if not TYPE_CHECKING:\n    {}\n")
 
 
 class RandomProject:
@@ -156,12 +112,25 @@ class RandomProject:
             "harmless",
             "harmless",
             "path",
+            "tree",
+            "switch",
+            "switch",
+            "version",
         ]
+        kept = self._folders() if self.random.random() < 0.5 else {}
         done = ""
         while not done:
             done = getattr(self, f"_{self.random.choice(kinds)}")()
-        self.edits.append(done)
+        for folder, stamp in kept.items():
+            if folder.is_dir():
+                os.utime(folder, ns=(stamp, stamp))
+        self.edits.append(f"{done}, times of folders kept" if kept else done)
         return done
+
+    def _folders(self) -> dict[Path, int]:
+        """Every folder -> its time of modification."""
+        found = {self.root / path for path in self.files()}
+        return {folder: folder.stat().st_mtime_ns for file in found for folder in file.parents[: -len(self.root.parts)]}
 
     def _number(self) -> str:
         """Another number in one source: as many bytes and, mostly, the same time, with byte code of the old text."""
@@ -201,6 +170,34 @@ class RandomProject:
 
     def _input(self) -> str:
         return self.alter(self.random.choice(INPUTS), self.random.choice(("kept", "now")))
+
+    def _tree(self) -> str:
+        return self._toggle(self.random.choice(TREE), f"number {self.random.randrange(10)}")
+
+    def _switch(self) -> str:
+        """A folder, or the link that it is, becomes a link to a copy, or a copy; a number may differ there."""
+        path = self.random.choice([path for path in LINKED if (self.root / path).is_dir()])
+        place = self.root / ".cache" / "linked"
+        copy = place / str(len(list(place.glob("*"))))
+        shutil.copytree(self.root / path, copy)
+        inside = [file for file in copy.rglob("*") if file.is_file() and file.suffix != ".pyc"]
+        counted = sorted(file for file in inside if "number " in (text := file.read_text()) or "NUMBER = " in text)
+        done = f"harmless: {path} is switched"
+        if counted and self.random.random() < 0.7:
+            done = self.alter(str(self.random.choice(counted).relative_to(self.root)), "kept")
+        os.rename(self.root / path, copy.with_suffix(".old"))
+        if self.random.random() < 0.7:
+            (self.root / path).symlink_to(copy)
+        else:
+            os.rename(copy, self.root / path)
+        return f"{done} for {path}"
+
+    def _version(self) -> str:
+        """A distribution changes its version in place."""
+        before = (self.root / METADATA).stat().st_mtime_ns
+        self.put(METADATA, f"Metadata-Version: 2.1\nName: plug\nVersion: 1.{self.random.randrange(1000, 9999)}\n")
+        os.utime(self.root / METADATA, ns=(before, before))
+        return "version of plug"
 
     def _appear(self) -> str:
         at_stage = [f"{self.main}/{name}" for name, place in LATER.items() if place == "stage"]
@@ -288,7 +285,7 @@ class RandomProject:
         file.unlink()
         while file.parent != self.root and not [each for each in file.parent.iterdir() if each.name != "__pycache__"]:
             file = file.parent
-            shutil.rmtree(file)
+            file.unlink() if file.is_symlink() else shutil.rmtree(file)
 
     def sources(self) -> Iterator[str]:
         """Paths of files with a number in Python."""
@@ -298,7 +295,7 @@ class RandomProject:
         made = {path: f"number {self.random.randrange(10)}" for path in INPUTS}
         made |= {"dxb.toml": 'cache = "cache"\n', "bundled/rules/none": ""}
         made |= {"site/plug/__init__.py": "", "site/plug/rules/__init__.py": "", "site/more.pth": "../more\n"}
-        made |= {"site/plug-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: plug\nVersion: 1.0\n"}
+        made |= {METADATA: "Metadata-Version: 2.1\nName: plug\nVersion: 1.0\n"}
         made |= {"site/plug-1.0.dist-info/entry_points.txt": ENTRY_POINTS}
         folders = {"stage": self.main, "src": "src", "more": "more"}
         for name, place in MODULES.items():
@@ -313,8 +310,9 @@ class RandomProject:
         for number in range(self.random.randint(3, 6)):
             known = ["$one", "$two", *(f"${name}" for name in nodes)]
             inputs = {slot: self.random.choice(known) for slot in self.random.sample("ab", self.random.randint(0, 2))}
+            inputs |= {"tree": "$tree"} if self.random.random() < 0.4 else {}
             nodes[f"n{number}"] = {"rule": f"toy.{self.random.choice(self.rules)}", **inputs}
-        made = {"inputs": dict(zip(("one", "two"), INPUTS, strict=True)), "nodes": nodes}
+        made = {"inputs": {"one": INPUTS[0], "two": INPUTS[1], "tree": "data/tree"}, "nodes": nodes}
         return yaml.safe_dump({**made, "targets": {"default": list(nodes)}}, sort_keys=False)
 
     def _rule(self, name: str, *, alone: bool = False) -> str:
@@ -365,7 +363,7 @@ class RandomProject:
 def files(root: Path) -> dict[str, str]:
     """What a project holds but for what builds leave and byte code: path -> text."""
     found: dict[str, str] = {}
-    for folder, below, names in os.walk(root):
+    for folder, below, names in os.walk(root, followlinks=True):
         here = os.path.relpath(folder, root)
         below[:] = sorted(name for name in below if name != "__pycache__" and (here != "." or name not in OUTSIDE))
         for name in sorted(names):

@@ -108,6 +108,20 @@ def test_a_file_written_just_now_is_read_again(store: Store, folder: Path, monke
     assert len(reads) == 2
 
 
+def test_a_file_whose_stamps_prove_nothing_is_read_again(
+    store: Store, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stamps in a read-only image may be those of another version of it."""
+    reads, path = count_reads(monkeypatch), folder / "rgb.png"
+    monkeypatch.setattr(signature, "_devices", lambda: {path.stat().st_dev: False})
+    first = store.leaves.digest_leaf(path)
+    same = signature.of(path.stat())
+    path.write_bytes(b"PIXELS")
+    monkeypatch.setattr(signature, "of", lambda state: same)
+    assert store.leaves.digest_leaf(path) != first
+    assert len(reads) == 2
+
+
 @pytest.mark.parametrize(
     ("mtime", "ago_ns", "racy"),
     [

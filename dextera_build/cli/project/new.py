@@ -142,7 +142,7 @@ def _files(project: Project, kind: str, named: str, backend_kind: str | None) ->
         camel = "".join(part.capitalize() for part in name.split("_"))
         return {project.root / "rules" / stage / f"{name}.py": _RULE.format(path=path, name=name, kind=camel)}, ""
     found = project.library.find(path)
-    own = found.file.is_relative_to((project.root / "rules").resolve())
+    own = found.file.is_relative_to((project.root / "rules").absolute())
     # A backend of a rule from elsewhere lies in the same stage of the project.
     folder = found.file.parent if own else project.root / "rules" / stage
     file = folder / f"{found.file.stem}_{backend}.py"
