@@ -88,7 +88,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         keyword = {"options": options} if rule.takes_options else {}
         if reads is not None:
             folders.enter_context(_failure_told(reads, emit))
-        with _memory_told(ctx):
+        with _memory_told(ctx), _umask_kept():
             result = rule(ctx, **inputs, **keyword)
         # Before the scratch folder is removed, because the result may refer to files in it.
         reply = _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
@@ -160,6 +160,17 @@ def _memory_told(ctx: Context) -> Iterator[None]:
         traceback.print_exc()
         unload()
         raise told from error
+
+
+@contextmanager
+def _umask_kept() -> Iterator[None]:
+    """Store results as readable as before, whatever mask a rule sets for its own files."""
+    mask = os.umask(0o077)
+    os.umask(mask)
+    try:
+        yield
+    finally:
+        os.umask(mask)
 
 
 def outside(found: RuleFile, backend: str | None, key: Mapping[str, str]) -> Outside | None:

@@ -1,7 +1,10 @@
 """Entry point of workers: the runner, loaded after the importer so that digested code is compiled from source."""
 
+from dextera_build.code.children import Children
 from dextera_build.code.importer import install
 
-install().takes_dxb = True
+_importer = install()
+_importer.takes_dxb = True
+_importer.children = Children()
 
 from dextera_build.build.runner import run_task as run_task  # noqa: E402
