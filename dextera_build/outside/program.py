@@ -87,7 +87,10 @@ class Program:
         return (f"mkdir -p {folder} && " if folder else "") + f"{self.place.freeze()} > {self.lock}"
 
     def parts(self) -> dict[str, Path]:
-        """Name -> each file of the program, modules beside it that it imports, lock file; their contents enter the key."""
+        """Name -> each file that makes up the program, and the lock file; their contents enter the key.
+
+        Modules beside the program that it imports are among them, whether declared or not.
+        """
         found = {SIDE} | self._imported()[0] | {path for pattern in self._patterns for path in self._matches(pattern)}
         if self.lock and (self.base / self.lock).is_file():
             found.add(self.base / self.lock)
