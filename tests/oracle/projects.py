@@ -64,7 +64,7 @@ from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 {imports}
 NUMBER = {number}
-
+{child}
 class {Name}Options(Options):
     """Options."""
     add: int = 0
@@ -79,6 +79,15 @@ def {name}(ctx: Context, a: File | None = None, b: File | None = None, *, option
 {inner}    read = [hashlib.sha256(file.data).hexdigest()[:8] for file in (a, b) if file is not None]
     backend = "" if ctx.backend is None else ctx.backend.NUMBER
     return File(data=f"{name}:{{NUMBER}} {{backend}} {{options.add}} {{read}} {{[{values}]}}".encode())
+'''
+CHILD = '''
+def child(function):
+    """The answer of a process that a worker starts; the reference calls the function."""
+    import multiprocessing, os
+    if "DEXTERA_WORKER" not in os.environ:
+        return function()
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(function)
 '''
 MODULE = '''"""A module."""
 from __future__ import annotations
@@ -105,10 +114,12 @@ class RandomProject:
     Args:
         seed: Of the generator.
         root: Its folder.
+        spawns: Whether rules call functions in processes that their workers start.
     """
 
-    def __init__(self, seed: int, root: Path) -> None:
+    def __init__(self, seed: int, root: Path, *, spawns: bool = False) -> None:
         self.random = random.Random(seed)
+        self.spawns = spawns
         self.root = root
         self.main = self.random.choice((STAGE, STAGE, PLUG))
         """The stage that has all rules; a project without rules of its own may get some later."""
@@ -320,7 +331,13 @@ class RandomProject:
             text = how.format(self._import(module, word, relative), word)
             where = self.random.choice(("imports", "imports", "inner"))
             lines[where] += text if where == "imports" else "".join(f"    {line}\n" for line in text.splitlines())
-        values = ", ".join(f"v{number} and v{number}.value()" for number in range(len(asked)))
+        calls = [f"v{number}.value()" for number in range(len(asked))]
+        # Another process does not know the folders of stages.
+        far = [n for n, module in enumerate(asked) if MODULES.get(module, "stage") != "stage"]
+        if form is RULE and self.spawns and far:
+            calls[far[0]] = f"child(v{far[0]}.value)"
+        values = ", ".join(f"v{number} and {call}" for number, call in enumerate(calls))
+        lines["child"] = CHILD if self.spawns else ""
         number = self.random.randrange(10)
         return form.format(name=name, Name=name.title(), number=number, values=values, tail=tail, **lines)
 
