@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -46,6 +47,9 @@ def unnamed(files: set[str], project: Path, store: Path, asked: Container[str] =
         store: The store's folder.
         asked: Paths in the project that the call asked its context for.
     """
+    weights = filter(None, os.environ.get("DXB_MODELS", "").split(os.pathsep))  # the key holds their digests
+    temporary = tempfile.gettempdir()
+    known = [PACKAGE, store, *weights, *([] if project.is_relative_to(temporary) else [temporary])]
     found = []
     for file in sorted(files):
         if not file.startswith(f"{project}{os.sep}") or file.endswith(_CODE) or not os.path.isfile(file):
@@ -53,8 +57,8 @@ def unnamed(files: set[str], project: Path, store: Path, asked: Container[str] =
         name = os.path.relpath(file, project)
         parts = Path(name).parts
         is_installed = any(part in ("site-packages", "dist-packages") or part.endswith("-info") for part in parts)
-        is_of_dxb = parts[0] in _OF_DXB or any(Path(file).is_relative_to(folder) for folder in (PACKAGE, store))
-        if not (is_installed or is_of_dxb or name in asked):
+        is_of_dxb = parts[0] in _OF_DXB or any(Path(file).is_relative_to(folder) for folder in known)
+        if not (is_installed or is_of_dxb or name in asked or name.startswith(".")):
             found.append(name)
     return found
 
