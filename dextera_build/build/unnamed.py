@@ -49,7 +49,7 @@ def unnamed(files: set[str], project: Path, store: Path, asked: Container[str] =
     """
     weights = filter(None, os.environ.get("DXB_MODELS", "").split(os.pathsep))  # the key holds their digests
     temporary = tempfile.gettempdir()
-    known = [PACKAGE, store, *weights, *([] if project.is_relative_to(temporary) else [temporary])]
+    known: list[str | Path] = [PACKAGE, store, *weights, *([] if project.is_relative_to(temporary) else [temporary])]
     found = []
     for file in sorted(files):
         if not file.startswith(f"{project}{os.sep}") or file.endswith(_CODE) or not os.path.isfile(file):
