@@ -20,6 +20,19 @@ if TYPE_CHECKING:
 RUNNER = "dextera_build.build.worker_entry:run_task"
 _SCRATCH = "dxb-build-"
 
+_PINNED = {
+    # One thread per worker: sums do not depend on the number of cores, and workers do not compete for them.
+    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
+    # Sets have one order, asserts are checked, text is UTF-8, and numbers and times are written in one way.
+    "PYTHONHASHSEED": "0",
+    "PYTHONOPTIMIZE": "",
+    "PYTHONUTF8": "1",
+    **dict.fromkeys(("LANG", "LC_ALL"), "C.UTF-8"),
+    "LANGUAGE": "",
+    "TZ": "UTC",
+}
+"""Variables of workers, and of the programs and processes that they start: results depend on them, keys do not."""
+
 Ready: TypeAlias = "Callable[[Sequence[RuleFacts]], Executor]"
 """Returns the executor of one build, given the rules that may run."""
 
@@ -45,7 +58,7 @@ def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
         environment, capacity = {**_environment(project), **more}, project.capacity(gpus=False)
         with suppress(OSError):  # few rules need a temporary folder
             environment["TMPDIR"] = stack.enter_context(scratch())
-        workers = stack.enter_context(LocalExecutor(RUNNER, capacity, environment))
+        workers = stack.enter_context(LocalExecutor(RUNNER, capacity, environment, project.root))
         if not idle:
             workers.warm()  # a build without a valid snapshot usually runs something
 
@@ -104,8 +117,7 @@ def _claimed() -> tuple[str, int]:
 def _environment(project: Project) -> dict[str, str]:
     from dextera_build.project.terms import terms
 
-    # One thread per worker: sums do not depend on the number of cores, and workers do not compete for them.
-    environment = {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment = {**_PINNED, "MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl")}  # which one works, the machine decides
     # No rule uses pydantic plug-ins, and the search for them reads the metadata of every installed package.
     environment["PYDANTIC_DISABLE_PLUGINS"] = os.environ.get("PYDANTIC_DISABLE_PLUGINS", "__all__")
     environment["DXB_CALLS"] = project.calls

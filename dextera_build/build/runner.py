@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
+from dextera_build.build import unnamed
 from dextera_build.calls import secrets
 from dextera_build.code.distributions import version_of
 from dextera_build.code.importer import IMPORTER
@@ -65,7 +66,8 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     IMPORTER.want(task.get("sources", {}), found.root.name)
     _refuse_other_versions(task.get("packages", {}))
     store = opened(task["store"])
-    rule = found.rule
+    with unnamed.opened() as opened_on_import:
+        rule = found.rule
     inputs = {}
     for name, slot in rule.slots.items():
         if name in task["inputs"]:
@@ -89,8 +91,10 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         keyword = {"options": options} if rule.takes_options else {}
         if reads is not None:
             folders.enter_context(_failure_told(reads, emit))
-        with _memory_told(ctx):
+        with _memory_told(ctx), _umask_kept(), unnamed.opened() as files:
             result = rule(ctx, **inputs, **keyword)
+        files |= unnamed.imported(found.path, opened_on_import)
+        _warn_of_unnamed(ctx, files, task, reads)
         # Before the scratch folder is removed, because the result may refer to files in it.
         reply = _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
         return reply | ({"reads": reads.finish()} if reads is not None else {})
@@ -161,6 +165,23 @@ def _memory_told(ctx: Context) -> Iterator[None]:
         traceback.print_exc()
         unload()
         raise told from error
+
+
+def _warn_of_unnamed(ctx: Context, files: set[str], task: Mapping[str, Any], reads: ProjectReads | None) -> None:
+    asked = {word for step in reads.steps for word in step} if reads else set()
+    if names := unnamed.unnamed(files, Path(task["project"]), Path(task["store"]), asked):
+        ctx.warn(f"it opened {listing(names)}, which no input names: editing that makes nothing stale")
+
+
+@contextmanager
+def _umask_kept() -> Iterator[None]:
+    """Store results as readable as before, whatever mask a rule sets for its own files."""
+    mask = os.umask(0o077)
+    os.umask(mask)
+    try:
+        yield
+    finally:
+        os.umask(mask)
 
 
 def outside(found: RuleFile, backend: str | None, key: Mapping[str, str]) -> Outside | None:

@@ -19,6 +19,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import NoReturn
 
+from dextera_build.code.children import Children
 from dextera_build.code.code_digest import RULES
 from dextera_build.code.modules import DXB, PACKAGE, digest_of, earlier, find_top, forget_changed, is_first_party, read
 from dextera_build.code.syntax import too_deep
@@ -39,6 +40,8 @@ class Importer:
         """Packages under which rules are mounted -> their folders."""
         self.takes_dxb = False
         """Whether dxb's own modules are compiled from source as well."""
+        self.children: Children | None = None
+        """Of a worker: what the processes that it starts are told."""
         self._wanted: dict[str, str] = {}
         self._loaded: dict[str, str] = {}
         """Module -> digest of its source; "" for one that has none: missing, or a package without `__init__.py`."""
@@ -87,6 +90,8 @@ class Importer:
             self._wanted[name] = said or (_PACKAGE if source.endswith(_PACKAGE) else "")
             if self._loaded.get(name, said) != said:
                 raise self._refuse(self._origins[name][1] or source)
+        if self.children is not None:
+            self.children.tell(self._wanted)
 
     def verify(self) -> None:
         """Raise the error of a refused import again, even if the rule caught it.
@@ -94,6 +99,8 @@ class Importer:
         Raises:
             RuleError: A module differs from the digested one.
         """
+        if self.children is not None and (name := self.children.refused()):
+            self._refuse(self._origins.get(name, (None, name))[1])
         if self._edited is not None:
             raise self._edited
 

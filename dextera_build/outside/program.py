@@ -7,11 +7,13 @@ import posixpath
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path, PurePosixPath
 
 from dextera_build import digest
 from dextera_build.errors import MachineError, Place, RecipeError, RuleError, listing
 from dextera_build.outside.environments import Environment, Start, named
+from dextera_build.outside.imports import imported
 from dextera_build.outside.program_side import dxb_backend
 from dextera_build.outside.running import Limits, Running
 
@@ -85,8 +87,11 @@ class Program:
         return (f"mkdir -p {folder} && " if folder else "") + f"{self.place.freeze()} > {self.lock}"
 
     def parts(self) -> dict[str, Path]:
-        """Name -> each file that makes up the program, and the lock file; their contents enter the key."""
-        found = {SIDE} | {path for pattern in self._patterns for path in self._matches(pattern)}
+        """Name -> each file that makes up the program, and the lock file; their contents enter the key.
+
+        Modules beside the program that it imports are among them, whether declared or not.
+        """
+        found = {SIDE} | self._imported()[0] | {path for pattern in self._patterns for path in self._matches(pattern)}
         if self.lock and (self.base / self.lock).is_file():
             found.add(self.base / self.lock)
         return {_name(path, self.base, self.here): path for path in sorted(found)}
@@ -98,6 +103,7 @@ class Program:
     def looked_at(self) -> set[str]:
         """Files and folders, including missing ones, on which the key and what is lacking depend."""
         found = {str(path) for path in self.parts().values()}
+        found |= set(map(str, self._imported()[1]))
         found |= {str(self.here / pattern) for pattern in self._patterns if not set(pattern) & set("*?[")}
         found |= {str(folder) for pattern in self._patterns for folder in self._folders(pattern)}
         found |= {str(self.base / self.lock)} if self.lock else set()
@@ -151,6 +157,14 @@ class Program:
                 raise self._wrong(f"`{pattern}` leads out of the folder of the backend", "`files`")
         words = (word for word in self.command[1:] if word.endswith(".py") or (self.here / word).is_file())
         return tuple(dict.fromkeys((*(word for word in words if not Path(word).is_absolute()), *self.files)))
+
+    def _imported(self) -> tuple[set[Path], set[Path]]:
+        """See `imports.imported`: Python searches the folder of the script, or the one it starts in with `-m`."""
+        scripts = [path for word in self.command[1:] if (path := self.here / word).suffix == ".py" and path.is_file()]
+        folders = [script.parent for script in scripts] or [self.here]
+        files = [path for pattern in self._patterns for path in self._matches(pattern)]
+        names = [name for before, name in pairwise(self.command) if before == "-m"]
+        return imported([*scripts, *files], list(dict.fromkeys(folders)), names)
 
     def _matches(self, pattern: str) -> list[Path]:
         found = [path for path in self.here.glob(pattern) if path.is_file()]

@@ -19,6 +19,7 @@ from typing import Any, Self
 
 from dextera_build.errors import DxbError, MachineError, RuleError
 from dextera_build.outside import guard
+from dextera_build.outside.marked import marked
 from dextera_build.outside.messages import REQUEST, RESPONSE
 
 Emit = Callable[[str, Mapping[str, object]], None]
@@ -158,7 +159,7 @@ class Running:
             self._guard.kill()
             self._guard.wait()
         if self._guard.returncode < 0:  # something killed the guard before it could kill
-            while found := _marked(self._mark):
+            while found := marked(f"{guard.MARKER}={self._mark}"):
                 guard.kill(found)
         shutil.rmtree(self._root, ignore_errors=True)
 
@@ -274,17 +275,6 @@ def _signal(number: int) -> str:
 
 def _inherited() -> dict[str, str]:
     """This process's environment without what would lead another Python to the modules of this one."""
-    own = ("PYTHONPATH", "PYTHONHOME", "PYTHONSAFEPATH", "VIRTUAL_ENV")
+    own = ("PYTHONPATH", "PYTHONHOME", "PYTHONSAFEPATH", "VIRTUAL_ENV", "DEXTERA_CODE")
     kept = {name: value for name, value in os.environ.items() if name not in own}
     return {**kept, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"}
-
-
-def _marked(mark: str) -> list[int]:
-    """Process ids of all processes whose environment holds the marker with this value."""
-    found, wanted = [], f"{guard.MARKER}={mark}".encode()
-    for name in os.listdir("/proc"):
-        if name.isdigit():
-            with contextlib.suppress(OSError), open(f"/proc/{name}/environ", "rb") as environ:
-                if wanted in environ.read().split(b"\0"):
-                    found.append(int(name))
-    return found

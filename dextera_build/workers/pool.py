@@ -17,12 +17,13 @@ import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from dextera_build.calls import secrets
 from dextera_build.errors import MachineError, RuleError, from_json
+from dextera_build.outside import program_side
 from dextera_build.redact import redact_plain
-from dextera_build.workers import warm, worker
+from dextera_build.workers import family, warm, worker
 from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.protocol import Ended, Report, Said, Task, printed
 
@@ -33,6 +34,7 @@ _WAIT_S = 0.001
 _TAIL_LINES = 12
 _ROOT = Path(__file__).resolve().parents[2]
 """Folder that contains this package."""
+_SIDE = os.path.dirname(program_side.__file__)
 
 
 class LocalExecutor:
@@ -45,12 +47,19 @@ class LocalExecutor:
         runner: `module:function` that executes a task in a worker.
         capacity: Resources shared by tasks.
         environment: Variables for workers, in addition to those of this process.
+        folder: The folder that workers start in; None: that of this process.
     """
 
-    def __init__(self, runner: str, capacity: Capacity, environment: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        runner: str,
+        capacity: Capacity,
+        environment: Mapping[str, str] | None = None,
+        folder: Path | None = None,
+    ) -> None:
         self.capacity = capacity
         self._runner = runner
-        self._environment = dict(environment or {})
+        self._environment, self._folder = dict(environment or {}), folder
         self._selector = selectors.DefaultSelector()
         self._workers: list[Process] = []
         self._waiting: list[Task] = []
@@ -125,7 +134,7 @@ class LocalExecutor:
 
     def _start(self, devices: tuple[str, ...]) -> None:
         try:
-            process = Process(self._runner, self._environment, devices)
+            process = Process(self._runner, self._environment, self._folder, devices)
         except OSError as error:
             raise MachineError(
                 "a worker process cannot be started",
@@ -139,26 +148,14 @@ class LocalExecutor:
     def _hear(self, process: Process) -> list[Report]:
         lines, ended = process.hear()
         reports: list[Report] = []
-        for line in lines:
-            if "ready" in line:
-                process.is_ready = True
-            elif process.task is None:  # leftover threads of an ended task may still send lines
-                continue
-            elif "said" in line:
-                kind, data = line["said"]
-                if kind == "grace":
-                    process.grace_s = float(data["seconds"])
-                elif kind == "secret":
-                    process.secrets.add(data["name"])
-                else:
-                    reports.append(Said(process.task.ticket, kind, data))
-            else:
-                log, error = line["log"].encode("latin-1"), from_json(line["error"]) if line["error"] else None
-                reports.append(Ended(**{**line, "ticket": process.task.ticket, "log": log, "error": error}))
-                process.rest()
-        if ended:
-            reports += self._bury(process)
-        elif process.is_ready and process.task is None and (task := self._next(process)) is not None:
+        try:
+            for line in lines:
+                reports += process.understand(line)
+        except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
+            process.fault, ended = "sent what is no message", True
+        if ended or process.leaves:
+            return reports + self._bury(process)
+        if process.is_ready and process.task is None and (task := self._next(process)) is not None:
             process.give(task)
         return reports
 
@@ -171,9 +168,9 @@ class LocalExecutor:
         return task
 
     def _bury(self, process: Process) -> list[Report]:
-        """Remove a dead worker; fails its task, or the task that it was loading for."""
-        self._end(process, _GRACE_S)
-        task = process.task if process.is_ready else self._next(process)
+        """Remove a worker that is dead or must go; fails its task or, if it never had one, a task that waits for it."""
+        self._end(process, 0.0 if process.leaves or process.fault else _GRACE_S)
+        task = self._next(process) if process.is_fresh else process.task
         if task is None:
             return []
         seconds, log = time.monotonic() - process.began, process.log()
@@ -194,18 +191,27 @@ class Process:
     Args:
         runner: `module:function` that executes a task.
         environment: Variables in addition to those of this process.
+        folder: See `LocalExecutor`.
         devices: GPUs that it may use.
 
     Raises:
         OSError: The process cannot be started, or its log file cannot be opened.
     """
 
-    def __init__(self, runner: str, environment: Mapping[str, str], devices: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, runner: str, environment: Mapping[str, str], folder: Path | None = None, devices: tuple[str, ...] = ()
+    ) -> None:
         self.task: Task | None = None
         """Its current task, not answered yet."""
         self.devices = devices
         self.is_ready = False
         """Whether it has loaded the runner."""
+        self.is_fresh = True
+        """Whether it was given no task so far."""
+        self.leaves = False
+        """Whether its last task left something behind that the next one must not find."""
+        self.fault = ""
+        """What was wrong with its last message."""
         self.began = time.monotonic()
         """Start of its task or of loading, by `time.monotonic`."""
         self.secrets: set[str] = set()
@@ -219,6 +225,7 @@ class Process:
         self.held_gb = self.held_gpu_gb = 0.0
         self.idle_since = self.began
         self._buffer = b""
+        self._mark = os.urandom(16).hex()
         # Unnamed, so that no file is left behind however the process ends.
         self._log = tempfile.TemporaryFile(mode="w+b", buffering=0)  # noqa: SIM115
         # With O_APPEND, output after a truncation goes to the start of the file.
@@ -232,12 +239,14 @@ class Process:
                     stdout=self._log,
                     stderr=self._log,
                     pass_fds=[theirs.fileno()],
+                    cwd=folder,
                     start_new_session=True,
                     # CUDA reads this variable once per process, so a worker keeps its devices.
                     env={
                         **secrets.for_workers(),
                         **environment,
                         "CUDA_VISIBLE_DEVICES": ",".join(devices),
+                        family.MARKER: self._mark,
                         "PYTHONPATH": _search_path(),
                     },
                 )
@@ -267,7 +276,7 @@ class Process:
 
     def give(self, task: Task) -> None:
         """Give it a task; `hear` reports a worker that is already dead."""
-        self.task, self.began, self.grace_s = task, time.monotonic(), _GRACE_S
+        self.task, self.is_fresh, self.began, self.grace_s = task, False, time.monotonic(), _GRACE_S
         self._send(json.dumps(task.message()).encode())
 
     def rest(self) -> None:
@@ -292,7 +301,30 @@ class Process:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             self._socket.sendall(data + b"\n")
 
-    def hear(self) -> tuple[list[dict[str, Any]], bool]:
+    def understand(self, line: bytes) -> list[Report]:
+        """The reports of a line that it sent; a task can write anything to the socket, so a line may be no message."""
+        message = json.loads(line)
+        if "ready" in message:
+            self.is_ready = True
+        elif self.task is None:  # leftover threads of an ended task may still send lines
+            pass
+        elif "said" in message:
+            kind, data = message["said"]
+            if kind == "grace":
+                self.grace_s = float(data["seconds"])
+            elif kind == "secret":
+                self.secrets.add(data["name"])
+            else:
+                return [Said(self.task.ticket, kind, data)]
+        else:
+            self.leaves = bool(message.pop("leaves"))
+            log, error = message["log"].encode("latin-1"), from_json(message["error"]) if message["error"] else None
+            end = Ended(**{**message, "ticket": self.task.ticket, "log": log, "error": error})
+            self.rest()
+            return [end]
+        return []
+
+    def hear(self) -> tuple[list[bytes], bool]:
         """(received lines, whether it is dead)."""
         ended = self.has_ended
         with contextlib.suppress(BlockingIOError, ConnectionResetError):  # a reset: it died with a task unread
@@ -300,7 +332,7 @@ class Process:
                 self._buffer += part
             ended = True
         *lines, self._buffer = self._buffer.split(b"\n")
-        return [json.loads(line) for line in lines], ended
+        return lines, ended
 
     def ask_to_end(self) -> None:
         """Ask it to clean up and end."""
@@ -308,12 +340,11 @@ class Process:
             os.kill(self.pid, signal.SIGTERM)
 
     def end(self, patience_s: float) -> None:
-        """Wait at most `patience_s` [s] for its end, then kill it and its process group."""
+        """Wait at most `patience_s` [s] for its end, then kill it and every process that it started."""
         deadline = time.monotonic() + patience_s
         while not self.has_ended and time.monotonic() < deadline:
             time.sleep(_WAIT_S)
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.pid, signal.SIGKILL)
+        family.end(self.pid, self._mark)
         try:
             _, status, used = os.wait4(self.pid, 0)
             self._child.returncode, self.peak = os.waitstatus_to_exitcode(status), used.ru_maxrss * 1024
@@ -337,6 +368,8 @@ class Process:
             reason, facts = f"signal {-code}", {"signal": f"{-code} ({names.get(-code, 'unknown')})"}
         else:
             reason, facts = f"exit code {code}", {"exit code": str(code)}
+        if self.fault:
+            reason, facts = self.fault, {}
         tail = log.decode(errors="replace").strip().splitlines()
         # A fatal-error traceback of Python begins with the innermost call.
         fatal = next((place for place, line in enumerate(tail) if line.startswith("Fatal Python error")), None)
@@ -352,5 +385,7 @@ class Process:
 
 
 def _search_path() -> str:
+    """PYTHONPATH of workers; first the folder of the `sitecustomize` that keeps byte code from deciding what runs."""
     inherited = os.environ.get("PYTHONPATH")
-    return os.pathsep.join([str(_ROOT), *([inherited] if inherited else [])])
+    entries = map(os.path.abspath, inherited.split(os.pathsep)) if inherited else ()
+    return os.pathsep.join([_SIDE, str(_ROOT), *entries])

@@ -22,6 +22,9 @@ _LOG_MOST = 1 << 20
 _TOLD = ("line", "previews", "metrics")
 """Fields of a reply that hold texts of the rule."""
 
+_TEXT_MOST = 1000
+"""Only this much of the text of an exception is in the error [characters]."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -135,9 +138,10 @@ def escaped(error: BaseException, project: str = "") -> RuleError:
         error: The exception.
         project: The project folder; the error names the innermost line of its code in the traceback.
     """
-    text = f"{type(error).__name__}: {error}".strip().rstrip(":")
+    text = f"{type(error).__name__}: {error}".strip().rstrip(":").splitlines()[0]
+    text = text if len(text) <= _TEXT_MOST else f"{text[:_TEXT_MOST]}..."
     where = _last_line(error, project) if project else None
-    return RuleError(text.splitlines()[0], code="DXB-B302", where=where, hint="`dxb log` shows the whole traceback")
+    return RuleError(text, code="DXB-B302", where=where, hint="`dxb log` shows the whole traceback")
 
 
 def _last_line(error: BaseException, project: str) -> Place | None:

@@ -4,7 +4,8 @@
 
 Standard output and error belong to the running node; the pool provides a file for them and reads it when a worker has
 died. The first line on the socket is the pool's module search path, each further line a task. The runner's reply is
-passed on: the worker does not publish results. It exits when the socket closes or its parent dies.
+passed on, with what the task leaves in the process: the worker does not publish results. It exits when the socket
+closes or its parent dies.
 """
 
 from __future__ import annotations
@@ -25,14 +26,17 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.errors import DxbError, MachineError
 from dextera_build.redact import redact_plain
 from dextera_build.workers.protocol import escaped, printed, redacted_reply
 from dextera_build.workers.retries import names_of
 
-_PR_SET_PDEATHSIG = 1
+if TYPE_CHECKING:
+    from dextera_build.workers.leftovers import Leftovers
+
+_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 _PROGRESS_S = 0.05
 """Minimum interval between progress messages [s]."""
 
@@ -61,15 +65,22 @@ class Worker:
                 runner = load(self._named)
             except Exception as error:
                 runner = _refusing(error)
+            from dextera_build.workers.leftovers import Leftovers  # the pool needs nothing of it
+
+            leftovers = Leftovers()
             self._write({"ready": True})
             for line in told:
-                self._answer(runner, json.loads(line))
+                self._answer(runner, json.loads(line), leftovers)
 
-    def _answer(self, runner: Callable[..., Mapping[str, Any]], task: Mapping[str, Any]) -> None:
+    def _answer(self, runner: Callable[..., Mapping[str, Any]], task: Mapping[str, Any], leftovers: Leftovers) -> None:
         if os.fstat(1).st_size:
             os.ftruncate(1, 0)
         self._last_progress = 0.0
-        answer = attempt(lambda: runner(task, self._emit), task["project"])
+        answer = leftovers.apart(lambda: attempt(lambda: runner(task, self._emit), task["project"]))
+        try:
+            answer["leaves"] = leftovers.clear()
+        except Exception as error:  # what it calls may be what the task replaced
+            answer["leaves"] = str(error) or type(error).__name__
         self._flush()
         answer["reply"] = redacted_reply(answer["reply"])
         answer["error"] = answer["error"] and answer["error"].to_json()
@@ -179,6 +190,8 @@ def live_with(parent: int) -> None:
     """Exit when the parent process, with this id, exits."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+        # What leaves its parent stays a child of this process, which is looked at after each task.
+        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     if os.getppid() != parent:  # it died before the signal was set up
         os._exit(1)
 

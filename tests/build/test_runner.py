@@ -15,6 +15,7 @@ from dextera_build.testing import RuleRunner
 
 RULE = '''
 """toy.count: counts how often it was begun with these files."""
+import os
 from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
@@ -33,6 +34,9 @@ def count(ctx: Context, *, options: CountOptions) -> File:
             ctx.read("nothing.txt")
         except Exception:
             return File(data=b"as if nothing were")
+    if options.do == "mask":
+        os.umask(0o777)
+        return File(data=b"masked")
     saved = ctx.keep / "count"
     before = saved.read_text() if saved.exists() else ""
     saved.write_text(before + "I")
@@ -117,3 +121,10 @@ def test_a_rule_is_tested_on_a_folder_of_its_own(project: Path, tmp_path: Path) 
     runner = RuleRunner(tmp_path / "scratch", project, files=files)
     assert runner.run("toy.count", options={"do": "work"}).data == b"x"
     assert [name for _, name, _ in runner.reads] == ["parts/*.txt", "parts/x.txt"]
+
+
+def test_a_result_can_be_read_whatever_mask_its_rule_set(project: Path) -> None:
+    go(project, "mask")
+    folders = [path for path in (project.parent / "store/cas").iterdir() if path.is_dir()]
+    assert folders
+    assert all(folder.stat().st_mode & 0o700 == 0o700 for folder in folders)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
 import hashlib
@@ -117,10 +118,8 @@ def _misbehave(options: Mapping[str, Any], emit: Emit) -> None:
     if do == "kill":
         print("about to die", flush=True)
         os.kill(os.getpid(), signal.SIGKILL)
-    if do == "segfault":
-        ctypes.string_at(0)
-    if do == "exit":
-        sys.exit(int(value))
+    if do in _ENDS:
+        _ENDS[do](value)
     if do == "print":
         print(value)
         os.write(2, b"and to stderr\n")
@@ -131,6 +130,21 @@ def _misbehave(options: Mapping[str, Any], emit: Emit) -> None:
         time.sleep(float(value))
     if do == "edit":
         Path(value).write_text("edited")
+
+
+def _junk(text: str) -> None:
+    """Write to every socket of this process."""
+    for name in os.listdir("/proc/self/fd"):
+        with contextlib.suppress(OSError):
+            if os.readlink(f"/proc/self/fd/{name}").startswith("socket:"):
+                os.write(int(name), text.encode("latin-1") + b"\n")
+
+
+_ENDS: Mapping[str, Callable[[Any], object]] = {
+    "segfault": lambda value: ctypes.string_at(0),
+    "exit": lambda value: sys.exit(int(value)),
+    "junk": _junk,
+}
 
 
 def _await(file: Path) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import yaml
 
-from tests.oracle.texts import BACKEND, IMPORTS, MODULE, RULE
+from tests.oracle.texts import BACKEND, CHILD, IMPORTS, MODULE, RULE
 
 STAGE, PLUG = "rules/toy", "site/plug/rules/toy"
 OUTSIDE = (".config", ".cache", "cache", "share")
@@ -68,10 +68,12 @@ class RandomProject:
     Args:
         seed: Of the generator.
         root: Its folder.
+        spawns: Whether rules call functions in processes that their workers start.
     """
 
-    def __init__(self, seed: int, root: Path) -> None:
+    def __init__(self, seed: int, root: Path, *, spawns: bool = False) -> None:
         self.random = random.Random(seed)
+        self.spawns = spawns
         self.root = root
         self.main = self.random.choice((STAGE, STAGE, PLUG))
         """The stage that has all rules; a project without rules of its own may get some later."""
@@ -346,7 +348,13 @@ class RandomProject:
             text = how.format(self._import(module, word, relative), word)
             where = self.random.choice(("imports", "imports", "inner"))
             lines[where] += text if where == "imports" else "".join(f"    {line}\n" for line in text.splitlines())
-        values = ", ".join(f"v{number} and v{number}.value()" for number in range(len(asked)))
+        calls = [f"v{number}.value()" for number in range(len(asked))]
+        # Another process does not know the folders of stages.
+        far = [n for n, module in enumerate(asked) if MODULES.get(module, "stage") != "stage"]
+        if form is RULE and self.spawns and far:
+            calls[far[0]] = f"child(v{far[0]}.value)"
+        values = ", ".join(f"v{number} and {call}" for number, call in enumerate(calls))
+        lines["child"] = CHILD if self.spawns else ""
         number = self.random.randrange(10)
         return form.format(name=name, Name=name.title(), number=number, values=values, tail=tail, **lines)
 

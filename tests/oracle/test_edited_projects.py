@@ -13,17 +13,19 @@ from tests.oracle.projects import RandomProject
 _STEPS = 6
 
 
-def play(seed: int, folder: Path, *, workers: bool = False) -> None:
+def play(seed: int, folder: Path, *, workers: bool = False, spawns: bool = False, steps: int = _STEPS) -> None:
     """Build a project, edit it, and so on.
 
     Args:
         seed: Of the project and its edits.
         folder: Where it lies.
         workers: Nodes run in workers.
+        spawns: Rules call some functions in processes that the workers start.
+        steps: Number of builds.
     """
-    project = RandomProject(seed, folder / "project")
+    project = RandomProject(seed, folder / "project", spawns=spawns)
     edit = ""
-    for step in range(_STEPS):
+    for step in range(steps):
         time.sleep(0.03)  # or no snapshot is made
         right = expected(project.files(), folder / f"clean{step}")
         said = build(project, "--console", "plain", workers=workers)
@@ -48,10 +50,16 @@ def test_a_build_by_workers_after_any_edit_is_as_a_clean_one(seed: int, tmp_path
     play(seed, tmp_path, workers=True)
 
 
+@pytest.mark.parametrize("seed", [208])  # edits what a process imports
+def test_a_build_whose_workers_spawn_processes_is_as_a_clean_one(seed: int, tmp_path: Path) -> None:
+    """Promise: the same where processes run functions that workers start."""
+    play(seed, tmp_path, workers=True, spawns=True, steps=2)
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("part", range(4))
 def test_more_projects_are_built_as_clean_ones_after_any_edit(part: int, tmp_path: Path) -> None:
-    """Promise: the same, 30 projects in each of four parts, one in six by workers."""
+    """Promise: the same, 30 projects in each of four parts, one in six by workers, half of these with processes."""
     for seed in range(1000 + part, 1120, 4):
-        play(seed, tmp_path / str(seed), workers=seed % 6 == 0)
+        play(seed, tmp_path / str(seed), workers=seed % 6 == 0, spawns=seed % 12 == 0)

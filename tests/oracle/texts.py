@@ -11,7 +11,7 @@ from dextera_build.artifacts.base import File, Folder
 from dextera_build.rule import Context, Options, rule
 {imports}
 NUMBER = {number}
-
+{child}
 class {Name}Options(Options):
     """Options."""
     add: int = 0
@@ -29,6 +29,15 @@ def {name}(
     read += sorted(tree.files.items()) if tree is not None else []
     backend = "" if ctx.backend is None else ctx.backend.NUMBER
     return File(data=f"{name}:{{NUMBER}} {{backend}} {{options.add}} {{read}} {{[{values}]}}".encode())
+'''
+CHILD = '''
+def child(function):
+    """The answer of a process that a worker starts; the reference calls the function."""
+    import multiprocessing, os
+    if "DEXTERA_WORKER" not in os.environ:
+        return function()
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(function)
 '''
 MODULE = '''"""A module."""
 from __future__ import annotations

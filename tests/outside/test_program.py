@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import py_compile
 import signal
 import time
 from pathlib import Path
@@ -54,6 +55,28 @@ def test_a_build_logs_the_program_and_follows_its_files(space, toy):
     assert "rules/toy/tint.program.py" in why
     assert space.dxb("build", "say/tint").code == 0
     assert "staring at" in space.dxb("log", "say/tint", "out").out
+
+
+def test_a_module_that_a_program_imports_is_part_of_it_though_nobody_declared_it(space, toy):
+    toy.program("from tint_helper import WORD\n" + ECHO.replace('"looking', 'WORD, "looking'))
+    space.write("rules/toy/tint_helper.py", "WORD = 'now'\n")
+    assert space.dxb("build", "say/tint").code == 0
+    space.write("rules/toy/tint_helper.py", "WORD = 'later'\n")
+    assert "rules/toy/tint_helper.py" in space.dxb("why", "say/tint:out").out
+    assert space.dxb("build", "say/tint").code == 0
+    assert "later looking" in space.dxb("log", "say/tint", "out").out
+
+
+def test_byte_code_of_the_same_size_and_time_is_no_part_of_a_program(space, toy, monkeypatch):
+    monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
+    toy.program("from tint_helper import WORD\n" + ECHO.replace('"looking', 'WORD, "looking'))
+    helper = space.write("rules/toy/tint_helper.py", "WORD = 'old'\n")
+    py_compile.compile(str(helper))
+    before = helper.stat().st_mtime_ns
+    helper.write_text("WORD = 'new'\n")
+    os.utime(helper, ns=(before, before))
+    assert space.dxb("build", "say/tint").code == 0
+    assert "new looking" in space.dxb("log", "say/tint", "out").out
 
 
 def test_an_error_shows_what_the_program_printed_last(space, toy):

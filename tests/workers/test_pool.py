@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,7 +19,7 @@ from dextera_build.runs.events import Event, NodeFinished, NodeLog, NodeProgress
 from dextera_build.store.store import Store
 from dextera_build.workers.capacity import Capacity, Gpu
 from dextera_build.workers.pool import LocalExecutor
-from dextera_build.workers.protocol import Task
+from dextera_build.workers.protocol import Ended, Task
 from tests.engine.tiny import RUNNER, Record, call, every, facts, graph, group, item, out
 from tests.engine.tiny import run_task as run_task
 
@@ -37,6 +38,14 @@ def run(plan: Graph, store: Store, pool: LocalExecutor, **flags: Any) -> tuple[R
 
 if os.path.exists(os.environ.get("TINY_SLOW", "")):
     time.sleep(60.0)  # a runner that takes long to load
+if os.environ.get("TINY_DIES_READY"):
+    _write = sys.modules["__main__"].Worker._write
+
+    def _write_and_die(worker: Any, answer: dict[str, object]) -> None:
+        _write(worker, answer)
+        os.kill(os.getpid(), 9)
+
+    sys.modules["__main__"].Worker._write = _write_and_die
 
 
 def alive(pid: int) -> bool:
@@ -211,6 +220,35 @@ def test_a_worker_that_dies_idle_is_replaced(store: Store, pool: LocalExecutor) 
     result, _ = run(graph(call("b")), store, pool)
     assert result.ok
     assert pool.pids() != [first]
+
+
+def test_a_worker_that_dies_between_its_loading_and_its_first_task_fails_the_task() -> None:
+    with LocalExecutor("tests.workers.test_pool:run_task", Capacity(1, 4.0), {"TINY_DIES_READY": "1"}) as pool:
+        pool.submit(Task(0, "tiny.rule", None, {"do": "const", "value": 1, "name": "t"}, {}, "/tmp", "", ""))
+        os.waitid(os.P_PID, pool.pids()[0], os.WEXITED | os.WNOWAIT)  # both its message and its end can be read now
+        (end,) = pool.poll(0.0)
+    assert isinstance(end, Ended)
+    assert end.error is not None
+    assert end.error.message == "worker died (signal 9)"
+
+
+@pytest.mark.parametrize("junk", [b"{}", b"\xff\0", b"[" * 100_000, b'{"said": 1}'], ids=range(4))
+def test_a_worker_that_sends_what_is_no_message_fails_its_node_only(
+    store: Store, pool: LocalExecutor, junk: bytes
+) -> None:
+    plan = graph(call("bad", "junk", junk.decode("latin-1")), call("good"), default=("bad", "good"))
+    result, _ = run(plan, store, pool, keep_going=True)
+    error = result.nodes["bad"].error
+    assert error is not None
+    assert (error.code, error.message) == ("DXB-B301", "worker died (sent what is no message)")
+    assert result.nodes["good"].status == "ran"
+
+
+def test_the_long_text_of_an_exception_is_cut(store: Store, pool: LocalExecutor) -> None:
+    result, _ = run(graph(call("a", "crash", "x" * 5_000_000)), store, pool)
+    error = result.nodes["a"].error
+    assert error is not None
+    assert len(error.message) < 2000
 
 
 def test_a_runner_that_cannot_be_imported_says_so(store: Store) -> None:

@@ -13,6 +13,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from dextera_build.store import locks
 from dextera_build.workers.capacity import Capacity
 from dextera_build.workers.pool import LocalExecutor
@@ -25,6 +27,15 @@ ROOT = Path(__file__).parents[2]
 
 def look(task: Mapping[str, Any], emit: Callable[[str, Any], None]) -> dict[str, Any]:
     """What a task sees of the process that it runs in."""
+    if task["options"] == {"do": "leave a daemon"}:
+        if not os.fork():
+            os.setsid()
+            if not os.fork():
+                time.sleep(60.0)
+            os._exit(0)
+        os.wait()
+        emit("log", {"text": Path(f"/proc/self/task/{os.getpid()}/children").read_text().strip()})
+        time.sleep(60.0)
     if task["options"] == {"do": "leave a child"}:
         if not os.fork():
             time.sleep(60.0)
@@ -138,3 +149,20 @@ def test_a_worker_is_seen_to_die_though_a_child_of_it_holds_its_socket() -> None
         assert ended.error is not None
         assert ended.error.message == "worker died (signal 9)"
         assert gone([int(said.data["text"])])  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("is_dead", [False, True], ids=["a worker that lives", "a dead one"])
+def test_a_daemon_in_a_session_of_its_own_ends_with_its_worker(is_dead: bool) -> None:
+    with LocalExecutor(HERE, Capacity(1, 4.0)) as pool:
+        pool.submit(task(0, "leave a daemon"))
+        (said,) = reported(pool, 1)
+        if is_dead:
+            os.kill(pool.pids()[0], signal.SIGKILL)
+            os.waitid(os.P_PID, pool.pids()[0], os.WEXITED | os.WNOWAIT)
+    assert gone([int(said.data["text"])])  # type: ignore[union-attr]
+
+
+def test_workers_start_in_the_folder_of_their_pool(tmp_path: Path) -> None:
+    with LocalExecutor(HERE, Capacity(1, 4.0), folder=tmp_path) as pool:
+        (found,) = seen(pool, task(0))
+    assert found["folder"] == str(tmp_path)
