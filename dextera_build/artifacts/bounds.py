@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from dextera_build.errors import ArtifactError
-from dextera_build.geometry.baking import LARGEST_PX, Part
 
 MOST_TRIANGLES = 20_000_000
 """Most triangles of a mesh file with all its instances."""
@@ -37,20 +35,3 @@ def check(path: str | Path, things: str, count: int, most: int, hint: str = _RED
             facts={"found": f"at least {count:,}", "most": f"{most:,}"},
             hint=hint,
         )
-
-
-def few(parts: Iterable[Part], path: str | Path) -> Iterator[Part]:
-    """The same parts of a mesh file.
-
-    Raises:
-        ArtifactError: They have too many triangles, vertices or texels together.
-    """
-    triangles = vertices = texels = 0
-    for part in parts:
-        triangles, vertices = triangles + len(part.faces), vertices + len(part.vertices)
-        check(path, "triangles", triangles, MOST_TRIANGLES)
-        check(path, "vertices", vertices, MOST_VERTICES)
-        if part.picture is not None:
-            texels += part.picture.shape[0] * part.picture.shape[1]
-            check(path, "texels", texels, LARGEST_PX**2)
-        yield part

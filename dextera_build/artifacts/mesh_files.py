@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dextera_build.artifacts import bounds, gltf, mesh_usd, named_files
+from dextera_build.artifacts import gltf, mesh_bounds, mesh_usd, named_files
 from dextera_build.artifacts.formats import suffix_among, unreadable
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image, opened, rgb
@@ -67,7 +67,7 @@ def load(
             metres_per_unit *= unit
         else:
             parts, axis = _parts(path, suffix, folder), "y" if suffix == ".glb" else "z"
-        whole = joined(list(bounds.few(parts, path)))
+        whole = joined(list(mesh_bounds.few(parts, path)))
     except ValueError as error:
         raise unreadable(path, form, error) from None
     if not len(whole.faces):

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dextera_build.artifacts import bounds, xml_text
+from dextera_build.artifacts import bounds, mesh_bounds, xml_text
 from dextera_build.errors import RuleError
 from dextera_build.geometry.baking import Part, joined
 
@@ -25,7 +25,7 @@ def as_obj(path: str, data: bytes) -> bytes:
     try:
         document = _Document(path, xml_text.parsed(data))
         placed = (Part(points @ turn[:3, :3].T + turn[:3, 3], faces) for points, faces, turn in document.placed())
-        parts = list(bounds.few(placed, path))
+        parts = list(mesh_bounds.few(placed, path))
     except RecursionError:
         raise _damaged(path, "its nodes are nested too deeply, or refer to one another in a circle") from None
     except (ValueError, ArithmeticError, LookupError) as error:
