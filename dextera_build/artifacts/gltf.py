@@ -19,8 +19,8 @@ _MOST_NUMBERS = 10 * bounds.MOST_TRIANGLES
 """Most numbers of all accessors; an accessor without a view stands for zeros, and views may overlap."""
 
 
-def check(path: Path) -> None:
-    """Refuse a GLB that expands to too much, or whose own pictures cannot be read.
+def check(path: Path) -> set[str]:
+    """Refuse a GLB that expands to too much, or whose own pictures cannot be read; return the names of its buffers.
 
     Raises:
         ValueError: It is damaged.
@@ -32,6 +32,7 @@ def check(path: Path) -> None:
         header = json.loads(data[20:end])
         columns = [each["count"] * _COLUMNS[each["type"]] for each in header.get("accessors", ())]
         used = sum(_vertices(header, each) for mesh in header.get("meshes", ()) for each in mesh["primitives"])
+        buffers = {str(each["uri"]) for each in header.get("buffers", ()) if "uri" in each}
         views = [_view(header, each, data[end + 8 :]) for each in header.get("images", ())]
     except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError(f"its JSON is damaged: {error}") from None
@@ -40,6 +41,7 @@ def check(path: Path) -> None:
     for number, view in enumerate(views):
         if view is not None:
             opened(view, f"image {number}")
+    return buffers
 
 
 def _vertices(header: Mapping[str, Any], primitive: Mapping[str, Any]) -> int:

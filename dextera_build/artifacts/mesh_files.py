@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, Literal
 
@@ -163,9 +163,7 @@ def _parts(path: Path, suffix: str, folder: Path) -> Iterator[Part]:
 
     if suffix == ".obj":
         _check_libraries(path)
-    elif suffix == ".glb":
-        gltf.check(path)
-    beside = _Beside(path, folder)
+    beside = _Beside(path, folder, gltf.check(path) if suffix == ".glb" else ())
     try:
         with path.open("rb") as file:
             scene = trimesh.load_scene(file, file_type=suffix[1:], resolver=beside, process=False)
@@ -219,10 +217,11 @@ class _Beside:
     Args:
         path: The mesh.
         folder: Folder that holds all files.
+        buffers: Names that are no pictures.
     """
 
-    def __init__(self, path: Path, folder: Path) -> None:
-        self._names_by, self._folder = path, folder
+    def __init__(self, path: Path, folder: Path, buffers: Collection[str]) -> None:
+        self._names_by, self._folder, self._buffers = path, folder, buffers
         self.fault: ValueError | None = None
         """The first file that could not be supplied."""
 
@@ -233,7 +232,7 @@ class _Beside:
             data = place.read_bytes()
             if place.suffix.lower() == ".mtl":
                 self._names_by = place
-            elif place.suffix.lower() != ".bin":
+            elif name not in self._buffers:
                 opened(data, name)
         except ValueError as error:
             self.fault = self.fault or error

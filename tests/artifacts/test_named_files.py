@@ -80,6 +80,12 @@ def glb(**more: Any) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
+def test_a_buffer_beside_a_glb_is_read(tmp_path):
+    (tmp_path / "b.data").write_bytes(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32).tobytes())
+    (tmp_path / "a.glb").write_bytes(glb(buffers=[{"byteLength": 36, "uri": "b.data"}], textures=[], materials=[{}]))
+    assert len(mesh_files.load(tmp_path / "a.glb").faces) == 1
+
+
 EMPTY = {"componentType": 5126, "count": 10**9, "type": "VEC3"}
 """An accessor without content."""
 

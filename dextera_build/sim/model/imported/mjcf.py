@@ -130,25 +130,25 @@ def _take_files(spec: Any, path: str, files: Mapping[str, bytes]) -> None:
     """Replace file names by names of assets, so that models from different folders can be joined."""
     assets: dict[str, bytes] = {}
 
-    def taken(named: str, below: str, kind: str) -> str:
-        """Name of the asset for a file; empty if none is named."""
+    def taken(named: str, below: str, asset: str) -> str:
+        """Name of the asset for a file, which begins with `asset`; empty if no file is named."""
         if not named:
             return ""
         named = posixpath.join(below, posixpath.basename(named) if spec.strippath else named)
         found = posixpath.normpath(posixpath.join(posixpath.dirname(path), named))
         if found not in files:
             found = meshes.found(named, path, files)
-        is_mesh = kind == "mesh"
-        name, data = meshes.mesh(found, files[found]) if is_mesh else meshes.picture(found, files[found])
-        asset = f"{kind}_{len(assets)}_{name}"
-        assets[asset] = data
-        return asset
+        read = meshes.mesh if asset.startswith("mesh") else meshes.picture
+        name, data = read(found, files[found])
+        assets[f"{asset}_{name}"] = data
+        return f"{asset}_{name}"
 
-    for each in spec.meshes:
-        each.file = taken(each.file, spec.meshdir, "mesh")
-    for each in spec.textures:
-        each.file = taken(each.file, spec.texturedir, "texture")
-        each.cubefiles = [taken(file, spec.texturedir, "texture") for file in each.cubefiles]
+    for number, each in enumerate(spec.meshes):
+        each.file = taken(each.file, spec.meshdir, f"mesh_{number}")
+    for number, each in enumerate(spec.textures):
+        each.file = taken(each.file, spec.texturedir, f"texture_{number}")
+        sides = enumerate(each.cubefiles)
+        each.cubefiles = [taken(file, spec.texturedir, f"texture_{number}_{side}") for side, file in sides]
     spec.meshdir = spec.texturedir = ""
     spec.assets = assets
 
