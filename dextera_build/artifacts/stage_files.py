@@ -10,6 +10,9 @@ from typing import Any
 
 from dextera_build.artifacts import bounds, named_files
 
+_MOST_SPECS = 1_000
+"""Most prims of layers that one prim is composed of; each level of two references to prims with two doubles them."""
+
 
 def opened(path: Path, folder: Path) -> Any:
     """The `Usd.Stage` of a file.
@@ -80,6 +83,7 @@ def _check_prims(path: Path, root: Any) -> None:
         if index.hasAnyPayloads:
             cache.RequestPayloads([place], [])
             index, _ = cache.ComputePrimIndex(place)
+        bounds.check(path, "references to one prim", len(index.primStack), _MOST_SPECS)
         if any(spec.HasInfo("clips") for spec in index.primStack):
             raise ValueError(f"`{place}` has value clips, which are not read; write one time as a plain file")
         names, _ = index.ComputePrimChildNames()

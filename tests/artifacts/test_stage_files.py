@@ -146,6 +146,18 @@ def test_few_lines_do_not_become_billions_of_prims(folder, about, monkeypatch):
     assert error.hint
 
 
+def test_references_to_one_prim_do_not_double_for_ever(folder):
+    levels = [prim("X0", TRIANGLE % "M"), prim("Y0", TRIANGLE % "M")]
+    for level in range(1, 30):
+        both = f"references = [</X{level - 1}>, </Y{level - 1}>]"
+        levels += [prim(f"X{level}", "", both), prim(f"Y{level}", "", both)]
+    path = folder / "m.usda"
+    path.write_text(
+        HEAD % "" + "".join(levels).replace('def Xform "', 'class Xform "') + prim("W", "", "references = </X9>")
+    )
+    assert refused(path).message == "`m.usda` holds too many references to one prim"
+
+
 def test_a_circle_of_layers_has_an_end(folder):
     (folder / "a.usda").write_text(HEAD % "subLayers = [@b.usda@]\n" + prim("W", TRIANGLE % "Own"))
     (folder / "b.usda").write_text(HEAD % "" + prim("W", "", "references = @a.usda@"))
