@@ -39,7 +39,7 @@ def outer(name: str) -> str:
     """Path of the file that holds an asset: of the package for one in a `.usdz`."""
     from pxr import Ar
 
-    return Ar.SplitPackageRelativePathOuter(name)[0] if Ar.IsPackageRelativePath(name) else name
+    return str(Ar.SplitPackageRelativePathOuter(name)[0]) if Ar.IsPackageRelativePath(name) else name
 
 
 def _layers(path: Path, folder: Path) -> list[Any]:
