@@ -21,6 +21,11 @@ _MODELS: dict[str, tuple[Model, int]] = {
 }
 """ROS name -> lens, and the most coefficients it has; missing ones are 0."""
 
+_LONGEST = 1 << 18
+"""Longest text that is read [characters]; a rig of ten cameras with covariances has 8,000."""
+_MOST_VALUES = 100_000
+"""Most values, those that aliases and merge keys stand for included: a few lines can stand for billions."""
+
 
 def written(lens: Intrinsics, name: str) -> str:
     """The YAML file of a camera.
@@ -62,10 +67,15 @@ def parsed(text: str) -> Mapping[str, Any]:
     """The mapping in a YAML text.
 
     Raises:
-        ValueError: It is not YAML, or holds no mapping.
+        ValueError: It is not YAML, holds no mapping, is too long, or has aliases that stand for too many values.
     """
+    if len(text) > _LONGEST:
+        raise ValueError(f"it has {len(text):,} characters, but at most {_LONGEST:,} are read")
     try:
-        facts = yaml.safe_load(text)
+        loader = yaml.SafeLoader(text)
+        root = loader.get_single_node()
+        _check_aliases(root, {})
+        facts = None if root is None else loader.construct_document(root)
     except (yaml.YAMLError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         raise ValueError(f"it is not YAML{f', line {mark.line + 1}' if mark else ''}") from None
@@ -120,6 +130,21 @@ def numbers(value: object, name: str, count: int | None = None) -> tuple[float, 
     if count is not None and len(value) != count:
         raise ValueError(f"its {name} holds {len(value)} numbers instead of {count}")
     return tuple(float(x) for x in value)
+
+
+def _check_aliases(node: Any, known: dict[Any, int]) -> int:
+    """The number of values in a node; `known` has those of other nodes."""
+    if node not in known:
+        known[node] = _MOST_VALUES  # counts if the node holds itself
+        inner = node.value if isinstance(node, yaml.CollectionNode) else ()
+        parts = [part for each in inner for part in (each if isinstance(each, tuple) else (each,))]
+        known[node] = 1 + sum(_check_aliases(part, known) for part in parts)
+        if known[node] > _MOST_VALUES:
+            raise ValueError(
+                f"its aliases stand for at least {known[node]:,} values, but at most {_MOST_VALUES:,} are read; "
+                "write the values down"
+            )
+    return known[node]
 
 
 def _distortion(lens: Intrinsics) -> tuple[str, tuple[float, ...]]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from dextera_build.artifacts.base import Array, Artifact
+
+TEXTURES = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")
+"""Formats of pictures that surfaces have; Pillow knows others, some of which run programs."""
 
 
 class Image(Artifact):
@@ -83,3 +86,33 @@ def png(pixels: np.ndarray) -> bytes:
     # Level 4 of zlib makes photographs and renders as small as the default 6 and takes a third of its time.
     Pillow.fromarray(np.ascontiguousarray(pixels)).save(buffer, format="PNG", compress_level=4)
     return buffer.getvalue()
+
+
+def opened(data: bytes, name: str) -> Any:
+    """The `PIL.Image` in the bytes of a texture that is called `name`; `rgb` decodes it.
+
+    Raises:
+        ValueError: It is in none of the formats of `TEXTURES`, or too large.
+    """
+    from PIL import Image as Pillow
+
+    try:
+        return Pillow.open(io.BytesIO(data), formats=TEXTURES)
+    except Pillow.DecompressionBombError as error:
+        raise ValueError(f"the picture `{name}` is too large: {error}") from None
+    except (OSError, SyntaxError, ValueError):
+        raise ValueError(f"the picture `{name}` is none of {', '.join(TEXTURES)}, or damaged") from None
+
+
+def rgb(picture: Any) -> np.ndarray:
+    """Pixels (H, W, 3) uint8 of a `PIL.Image`.
+
+    Raises:
+        ValueError: It is damaged, or in none of the formats of `TEXTURES`.
+    """
+    if picture.format not in (None, *TEXTURES):  # None once it was converted
+        raise ValueError(f"a picture is in the format {picture.format}; {', '.join(TEXTURES)} are read")
+    try:
+        return np.asarray(picture.convert("RGB"))
+    except (OSError, SyntaxError, ValueError) as error:
+        raise ValueError(f"a picture cannot be read: {error}") from None

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from dextera_build.artifacts import mesh_usd
+from dextera_build.artifacts import gltf, mesh_bounds, mesh_usd, named_files
 from dextera_build.artifacts.formats import suffix_among, unreadable
 from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.image import Image, opened, rgb
+from dextera_build.errors import listing
 from dextera_build.geometry.baking import Part, joined
 from dextera_build.geometry.colour import to_linear, to_srgb
 
@@ -27,9 +28,17 @@ _UP = {
     "z": np.eye(3),
 }
 """Axis that is up in a file -> rotation to z up."""
+_MAP_OPTIONS = re.compile(r"^(?:-(?:[ost](?:\s+[-+.\deE]+){1,3}|mm\s+\S+\s+\S+|[a-zA-Z]+\s+\S+)\s+)+")
+"""Options of a `map_Kd` before the name of the picture."""
 
 
-def load(path: str | Path, *, metres_per_unit: float = 1.0, up: Literal["x", "y", "z"] | None = None) -> Mesh:
+def load(
+    path: str | Path,
+    *,
+    metres_per_unit: float = 1.0,
+    up: Literal["x", "y", "z"] | None = None,
+    within: str | Path | None = None,
+) -> Mesh:
     """Read all triangles of a file as one mesh with one texture.
 
     Several materials become one texture, colours of vertices or faces too. Normals, opacity and maps other than the
@@ -39,11 +48,14 @@ def load(path: str | Path, *, metres_per_unit: float = 1.0, up: Literal["x", "y"
         path: One of `LOADS`; files that it names are found beside it.
         metres_per_unit: Length of a unit of the file [m]; for USD of a metre, because a stage says its unit.
         up: Axis of the file that points up; None: y for GLB, for USD as the stage says, z for the others.
+        within: Folder that holds all files that it names; None: its own folder.
 
     Raises:
-        ArtifactError: The file, or one that it names, is missing or damaged, or it holds no triangles.
+        ArtifactError: The file, or one that it names, is missing, damaged or outside of `within`, or it holds no
+            triangles or more than `bounds.MOST_TRIANGLES`.
     """
     path = Path(path)
+    folder = path.parent if within is None else Path(within)
     suffix = suffix_among(Mesh.name(), path, LOADS)
     form = "USD" if suffix in _USD else suffix[1:].upper()
     if not path.is_file():
@@ -51,11 +63,11 @@ def load(path: str | Path, *, metres_per_unit: float = 1.0, up: Literal["x", "y"
     axis: str
     try:
         if suffix in _USD:
-            parts, unit, axis = mesh_usd.parts(path)
+            parts, unit, axis = mesh_usd.parts(path, folder)
             metres_per_unit *= unit
         else:
-            parts, axis = list(_parts(path, suffix)), "y" if suffix == ".glb" else "z"
-        whole = joined(parts)
+            parts, axis = _parts(path, suffix, folder), "y" if suffix == ".glb" else "z"
+        whole = joined(list(mesh_bounds.few(parts, path)))
     except ValueError as error:
         raise unreadable(path, form, error) from None
     if not len(whole.faces):
@@ -145,16 +157,20 @@ def _merged(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return rows[first[order]], rank[index.reshape(-1)]
 
 
-def _parts(path: Path, suffix: str) -> Iterator[Part]:
+def _parts(path: Path, suffix: str, folder: Path) -> Iterator[Part]:
     """Every mesh of a file that trimesh reads, placed in the scene."""
     import trimesh
 
     if suffix == ".obj":
-        _check_materials(path)
+        _check_libraries(path)
+    beside = _Beside(path, folder, gltf.check(path) if suffix == ".glb" else ())
     try:
-        scene = trimesh.load_scene(path, process=False)
+        with path.open("rb") as file:
+            scene = trimesh.load_scene(file, file_type=suffix[1:], resolver=beside, process=False)
     except Exception as error:  # its parsers raise whatever a damaged file leads them to
-        raise ValueError(str(error) or type(error).__name__) from None
+        raise beside.fault or ValueError(str(error) or type(error).__name__) from None
+    if beside.fault is not None:
+        raise beside.fault
     for node in sorted(scene.graph.nodes_geometry):
         placed, name = scene.graph[node]
         made = scene.geometry[name]
@@ -189,20 +205,45 @@ def _material(material: Any) -> tuple[np.ndarray | None, tuple[float, float, flo
     red, green, blue = to_srgb(factor).tolist()
     if image is None:
         return None, (red, green, blue)
-    pixels = np.asarray(image.convert("RGB"))
+    pixels = rgb(image)
     if type(material).__name__ == "PBRMaterial" and material.baseColorTexture is not None and (factor != 1).any():
         pixels = np.round(255 * to_srgb(to_linear(pixels / 255.0) * factor)).astype(np.uint8)
     return pixels, (red, green, blue)
 
 
-def _check_materials(path: Path) -> None:
-    """Refuse an OBJ whose materials or pictures are missing: its parser would leave out the colours without a word."""
-    text = path.read_text("utf-8", errors="replace")
-    for name in re.findall(r"^mtllib[ \t]+(.+?)\s*$", text, re.MULTILINE):
-        library = path.parent / name
-        if not library.is_file():
-            raise ValueError(f"`{name}`, which it names, is missing")
-        pictures = re.findall(r"^\s*map_Kd[ \t]+(?:-\S+[ \t]+\S+[ \t]+)*(.+?)\s*$", library.read_text(), re.MULTILINE)
-        for picture in pictures:
-            if not (library.parent / picture.replace("\\", "/")).is_file():
-                raise ValueError(f"`{picture}`, which `{name}` names, is missing")
+class _Beside:
+    """Files that a mesh names, for trimesh, which leaves out without a word what it does not get.
+
+    Args:
+        path: The mesh.
+        folder: Folder that holds all files.
+        buffers: Names that are no pictures.
+    """
+
+    def __init__(self, path: Path, folder: Path, buffers: Collection[str]) -> None:
+        self._names_by, self._folder, self._buffers = path, folder, buffers
+        self.fault: ValueError | None = None
+        """The first file that could not be supplied."""
+
+    def get(self, name: str) -> bytes:
+        """Content of a file; pictures are relative to the material library that names them."""
+        try:
+            place = named_files.found(_MAP_OPTIONS.sub("", name.strip()), self._names_by, self._folder)
+            data = place.read_bytes()
+            if place.suffix.lower() == ".mtl":
+                self._names_by = place
+            elif name not in self._buffers:
+                opened(data, name)
+        except ValueError as error:
+            self.fault = self.fault or error
+            raise
+        return data
+
+    __getitem__ = get
+
+
+def _check_libraries(path: Path) -> None:
+    """Refuse an OBJ with several material libraries, of which its parser would read the first alone."""
+    names = set(re.findall(r"^mtllib[ \t]+(.+?)\s*$", path.read_text("utf-8", errors="replace"), re.MULTILINE))
+    if len(names) > 1:
+        raise ValueError(f"it names {len(names)} material libraries, and one is read: {listing(names)}")

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts import named_files, stage_files
 from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import png
+from dextera_build.artifacts.image import opened, png, rgb
 from dextera_build.geometry import transforms
 from dextera_build.geometry.baking import Part
 from dextera_build.geometry.colour import to_linear, to_srgb
@@ -96,29 +96,35 @@ def write(mesh: Mesh, path: Path) -> list[Path]:
     return written
 
 
-def parts(path: Path) -> tuple[list[Part], float, str]:
+def parts(path: Path, folder: Path) -> tuple[Iterator[Part], float, str]:
     """Every mesh of a stage in stage coordinates, as triangles; metres per unit; the axis that is up, `y` or `z`.
 
+    Args:
+        path: The file.
+        folder: Folder that holds all layers and textures that it names.
+
     Raises:
-        ValueError: The file is no stage, a face has fewer than three corners, or a texture is missing.
+        ValueError: The file is no stage, a face has fewer than three corners, or a layer or texture is missing.
+        ArtifactError: It has too many prims.
     """
-    from pxr import Tf, Usd, UsdGeom
+    from pxr import UsdGeom
 
-    try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        raise ValueError(str(error).strip().splitlines()[-1]) from None
+    stage = stage_files.opened(path, folder)
+    unit, up = UsdGeom.GetStageMetersPerUnit(stage), str(UsdGeom.GetStageUpAxis(stage)).lower()
+    return _every(stage, path, folder), unit, up
+
+
+def _every(stage: Any, path: Path, folder: Path) -> Iterator[Part]:
+    from pxr import Usd, UsdGeom
+
     cache = UsdGeom.XformCache()
-    found = [
-        part
-        for prim in stage.Traverse(Usd.TraverseInstanceProxies())
-        if prim.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(prim).ComputePurpose() != UsdGeom.Tokens.guide
-        for part in _parts(UsdGeom.Mesh(prim), np.array(cache.GetLocalToWorldTransform(prim)).T)
-    ]
-    return found, UsdGeom.GetStageMetersPerUnit(stage), str(UsdGeom.GetStageUpAxis(stage)).lower()
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+        if prim.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(prim).ComputePurpose() != UsdGeom.Tokens.guide:
+            placed = np.array(cache.GetLocalToWorldTransform(prim)).T
+            yield from _parts(UsdGeom.Mesh(prim), placed, path, folder)
 
 
-def _parts(mesh: Any, placed: np.ndarray) -> Iterator[Part]:
+def _parts(mesh: Any, placed: np.ndarray, path: Path, folder: Path) -> Iterator[Part]:
     """One part per material: that of the whole mesh, or of each subset of its faces."""
     from pxr import UsdGeom, UsdShade
 
@@ -141,7 +147,7 @@ def _parts(mesh: Any, placed: np.ndarray) -> Iterator[Part]:
         rest &= ~chosen
     for chosen, prim in [*groups, (rest, mesh.GetPrim())]:
         if chosen.any():
-            colour, picture = _look(prim)
+            colour, picture = _look(prim, path, folder)
             of = corners[chosen]
             yield Part(
                 vertices,
@@ -182,7 +188,7 @@ def _primvar(mesh: Any, names: tuple[str, ...], index: np.ndarray) -> np.ndarray
     return None
 
 
-def _look(prim: Any) -> tuple[tuple[float, float, float] | None, np.ndarray | None]:
+def _look(prim: Any, path: Path, folder: Path) -> tuple[tuple[float, float, float] | None, np.ndarray | None]:
     """Colour (sRGB) and picture of the material bound to a prim, None if it has none."""
     from pxr import UsdShade
 
@@ -194,18 +200,19 @@ def _look(prim: Any) -> tuple[tuple[float, float, float] | None, np.ndarray | No
     for attribute in source.GetValueProducingAttributes():
         of = UsdShade.Shader(attribute.GetPrim())
         if of.GetIdAttr().Get() == "UsdUVTexture" and of.GetInput("file"):
-            return None, _picture(of.GetInput("file").Get())
+            return None, _picture(of.GetInput("file").Get(), path, folder)
     value = source.Get()
     red, green, blue = to_srgb(np.array(value if value is not None else (0.18, 0.18, 0.18), np.float64)).tolist()
     return (red, green, blue), None
 
 
-def _picture(asset: Any) -> np.ndarray:
+def _picture(asset: Any, path: Path, folder: Path) -> np.ndarray:
     """Pixels of a texture, also of one inside a `.usdz`."""
-    from PIL import Image
     from pxr import Ar
 
-    opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(asset.resolvedPath)) if asset.resolvedPath else None
-    if opened is None:
+    if asset.resolvedPath:
+        named_files.found(stage_files.outer(asset.resolvedPath), path, folder)
+    found = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(asset.resolvedPath)) if asset.resolvedPath else None
+    if found is None:
         raise ValueError(f"the texture `{asset.path}` is missing")
-    return np.asarray(Image.open(BytesIO(bytes(opened.GetBuffer())), formats=("PNG", "JPEG")).convert("RGB"))
+    return rgb(opened(bytes(found.GetBuffer()), asset.path))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts import stage_files
 from dextera_build.artifacts.formats import suffix_among, unreadable
 from dextera_build.artifacts.splats import Splats
 from dextera_build.geometry import transforms
@@ -60,13 +61,13 @@ def load(path: str | Path, *, frame: str | None = None) -> Splats:
     Raises:
         ArtifactError: It is no USD, or does not hold exactly one such prim with arrays of equal length.
     """
-    from pxr import Tf, Usd, UsdGeom, UsdVol
+    from pxr import Usd, UsdGeom, UsdVol
 
     suffix_among(Splats.name(), Path(path), (".usda", ".usdc", ".usd", ".usdz"))
     try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        raise unreadable(path, "USD", str(error).strip().splitlines()[-1]) from None
+        stage = stage_files.opened(Path(path), Path(path).parent)
+    except ValueError as error:
+        raise unreadable(path, "USD", error) from None
     fields = [prim for prim in stage.Traverse() if prim.IsA(UsdVol.ParticleField3DGaussianSplat)]
     if len(fields) != 1:
         raise unreadable(path, "USD of 3D Gaussians", f"it holds {len(fields)} prims `ParticleField3DGaussianSplat`")

@@ -99,11 +99,11 @@ class StatCache:
         return None
 
     def _read(self, path: str, state: os.stat_result) -> tuple[str, int]:
-        if not stat.S_ISREG(state.st_mode):
+        if not stat.S_ISREG(state.st_mode) or (state.st_size == 0 and _is_made_up(path)):
             raise RecipeError(
                 f"`{path}` is neither a file nor a folder",
                 code="DXB-R303",
-                hint="name a file or a folder, or take it out of the folder",
+                hint="name a file or a folder, or take it out of the folder; copy a file of `/proc`",
             )
         for _ in range(_TRIES):
             before, now = signature.of(state), time.time_ns()
@@ -167,6 +167,22 @@ def _stat(path: str) -> os.stat_result:
         raise _unreadable(path, error) from None
     _check_name(path)
     return state
+
+
+def _is_made_up(path: str) -> bool:
+    """Whether a file without a size has content or waits for some, as those of `/proc` that the system makes up."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError as error:
+        raise _unreadable(path, error) from None
+    try:
+        return bool(os.read(descriptor, 1)) and os.fstat(descriptor).st_size == 0
+    except BlockingIOError:
+        return True
+    except OSError as error:
+        raise _unreadable(path, error) from None
+    finally:
+        os.close(descriptor)
 
 
 def listed(folder: str) -> list[os.DirEntry[str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import resource
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from dextera_build.rule import Context, Options, rule
 FORMS = {b"#ROSBAG V2.0": "bag.bag", b"SQLite format 3\x00": "bag.db3", b"\x89MCAP0\r\n": "bag.mcap"}
 """First bytes of a file -> name by which the reader knows its format."""
 KINDS = (*JOINTS, *POSES, *PICTURES, *LENSES, *TRANSFORMS, "std_msgs/msg/Float32", "std_msgs/msg/Float64")
+MOST_BYTES = 4 << 30
+"""Most memory that reading takes; a chunk that is packed with bzip2 can be a millionth of its size."""
 DISTRIBUTION = "ros2_humble"
 """Whose message definitions the recording has; a bag without any, as SQLite before ROS 2 Iron, is read by them."""
 
@@ -52,6 +55,8 @@ def _placed(ctx: Context, file: File | Folder) -> Path:
                 here=listing(file.files),
                 hint="copy the whole folder that `ros2 bag record` wrote, or `ros2 bag reindex` it",
             )
+        if b"<<" in metadata.read_bytes():
+            ctx.fail("`metadata.yaml` merges mappings (`<<`), which no recorder writes", hint="write the values down")
         return metadata.parent
     with file.open() as stream:
         begins = stream.read(16)
@@ -124,15 +129,30 @@ def _store() -> Any:
 
 @contextlib.contextmanager
 def _reading(ctx: Context) -> Iterator[None]:
-    """Turn what the reader raises on damaged bags, of whatever kind, into one error."""
+    """Turn what the reader raises on damaged bags, of whatever kind, into one error.
+
+    The reader unpacks chunks whole, whatever their size, so the memory is limited meanwhile.
+    """
+    before = resource.getrlimit(resource.RLIMIT_DATA)
+    known = [each for each in before if each != resource.RLIM_INFINITY]
+    taken = 1024 * int(Path("/proc/self/status").read_text().partition("VmData:")[2].split()[0])
+    resource.setrlimit(resource.RLIMIT_DATA, (min([taken + MOST_BYTES, *known]), before[1]))
     try:
         yield
     except RuleError:
         raise
     except Exception as error:
+        if isinstance(error, MemoryError) or isinstance(error.__cause__, MemoryError):
+            ctx.fail(
+                "the bag unpacks to more than fits in memory",
+                most=f"{MOST_BYTES / 2**30:g} GiB at once",
+                hint="write it with smaller chunks, or without compression",
+            )
         ctx.fail(
             "the bag cannot be read",
             reader=str(error) or type(error).__name__,
             hint="`ros2 bag info BAG` or `rosbag info BAG` says what is wrong; `ros2 bag reindex` and `rosbag reindex` "
             "repair a bag that was not closed",
         )
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, before)

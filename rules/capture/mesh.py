@@ -14,6 +14,9 @@ from dextera_build.artifacts.mesh_repair import repaired
 from dextera_build.geometry.thumbnail import thumbnail
 from dextera_build.rule import Context, Options, rule
 
+FOLDER = "mesh"
+"""Folder of the scratch space that holds the input, and nothing else."""
+
 
 class MeshOptions(Options):
     """Options of capture.mesh."""
@@ -34,10 +37,11 @@ class MeshOptions(Options):
 def mesh(ctx: Context, file: File | Folder, *, options: MeshOptions) -> Mesh:
     """Return all triangles of a file as one mesh with one texture, z up, in metres.
 
-    A folder brings materials and textures of OBJ and USD, which lie beside the mesh.
+    A folder brings materials, textures and layers that the mesh names; whatever lies outside of it is not read.
     """
     up = None if options.up == "file" else options.up
-    made = mesh_files.load(_placed(ctx, file, options), metres_per_unit=options.unit_m, up=up)
+    path = _placed(ctx, file, options)
+    made = mesh_files.load(path, metres_per_unit=options.unit_m, up=up, within=ctx.scratch / FOLDER)
     said = ", ".join(made.facts())
     if options.repair:
         made, report = repaired(made)
@@ -58,7 +62,7 @@ def mesh(ctx: Context, file: File | Folder, *, options: MeshOptions) -> Mesh:
 def _placed(ctx: Context, file: File | Folder, options: MeshOptions) -> Path:
     """The mesh as a file, with the files beside it that it names."""
     if isinstance(file, File):
-        path = ctx.scratch / f"mesh.{options.form}"
+        path = ctx.scratch / FOLDER / f"mesh.{options.form}"
         file.place(path)
         return path
     meshes = sorted(name for name in file.files if Path(name).suffix.lower() in mesh_files.LOADS)
@@ -69,5 +73,5 @@ def _placed(ctx: Context, file: File | Folder, options: MeshOptions) -> Path:
             meshes=", ".join(meshes) or "none",
             hint="name one of them in `path`",
         )
-    file.export(ctx.scratch / "mesh", "mesh")
-    return ctx.scratch / "mesh" / chosen[0]
+    file.export(ctx.scratch / FOLDER, "mesh")
+    return ctx.scratch / FOLDER / chosen[0]

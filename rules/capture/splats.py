@@ -23,7 +23,7 @@ class SplatsOptions(Options):
 @rule(version=1, packages=("numpy", "usd-core"))
 def splats(ctx: Context, file: File, *, options: SplatsOptions) -> Splats:
     """Return the Gaussians of a file, in the frame and unit of a PLY; a USD is turned to z up and metres."""
-    path = ctx.scratch / f"splats.{options.form}"
+    path = ctx.scratch / "splats" / f"splats.{options.form}"  # alone: it names no other file
     file.place(path)
     load = Splats.load if options.form == "ply" else splats_usd.load
     made = load(path, frame=options.frame or None)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import posixpath
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,13 +49,12 @@ def licences(files: Folder, parts: Iterable[PartOptions]) -> dict[str, bytes]:
     return found
 
 
-def part(ctx: Context, files: Folder, place: Path, options: PartOptions, number: int) -> Placed:
+def part(ctx: Context, files: Folder, options: PartOptions, number: int) -> Placed:
     """Read the file of a part.
 
     Args:
         ctx: Context for errors.
         files: All files.
-        place: Folder in which they lie.
         options: Of the part.
         number: Of the part; the first is on the world.
     """
@@ -73,7 +71,7 @@ def part(ctx: Context, files: Folder, place: Path, options: PartOptions, number:
     begins = files.files[path][:4096]
     robot = b"<robot" in begins or path.endswith(".urdf")
     whole = options.root == WORLD
-    source = urdf.read(path, files.files) if robot else mjcf.read(path, files.files, place, whole)
+    source = urdf.read(path, files.files) if robot else mjcf.read(path, files.files, whole)
     roots = [body.name for body in source.spec.worldbody.bodies]
     root = mjcf.WHOLE if whole and not robot else options.root
     if root and source.spec.body(root) is None:
@@ -158,7 +156,9 @@ class Places:
     """
 
     def __init__(self, part: Placed) -> None:
-        self._model = part.source.spec.compile()
+        from dextera_build.sim.model.imported.assembly import compiled
+
+        self._model = compiled(part.source.spec)
         self.bodies = [body.name for body in below(part.source.spec.body(part.root))]
         self.joints = [joint.name for joint in moving(part)]
         self._root = part.root

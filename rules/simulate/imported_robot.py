@@ -35,11 +35,7 @@ def imported_robot(ctx: Context, files: Folder, *, options: ImportedRobotOptions
     if not options.parts:
         here = listing(imported_parts.descriptions(files)) or "none"
         ctx.fail("no file is named", here=here, hint="`parts: [{file: robot.urdf}]`")
-    place = ctx.scratch / "files"
-    for path, data in files.files.items():
-        (place / path).parent.mkdir(parents=True, exist_ok=True)
-        (place / path).write_bytes(data)
-    parts = [imported_parts.part(ctx, files, place, part, number) for number, part in enumerate(options.parts)]
+    parts = [imported_parts.part(ctx, files, part, number) for number, part in enumerate(options.parts)]
     imported_parts.check_names(ctx, parts)
     sites, wanted = imported_parts.sites(parts), [imported_parts.Places(part) for part in parts]
     spec = assembly.attached(parts, options.name)

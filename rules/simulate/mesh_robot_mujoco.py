@@ -11,7 +11,8 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError, listing
 from dextera_build.rule import Backend, Context, Options
-from dextera_build.sim.model import published
+from dextera_build.sim.model import own_files, published
+from dextera_build.sim.model.imported import flat
 from dextera_build.sim.model.robot_meshes import Part, dressed, misplaced
 from dextera_build.sim.render.portrait import of_robot
 
@@ -53,12 +54,21 @@ def portrait(ctx: Context, robot: RobotModel, options: Options) -> np.ndarray | 
 
 def _part(options: PartOptions, own: Path) -> Part:
     named = options.distribution
-    path = own / options.file if named is None else published.located(named, options.file)
-    if not path.is_file():
+    path = _own(options.file, own) if named is None else published.located(named, options.file)
+    return Part(path, options.root, options.prefix, dict(options.links), options.drawn)
+
+
+def _own(name: str, own: Path) -> Path:
+    """A model of the project, with its includes in place; it names files in `own` alone."""
+    files = {file.relative_to(own).as_posix(): file.read_bytes() for file in sorted(own.rglob("*")) if file.is_file()}
+    if name not in files:
         raise RuleError(
-            f"`own` has no file `{options.file}`",
+            f"`own` has no file `{name}`",
             code="DXB-B213",
-            facts={"files": listing(str(file.relative_to(own)) for file in own.rglob("*.xml"))},
+            facts={"files": listing(file for file in files if file.endswith(".xml"))},
             hint="`own: $NODE`, a call of simulate.mjcf",
         )
-    return Part(path, options.root, options.prefix, dict(options.links), options.drawn)
+    files |= flat.written(name, files)
+    own_files.check(name, files)
+    (own / name).write_bytes(files[name])
+    return own / name

@@ -176,11 +176,22 @@ GOOD = (
 )
 
 
+def tenfold(form: str) -> str:
+    """YAML in which each line stands for ten times the one above."""
+    lines = [form.format(", ".join([f"*a{number - 1}"] * 10)) for number in range(1, 10)]
+    return "a0: &a0 {b: 1}\n" + "".join(f"a{number}: &a{number} {line}\n" for number, line in enumerate(lines, 1))
+
+
 @pytest.mark.parametrize(
     ("name", "text", "why"),
     [
         ("a.yaml", "{", "it is not YAML, line"),
         ("a.yaml", "[1]", "no mapping"),
+        ("a.yaml", "", "no mapping"),
+        ("a.yaml", GOOD + "#" * (1 << 18), "characters, but at most 262,144 are read"),
+        ("a.yaml", tenfold("[{}]") + GOOD, "its aliases stand for at least 311,111 values"),
+        ("a.yaml", tenfold("{{<<: [{}]}}") + GOOD, "but at most 100,000 are read"),
+        ("a.yaml", "a: &a [*a]\n" + GOOD, "its aliases stand for at least 100,001 values"),
         ("a.yaml", GOOD.replace("image_width: 640", ""), "no field `image_width`"),
         ("a.yaml", GOOD.replace("640", "-640"), "width is no positive whole number"),
         ("a.yaml", GOOD.replace("[5, 0", "[5, 1"), "not [fx 0 cx; 0 fy cy; 0 0 1]"),

@@ -250,7 +250,7 @@ def broken(folder: Path, name: str) -> Path:
         ("noise.usda", "USD", ""),
         ("noise.obj", "OBJ", "it holds no triangles"),
         ("points.ply", "PLY", "it holds no triangles"),
-        ("bare.obj", "OBJ", "`a.mtl`, which it names, is missing"),
+        ("bare.obj", "OBJ", "`a.mtl`, which `a.obj` names, is missing"),
         ("blank.obj", "OBJ", "`a.png`, which `a.mtl` names, is missing"),
         ("cut.usda", "USD", "the faces of `/Top/Table` are not whole"),
         ("blank.usda", "USD", "the texture `./a.png` is missing"),

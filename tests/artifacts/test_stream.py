@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import File
-from dextera_build.artifacts.ros import images, messages, reading
+from dextera_build.artifacts.ros import chunks, images, messages, reading
 from dextera_build.artifacts.ros.recording import Recording
 from dextera_build.artifacts.stream import Joints, Pictures, Stream
 from dextera_build.errors import ArtifactError
@@ -137,6 +138,54 @@ def test_a_recording_without_an_index_is_refused(stream: Stream, tmp_path: Path)
     with pytest.raises(ArtifactError, match="has no index") as caught:
         Stream.of(File(data=buffer.getvalue()))
     assert caught.value.code == "DXB-A516"
+
+
+def packed(path: Path, count: int, times: int, chunk: int = 1 << 20, **more: Any) -> Path:
+    """A recording of `count` messages of a megabyte of zeros, each of them at one of `times` times."""
+    from mcap.writer import CompressionType, Writer
+
+    writer = Writer(str(path), chunk_size=chunk, compression=CompressionType.ZSTD, **more)
+    writer.start()
+    channel = writer.register_channel("/a", "json", writer.register_schema("A", "jsonschema", b"{}"))
+    for number in range(count):
+        writer.add_message(channel, number % times, bytes(1 << 20), 0)
+    writer.finish()  # type: ignore[no-untyped-call]
+    return path
+
+
+@pytest.mark.parametrize(("times", "chunk"), [(1, 1 << 20), (6, 1 << 30)], ids=["chunks at once", "one chunk"])
+def test_a_small_recording_that_would_fill_the_memory_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int, chunk: int
+) -> None:
+    monkeypatch.setattr(chunks, "MOST_BYTES", 5 << 20)
+    assert Stream.load(packed(tmp_path / "long.mcap", 6, 6)).channels[0].count == 6
+    with pytest.raises(ArtifactError, match=r"`a\.mcap` holds too many bytes at the same time") as caught:
+        Stream.load(packed(tmp_path / "a.mcap", 6, times, chunk))
+    assert (caught.value.code, caught.value.facts["most"]) == ("DXB-A407", "5,242,880")
+
+
+def test_chunks_that_are_larger_than_the_index_says_are_refused(tmp_path: Path) -> None:
+    path = packed(tmp_path / "a.mcap", 6, 6, 1 << 30)
+    data = path.read_bytes()
+    size, small = data[data.index(b"zstd") - 16 :][:8], (1000).to_bytes(8, "little")
+    assert data.count(size) == 2
+    first, last = data.index(size), data.rindex(size)
+    for places in ((last,), (first, last)):  # in the index, and in the chunk, too
+        changed = bytearray(data)
+        for place in places:
+            changed[place : place + 8] = small
+        path.write_bytes(changed)
+        with pytest.raises(ArtifactError) as caught:
+            Stream.load(path)
+        assert "a chunk is larger than the index says" in caught.value.facts["why"]
+
+
+def test_chunks_without_an_index_are_refused(tmp_path: Path) -> None:
+    from mcap.writer import IndexType
+
+    with pytest.raises(ArtifactError) as caught:
+        Stream.load(packed(tmp_path / "a.mcap", 6, 6, index_types=IndexType.NONE))
+    assert "it has no index of its chunks" in caught.value.facts["why"]
 
 
 def test_a_damaged_chunk_is_reported(stream: Stream, tmp_path: Path) -> None:

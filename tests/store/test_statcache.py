@@ -190,6 +190,15 @@ def test_what_is_no_file_is_refused(store: Store, folder: Path) -> None:
     assert refused(store, folder / "pipe").code == "DXB-R303"
 
 
+def test_a_file_that_the_system_makes_up_is_refused(store: Store, folder: Path) -> None:
+    """Reading one may wait for ever, `/proc/kmsg` for example, and no stamp says that it changed."""
+    (folder / "version").symlink_to("/proc/version")
+    assert refused(store, folder).message == f"`{folder}/version` is neither a file nor a folder"
+    (folder / "version").unlink()
+    (folder / "empty").touch()
+    assert File.decode(store.leaves.digest_leaf(folder / "empty"), store.blobs.get).data == b""
+
+
 def test_an_unreadable_file_is_named(store: Store, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def deny(self: Blobs, path: Path) -> Any:
         raise PermissionError(13, "Permission denied")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from dextera_build.artifacts.formats import unreadable
-from dextera_build.artifacts.ros import foxglove
+from dextera_build.artifacts.ros import chunks, foxglove
 from dextera_build.errors import ArtifactError
 
 SECOND = 1_000_000_000
@@ -49,7 +49,7 @@ def index(stream: IO[bytes], name: str) -> tuple[list[Found], int, int]:
     """Channels by topic, and the times of the first and the last message [ns], from the index at the end of a file.
 
     Raises:
-        ArtifactError: It is no MCAP file, or has no index.
+        ArtifactError: It is no MCAP file, has no index, or its chunks are too large.
     """
     from mcap.reader import SeekingReader
 
@@ -61,6 +61,8 @@ def index(stream: IO[bytes], name: str) -> tuple[list[Found], int, int]:
             code="DXB-A516",
             hint="`mcap recover FILE -o FIXED`",
         )
+    with damage(name):
+        chunks.check(stream, name, summary.chunk_indexes)
     statistics, kinds = summary.statistics, {key: schema.name for key, schema in summary.schemas.items()}
     found = [
         Found(

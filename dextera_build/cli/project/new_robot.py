@@ -56,10 +56,10 @@ def _read(file: Path, project: Project) -> tuple[Path, Source, str]:
         path = str(file.relative_to(folder))
         files = _Lazy(folder)
         try:
-            source = urdf.read(path, files) if robot else mjcf.read(path, files, folder)
+            source = urdf.read(path, files) if robot else mjcf.read(path, files)
             roots = [body.name for body in source.spec.worldbody.bodies]
             if len(roots) > 1:
-                return folder, mjcf.read(path, files, folder, whole=True), mjcf.WHOLE
+                return folder, mjcf.read(path, files, whole=True), mjcf.WHOLE
             return folder, source, roots[0]
         except RuleError as error:
             wrong = wrong or error

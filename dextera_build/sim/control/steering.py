@@ -14,6 +14,7 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.geometry import quaternions
 from dextera_build.learning.ppo import flat, raw
 from dextera_build.policy.features import Fields
+from dextera_build.sim.model import robot as robots
 
 ITERATIONS = 3
 """Newton steps towards a pose of the palm, which is near."""
@@ -102,8 +103,7 @@ class _Palm:
     def __init__(
         self, robot: RobotModel, limb: str, names: tuple[str, ...], home: np.ndarray, turn: np.ndarray
     ) -> None:
-        files = {name: data for name, data in robot.model.files.items() if name != "robot.xml"}
-        self._model = mujoco.MjModel.from_xml_string(robot.model.files["robot.xml"].decode(), files)
+        self._model = robots.load(robot.model).compile()
         self._data = mujoco.MjData(self._model)
         own = robot.limbs[limb]
         self._site = self._model.site(robot.frames[own.palm]).id

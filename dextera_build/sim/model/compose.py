@@ -11,6 +11,7 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions
+from dextera_build.sim.model import own_files
 
 ROBOT = "robot/"
 """Prefix of the robot's names in a task's model."""
@@ -79,9 +80,14 @@ def with_robot(
 
 
 def load(model: Folder, main: str) -> Any:
-    """The `mujoco.MjSpec` of the file `main` of a folder, with all other files as assets."""
+    """The `mujoco.MjSpec` of the file `main` of a folder, with all other files as assets.
+
+    Raises:
+        RuleError: It names a file that the folder does not hold.
+    """
     import mujoco
 
+    own_files.check(main, model.files)
     files = {name: data for name, data in model.files.items() if name != main}
     return mujoco.MjSpec.from_string(model.files[main].decode(), assets=files)
 

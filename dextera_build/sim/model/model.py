@@ -6,13 +6,14 @@ from typing import Any
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.errors import RuleError
+from dextera_build.sim.model import own_files
 
 
 def compile_folder(model: Folder) -> Any:
     """The `mujoco.MjModel` of a folder with `scene.xml` and its files.
 
     Raises:
-        RuleError: `scene.xml` is missing, or MuJoCo rejects it.
+        RuleError: `scene.xml` is missing, names a file that the folder does not hold, or MuJoCo rejects it.
     """
     import mujoco
 
@@ -20,6 +21,7 @@ def compile_folder(model: Folder) -> Any:
     mujoco.set_mju_user_warning(lambda message: None)
     if "scene.xml" not in model.files:
         raise RuleError("the folder holds no `scene.xml`", code="DXB-B210", facts={"files": len(model.files)})
+    own_files.check("scene.xml", model.files)
     others = {name: data for name, data in model.files.items() if name != "scene.xml"}
     try:
         return mujoco.MjModel.from_xml_string(model.files["scene.xml"].decode(), others)

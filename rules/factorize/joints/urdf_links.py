@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from dextera_build.artifacts import named_files, xml_text
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.mesh_files import load
@@ -34,10 +35,10 @@ def read(path: Path) -> tuple[dict[str, Link], tuple[Joint, ...]]:
         ArtifactError: A mesh cannot be read.
     """
     try:
-        root = ElementTree.parse(path).getroot()
-    except ElementTree.ParseError as error:
+        root = xml_text.parsed(path.read_bytes())
+    except ValueError as error:
         raise ValueError(f"it is no XML: {error}") from None
-    meshes = {_text(node, "name"): list(_visuals(node, path.parent)) for node in root.iter("link")}
+    meshes = {_text(node, "name"): list(_visuals(node, path)) for node in root.iter("link")}
     if not meshes:
         raise ValueError("it has no links")
     joints = [node for node in root.findall("joint") if _text(node, "type") != "fixed"]
@@ -59,12 +60,13 @@ def read(path: Path) -> tuple[dict[str, Link], tuple[Joint, ...]]:
     return links, tuple(_joint(node, poses, owner) for node in joints)
 
 
-def _visuals(link: Node, folder: Path) -> Iterator[tuple[np.ndarray, Mesh]]:
+def _visuals(link: Node, path: Path) -> Iterator[tuple[np.ndarray, Mesh]]:
     for visual in link.findall("visual"):
         node = visual.find("geometry/mesh")
         if node is not None:
             scale = _numbers(node.get("scale"), (1.0, 1.0, 1.0))
-            yield _origin(visual) @ np.diag([*scale, 1.0]), load(folder / _text(node, "filename"))
+            mesh = named_files.found(_text(node, "filename"), path, path.parent)
+            yield _origin(visual) @ np.diag([*scale, 1.0]), load(mesh, within=path.parent)
 
 
 def _poses(root: Node, names: list[str]) -> dict[str, np.ndarray]:

@@ -26,6 +26,8 @@ class Bag:
 
         self._path, self._sqlite, self._one = path, sqlite, path.suffix == ".bag"
         self._store = get_typestore(Stores.ROS1_NOETIC if self._one else Stores.ROS2_HUMBLE)
+        self.packed: Any = None
+        """Compression of the chunks of a bag of ROS 1."""
         self._messages: list[tuple[int, str, str, Any]] = []
 
     def joints(self, topic: str, joints: Joints) -> Bag:
@@ -87,7 +89,10 @@ class Bag:
         from rosbags import rosbag1, rosbag2
 
         if self._one:
-            return rosbag1.Writer(self._path)
+            writer = rosbag1.Writer(self._path)
+            if self.packed:
+                writer.set_compression(self.packed)
+            return writer
         plugin = rosbag2.StoragePlugin.SQLITE3 if self._sqlite else rosbag2.StoragePlugin.MCAP
         return rosbag2.Writer(self._path, version=9, storage_plugin=plugin)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,31 @@ def test_a_bag_that_is_cut_short_is_refused(form, tmp_path):
         "the bag cannot be read",
         "the bag has no joint states, poses or pictures",
     )
+
+
+def test_a_small_bag_that_would_fill_the_memory_is_refused(tmp_path):
+    from rosbags.rosbag1 import Writer
+
+    large = Bag(tmp_path / "a.bag").pictures(COLOUR, {START: np.zeros((8_000, 8_000, 3), np.uint8)})
+    large.packed = Writer.CompressionFormat.LZ4
+    file = File(data=large.write().read_bytes())
+    assert len(file.data) < 1_000_000
+    before = resource.getrlimit(resource.RLIMIT_DATA)
+    taken = 1024 * int(Path("/proc/self/status").read_text().partition("VmData:")[2].split()[0])
+    resource.setrlimit(resource.RLIMIT_DATA, (taken + 128_000_000, before[1]))
+    try:
+        error = refused(tmp_path, file)
+        assert resource.getrlimit(resource.RLIMIT_DATA)[0] == taken + 128_000_000
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, before)
+    assert error.message == "the bag unpacks to more than fits in memory"
+    assert error.facts["most"] == "4 GiB at once"
+
+
+def test_metadata_without_an_end_is_refused(tmp_path):
+    folder = dict(given("folder mcap", tmp_path).files)
+    folder["metadata.yaml"] += b"a: &a {b: 1}\nc: {<<: [*a, *a]}\n"
+    assert "merges mappings" in refused(tmp_path, Folder(files=folder)).message
 
 
 def test_what_is_no_bag_is_refused(tmp_path):

@@ -285,6 +285,14 @@ def test_each_fault_has_one_error_with_what_exists(tmp_path, options, text, mess
         assert error.facts[fact] not in ("", "none")
 
 
+def test_a_damaged_mesh_is_one_error(tmp_path):
+    text = ARM.replace("cube.stl", "cube.obj")
+    files = {**arm(text).files, "arm_description/meshes/cube.obj": b"v 1 2\nf 1 2 9\n"}
+    error = refused(tmp_path, Folder(files=files), parts=[{"file": URDF}])
+    assert error.message == "the parts do not fit together"
+    assert error.facts["MuJoCo"]
+
+
 def test_a_link_that_moves_needs_a_mass(tmp_path):
     bare = re.sub(r"<inertial><origin xyz=\"0 0 0.08\".*?</inertial>", "", ARM, flags=re.DOTALL)
     light = bare.replace('<mass value="0.1"/>', '<mass value="0"/>')

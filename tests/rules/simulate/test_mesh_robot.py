@@ -80,3 +80,28 @@ def test_a_model_of_the_project_takes_the_place_of_an_installed_one(
     with pytest.raises(RuleError, match=r"`own` has no file `arm/arm\.xml`") as error:
         RuleRunner(tmp_path / "again").run("simulate.mesh_robot", options=options, like=like)
     assert error.value.hint == "`own: $NODE`, a call of simulate.mjcf"
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        b'<asset><mesh name="m" file="%s"/></asset>',
+        b'<include file="%s"/>',
+        b'<asset><model name="m" file="%s"/></asset>',
+    ],
+)
+def test_a_model_of_the_project_names_its_own_files_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, more: bytes
+) -> None:
+    pretend(monkeypatch, tmp_path)
+    outside = tmp_path / "outside.xml"
+    outside.write_text("<mujoco/>")
+    model = MODEL.replace(b"<worldbody>", more % str(outside).encode() + b"<worldbody>")
+    options = {"source": "mine", "parts": ({"file": "arm.xml", "root": "base"},)}
+    with pytest.raises(RuleError, match=r"`.*outside\.xml`, which `arm\.xml` names, is (missing|not in its folder)"):
+        RuleRunner(tmp_path).run(
+            "simulate.mesh_robot",
+            options=options,
+            like=LIKE.model_copy(update={"model": Folder(files={"robot.xml": MODEL})}),
+            own=Folder(files={"arm.xml": model}),
+        )

@@ -115,6 +115,8 @@ def attached(parts: Sequence[Placed], name: str) -> Any:
         for each in [*source.meshes, *source.textures]:
             if each.file:
                 each.file = f"{number}_{each.file}"
+        for each in source.textures:
+            each.cubefiles = [file and f"{number}_{file}" for file in each.cubefiles]
         root = source.body(part.root)
         root.pos, root.quat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
         root.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
@@ -176,18 +178,24 @@ def finished(spec: Any, plan: Plan) -> tuple[Folder, list[tuple[str, str]]]:
     pairs |= {tuple(sorted(pair)) for pair in plan.apart}
     for one, other in sorted(pairs):
         spec.add_exclude(bodyname1=one, bodyname2=other)
-    model = _compiled(spec)
+    model = compiled(spec)
     touching = _touching(model, plan.home)
     for one, other in touching:
         spec.add_exclude(bodyname1=one, bodyname2=other)
-    model = _compiled(spec)
+    model = compiled(spec)
     text = precise(spec.to_xml(), model)
-    used = {each.file for each in [*spec.meshes, *spec.textures] if each.file}
+    used = {each.file for each in [*spec.meshes, *spec.textures]}
+    used |= {file for each in spec.textures for file in each.cubefiles}
     files = {name: data for name, data in spec.assets.items() if name in used}
     return Folder(files={"robot.xml": text.encode(), **files}), touching
 
 
-def _compiled(spec: Any) -> Any:
+def compiled(spec: Any) -> Any:
+    """The `mujoco.MjModel` of a spec.
+
+    Raises:
+        RuleError: MuJoCo does not take it.
+    """
     try:
         return spec.compile()
     except ValueError as error:
@@ -236,7 +244,7 @@ def _set_groups(spec: Any, named: set[str]) -> None:
     A collision geometry is hidden where a visual one covers it. A mesh that extends beyond the visual geometry of its
     link, such as a fingertip, is drawn.
     """
-    model = _compiled(spec)
+    model = compiled(spec)
     for body in spec.bodies[1:]:
         geoms, first = list(body.geoms), int(model.body(body.name).geomadr[0])
         corners = [_corners(model, first + number) for number in range(len(geoms))]

@@ -10,7 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from dextera_build.artifacts import bounds, mesh_bounds, xml_text
 from dextera_build.errors import RuleError
+from dextera_build.geometry.baking import Part, joined
 
 
 def as_obj(path: str, data: bytes) -> bytes:
@@ -18,18 +20,20 @@ def as_obj(path: str, data: bytes) -> bytes:
 
     Raises:
         RuleError: It is no COLLADA file, or has no triangles.
+        ArtifactError: It has too many nodes, triangles or vertices, instances included.
     """
     try:
-        document = _Document(ET.fromstring(data))
-        parts = [(points @ turn[:3, :3].T + turn[:3, 3], faces) for points, faces, turn in document.placed()]
-    except (ET.ParseError, ValueError, KeyError, IndexError) as error:
+        document = _Document(path, xml_text.parsed(data))
+        placed = (Part(points @ turn[:3, :3].T + turn[:3, 3], faces) for points, faces, turn in document.placed())
+        parts = list(mesh_bounds.few(placed, path))
+    except RecursionError:
+        raise _damaged(path, "its nodes are nested too deeply, or refer to one another in a circle") from None
+    except (ValueError, ArithmeticError, LookupError) as error:
         raise _damaged(path, str(error) or type(error).__name__) from None
     if not parts:
         raise _damaged(path, "it has no triangles")
-    starts = np.cumsum([0, *(len(points) for points, _ in parts)])
-    points = np.concatenate([points for points, _ in parts]) * document.metres
-    faces = np.concatenate([faces + start for (_, faces), start in zip(parts, starts, strict=False)])
-    return obj(points, faces)
+    whole = joined(parts)
+    return obj(whole.vertices * document.metres, whole.faces)
 
 
 def obj(points: np.ndarray, faces: np.ndarray) -> bytes:
@@ -52,10 +56,13 @@ class _Document:
     """A parsed file.
 
     Args:
+        path: The file.
         root: Its `COLLADA` element.
     """
 
-    def __init__(self, root: ET.Element) -> None:
+    def __init__(self, path: str, root: ET.Element) -> None:
+        self._path, self._nodes = path, 0
+        self._known: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
         for each in root.iter():
             each.tag = each.tag.rpartition("}")[2]
         self._root = root
@@ -74,12 +81,16 @@ class _Document:
         yield from self._below(top, np.eye(4))
 
     def _below(self, node: ET.Element, parent: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        self._nodes += 1
+        bounds.check(self._path, "nodes", self._nodes, bounds.MOST_PARTS)
         motion = parent
         for each in node:
             motion = motion @ _motion(each)
         for each in node.findall("instance_geometry"):
-            for points, faces in self._triangles(self._ids[each.get("url", "").lstrip("#")]):
-                yield points, faces, motion
+            name = each.get("url", "").lstrip("#")
+            if name not in self._known:
+                self._known[name] = list(self._triangles(self._ids[name]))
+            yield from ((points, faces, motion) for points, faces in self._known[name])
         for each in node.findall("instance_node"):
             yield from self._below(self._ids[each.get("url", "").lstrip("#")], motion)
         for each in node.findall("node"):
@@ -94,7 +105,7 @@ class _Document:
                 continue
             inputs = part.findall("input")
             stride = 1 + max(int(each.get("offset", 0)) for each in inputs)
-            vertex = next(each for each in inputs if each.get("semantic") == "VERTEX")
+            vertex = _input(part, "VERTEX")
             points = self._points(vertex.get("source", ""))
             column = int(vertex.get("offset", 0))
             corners = [np.array((p.text or "").split(), np.int64)[column::stride] for p in part.findall("p")]
@@ -115,12 +126,18 @@ class _Document:
     def _points(self, source: str) -> np.ndarray:
         element = self._ids[source.lstrip("#")]
         if element.tag == "vertices":
-            position = next(each for each in element.findall("input") if each.get("semantic") == "POSITION")
-            element = self._ids[position.get("source", "").lstrip("#")]
+            element = self._ids[_input(element, "POSITION").get("source", "").lstrip("#")]
         numbers = np.array((element.findtext("float_array") or "").split(), np.float64)
         accessor = element.find("technique_common/accessor")
         stride = int(accessor.get("stride", 3)) if accessor is not None else 3
         return numbers.reshape(-1, stride)[:, :3]
+
+
+def _input(element: ET.Element, semantic: str) -> ET.Element:
+    for each in element.findall("input"):
+        if each.get("semantic") == semantic:
+            return each
+    raise ValueError(f"a <{element.tag}> has no input {semantic}")
 
 
 def _motion(element: ET.Element) -> np.ndarray:

@@ -9,11 +9,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from dextera_build.artifacts import bounds
 from dextera_build.errors import RuleError, listing
 from dextera_build.sim.model.imported import collada
 
 MESHES = (".stl", ".obj", ".dae")
 """Forms of meshes that are read."""
+MOST_TEXELS = 1 << 26
+"""Most texels of a texture, and most cells of a height field."""
 
 
 def wrong(message: str, hint: str | None = None, **facts: object) -> RuleError:
@@ -74,6 +77,18 @@ def mesh(path: str, data: bytes) -> tuple[str, bytes]:
     if form == ".obj":
         return f"{stem}.obj", data
     raise wrong(f"`{path}` is not a mesh that can be read", forms=listing(MESHES), hint="export it as one of these")
+
+
+def picture(path: str, data: bytes) -> tuple[str, bytes]:
+    """A texture as MuJoCo reads it: its file's name, and its bytes.
+
+    Raises:
+        ArtifactError: A PNG has more than `MOST_TEXELS`.
+    """
+    if data[:8] == b"\x89PNG\r\n\x1a\n":
+        width, height = int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+        bounds.check(path, "texels", width * height, MOST_TEXELS)
+    return posixpath.basename(path), data
 
 
 def _is_binary(data: bytes) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import posixpath
+import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +13,7 @@ import mujoco
 import numpy as np
 
 from dextera_build.sim.model.imported import files as meshes
+from dextera_build.sim.model.imported import flat
 from dextera_build.sim.model.imported.files import wrong
 from dextera_build.sim.model.imported.precise import precise
 from dextera_build.sim.model.imported.source import Source
@@ -21,24 +23,23 @@ WHOLE = "world_base"
 _MOVING = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 
 
-def read(path: str, files: Mapping[str, bytes], folder: Path, whole: bool = False) -> Source:
-    """Read the MJCF `path`, whose files lie below `folder`.
+def read(path: str, files: Mapping[str, bytes], whole: bool = False) -> Source:
+    """Read the MJCF `path`.
 
     Args:
         path: Of the file.
         files: Path -> content.
-        folder: Where they are on disk.
         whole: Put everything that is fixed to the world into one body, `WHOLE`.
 
     Raises:
         RuleError: MuJoCo does not load it, a mesh is missing, or it holds what no robot has.
     """
-    try:
-        spec = mujoco.MjSpec.from_file(str(folder / path))
-    except ValueError as error:
-        raise wrong(f"`{path}` does not load", MuJoCo=str(error).strip()) from None
+    spec = _loaded(path, files)
     found = Source(spec)
     _name_all(spec)
+    skins = list(spec.skins)
+    for skin in skins:
+        spec.delete(skin)
     _take_files(spec, path, files)
     _fix_bases(spec, found)
     for joint in spec.joints:
@@ -58,14 +59,26 @@ def read(path: str, files: Mapping[str, bytes], folder: Path, whole: bool = Fals
     if model.nkey:
         for number in range(model.njnt):
             found.home[model.joint(number).name] = float(model.key_qpos[0][model.jnt_qposadr[number]])
-    for kind in ("tendons", "flexes", "skins"):
-        count = len(list(getattr(spec, kind)))
+    for kind, count in (("tendons", len(spec.tendons)), ("flexes", len(spec.flexes)), ("skins", len(skins))):
         if count:
             found.dropped.append(f"{count} {kind}")
     # Degrees, Euler angles and defaults of the file are resolved, so that its bodies go with those of other files.
     text = precise(spec.to_xml(), spec.compile())
     found.spec = mujoco.MjSpec.from_string(_only_bodies(text, whole), assets=dict(spec.assets))
     return found
+
+
+def _loaded(path: str, files: Mapping[str, bytes]) -> Any:
+    """The `mujoco.MjSpec` of a file; MuJoCo reads attached models from the disk alone."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in flat.written(path, files).items():
+            place = Path(folder, name)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_bytes(text)
+        try:
+            return mujoco.MjSpec.from_file(str(Path(folder, path)))
+        except ValueError as error:
+            raise wrong(f"`{path}` does not load", MuJoCo=str(error).strip()) from None
 
 
 def _only_bodies(text: str, whole: bool) -> str:
@@ -116,20 +129,26 @@ def _name_all(spec: Any) -> None:
 def _take_files(spec: Any, path: str, files: Mapping[str, bytes]) -> None:
     """Replace file names by names of assets, so that models from different folders can be joined."""
     assets: dict[str, bytes] = {}
-    top = posixpath.dirname(path)
-    for kind, below, elements in (("mesh", spec.meshdir, spec.meshes), ("texture", spec.texturedir, spec.textures)):
-        for number, each in enumerate(elements):
-            if not each.file:
-                continue
-            named = posixpath.basename(each.file) if spec.strippath else each.file
-            found = posixpath.normpath(posixpath.join(top, below, named))
-            if found not in files:
-                found = meshes.found(posixpath.join(below, named), path, files)
-            name, data = (
-                (posixpath.basename(found), files[found]) if kind == "texture" else meshes.mesh(found, files[found])
-            )
-            file = f"{kind}_{number}_{name}"
-            each.file, assets[file] = file, data
+
+    def taken(named: str, below: str, asset: str) -> str:
+        """Name of the asset for a file, which begins with `asset`; empty if no file is named."""
+        if not named:
+            return ""
+        named = posixpath.join(below, posixpath.basename(named) if spec.strippath else named)
+        found = posixpath.normpath(posixpath.join(posixpath.dirname(path), named))
+        if found not in files:
+            found = meshes.found(named, path, files)
+        read = meshes.mesh if asset.startswith("mesh") else meshes.picture
+        name, data = read(found, files[found])
+        assets[f"{asset}_{name}"] = data
+        return f"{asset}_{name}"
+
+    for number, each in enumerate(spec.meshes):
+        each.file = taken(each.file, spec.meshdir, f"mesh_{number}")
+    for number, each in enumerate(spec.textures):
+        each.file = taken(each.file, spec.texturedir, f"texture_{number}")
+        sides = enumerate(each.cubefiles)
+        each.cubefiles = [taken(file, spec.texturedir, f"texture_{number}_{side}") for side, file in sides]
     spec.meshdir = spec.texturedir = ""
     spec.assets = assets
 

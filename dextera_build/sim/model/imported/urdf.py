@@ -9,13 +9,17 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from dextera_build.artifacts import bounds, xml_text
 from dextera_build.errors import listing
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model.imported import elements, tree
 from dextera_build.sim.model.imported import files as meshes
 from dextera_build.sim.model.imported.files import wrong
+from dextera_build.sim.model.imported.flat import MOST_BODIES, MOST_ELEMENTS
 from dextera_build.sim.model.imported.source import Source
 
+MOST_MESHES = 2_000
+"""Most pairs of a mesh and a scale."""
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 
@@ -24,15 +28,18 @@ def read(path: str, files: Mapping[str, bytes]) -> Source:
 
     Raises:
         RuleError: It is not valid; the message names the link, the joint or the file.
+        ArtifactError: It has too many links, geometries or meshes.
     """
     try:
-        root = ET.fromstring(files[path])
-    except ET.ParseError as error:
+        root = xml_text.parsed(files[path])
+    except ValueError as error:
         raise wrong(f"`{path}` is not valid XML", parser=str(error)) from None
     if b"xacro" in files[path] and any("xacro" in each.tag for each in root.iter()):
         raise wrong(f"`{path}` is a xacro", hint=f"`xacro {path} > robot.urdf`, and name that file")
     if root.tag != "robot":
         raise wrong(f"`{path}` is not URDF", element=f"<{root.tag}>", hint="name a file that begins with <robot>")
+    bounds.check(path, "links", len(root.findall("link")), MOST_BODIES)
+    bounds.check(path, "geometries", len(root.findall("link/*/geometry")), MOST_ELEMENTS)
     return _Reader(path, root, files).read()
 
 
@@ -190,6 +197,7 @@ class _Reader:
             name = f"mesh_{len(self._known)}"
             file = f"{name}_{file}"
             self._known[path, scale] = name
+            bounds.check(self._path, "meshes", len(self._known), MOST_MESHES)
             self._spec.add_mesh(name=name, file=file, scale=scale)
             self._spec.assets = {**self._spec.assets, file: data}
         return self._known[path, scale]

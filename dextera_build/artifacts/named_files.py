@@ -1,0 +1,25 @@
+"""Files that a file names, such as textures and layers: found beside it, and never outside the folder of the input."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def found(name: str, beside: Path, folder: Path) -> Path:
+    """The file that another one names.
+
+    Args:
+        name: Path relative to `beside`, or an absolute one; backslashes count as `/`.
+        beside: The file that holds the name.
+        folder: Folder that holds the whole input.
+
+    Raises:
+        ValueError: The file is missing, or lies outside of `folder`, by its path or through a link.
+    """
+    place = os.path.realpath(beside.parent / name.replace("\\", "/"))
+    if not Path(place).is_relative_to(os.path.realpath(folder)):
+        raise ValueError(f"`{name}`, which `{beside.name}` names, lies outside of the input")
+    if not os.path.isfile(place):
+        raise ValueError(f"`{name}`, which `{beside.name}` names, is missing")
+    return Path(place)
