@@ -26,7 +26,7 @@ from dextera_build.recipe.kinds import fits, parameters, type_name
 from dextera_build.recipe.option_values import checked
 from dextera_build.recipe.profiles import Profile
 from dextera_build.recipe.schema import CallDecl, listed
-from dextera_build.recipe.scope import Scope
+from dextera_build.recipe.scope import Absent, Scope
 from dextera_build.recipe.settings import COMMAND_LINE, Setting, put
 from dextera_build.recipe.strict_yaml import Node
 from dextera_build.workers.retries import Retries, name_of
@@ -330,6 +330,14 @@ def _resolved(node: Node, name: str, slot: Slot, scope: Scope) -> Input | None:
     if not fits(slot.annotation, given):
         raise RecipeError(
             f"`{name}` takes {type_name(slot.annotation)}, but `{text}` is {type_name(given)}",
+            code="DXB-R107",
+            where=node.place,
+        )
+    clash = bound.narrow(name, slot.annotation) if isinstance(bound, Absent) else None
+    if clash is not None:
+        raise RecipeError(
+            f"`{name}` takes {type_name(slot.annotation)}, but `{text}` is given to `{clash[0]}`, too, "
+            f"which takes {type_name(clash[1])}",
             code="DXB-R107",
             where=node.place,
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -66,7 +66,7 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
     scope = planner.root(recipe)
     planner.fill()
     targets = {"default": [], **recipe.targets} if not recipe.targets else dict(recipe.targets)
-    resolved = {name: tuple(planner.target(scope, node) for node in nodes) for name, nodes in targets.items()}
+    resolved = {name: tuple(planner.targets(scope, nodes)) for name, nodes in targets.items()}
     if not resolved.get("default"):
         resolved["default"] = tuple((name,) for name, decl in recipe.nodes.items() if isinstance(decl, CallDecl))
     graph = Graph(address, planner.tree(), resolved)
@@ -138,13 +138,15 @@ class _Planner:
         for address, (group, _) in self._groups.items():
             self._overrides[address] = self._override(address, group, members[address])
 
-    def target(self, scope: Scope, node: Node) -> tuple[str, ...]:
-        """The call that a target of the recipe names."""
-        bound = scope.resolve(f"${str(node.value).removeprefix('$')}", node.place)
-        call = getattr(bound.input, "call", None)
-        if call is None:
-            raise RecipeError(f"`{node.value}` is not a node that can be built", code="DXB-R113", where=node.place)
-        return tuple(call)
+    def targets(self, scope: Scope, nodes: Iterable[Node]) -> Iterator[tuple[str, ...]]:
+        """The calls that targets of the recipe name; none for an input that is not given."""
+        for node in nodes:
+            bound = scope.resolve(f"${str(node.value).removeprefix('$')}", node.place)
+            call = getattr(bound.input, "call", None)
+            if call is not None:
+                yield tuple(call)
+            elif not isinstance(bound, Absent):
+                raise RecipeError(f"`{node.value}` is not a node that can be built", code="DXB-R113", where=node.place)
 
     def tree(self) -> dict[str, Call | Group]:
         """Groups and calls, nested as in the graph."""

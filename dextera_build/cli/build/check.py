@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options, table
-from dextera_build.errors import DxbError, RuleError, StaleError, UsageError, listing
+from dextera_build.errors import DxbError, RuleError, StaleError, listing
 
 if TYPE_CHECKING:
     from dextera_build.session import Session
@@ -59,13 +59,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _resolve(session: Session) -> str:
-    try:
-        graph = session.plan().graph
-    except UsageError as error:
-        if error.code != "DXB-U105":
-            raise
-        return f"sound, needs an input: {error.message}"
-    return f"sound, {len(list(graph.calls()))} calls"
+    plan = session.plan(incomplete=True)
+    if plan.absent:
+        return f"sound, needs an input: {plan.absent[0].message}"
+    return f"sound, {len(list(plan.graph.calls()))} calls"
 
 
 def _repeat(session: Session, node: str) -> str:
