@@ -155,9 +155,9 @@ class _Planner:
         for address, (decl, over) in self._groups.items():
             members: dict[str, Call | Group] = {}
             blocks[address] = members
-            over_what = groups.collection(decl, over)
+            over_what, named = groups.collection(decl, over), self.maker.labels(address)
             blocks[address[:-1]][address[-1]] = Group(
-                address[-1], over_what, members, self._overrides[address], decl.place, decl.lenient
+                address[-1], over_what, members, self._overrides[address], decl.place, decl.lenient, named
             )
         for address, call in self._calls.items():
             blocks[address[:-1]][address[-1]] = call
