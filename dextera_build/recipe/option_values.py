@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Container, Iterator, Mapping, Sequence
 from typing import Any, get_args, get_origin
 
-from dextera_build.errors import RecipeError, did_you_mean, listing
+from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 from dextera_build.recipe.kinds import choices
 from dextera_build.recipe.schema import CallDecl
 from dextera_build.recipe.strict_yaml import Node
@@ -31,6 +32,8 @@ def checked(decl: CallDecl, kind: Any, given: Node, group: str = "") -> dict[str
     """
     from pydantic import ValidationError
 
+    from dextera_build.recipe import limits  # imports pydantic, too
+
     plain = given.plain()
     try:
         # JSON mode accepts a list for a tuple and 1 for 1.0, and is otherwise strict.
@@ -40,20 +43,32 @@ def checked(decl: CallDecl, kind: Any, given: Node, group: str = "") -> dict[str
         location = tuple(first["loc"]) or _named(first["msg"], given.value)
         if first["type"] == "extra_forbidden":
             raise _unknown(decl, kind, given, group, location) from None
-        name = str(location[0]) if location else ""
-        where = given.at(location) if name in given.value else decl.place
-        text = _meanings(kind).get(name)
-        option = ".".join(str(part) for part in ((group,) if group else ()) + location)
-        value = plain[name] if not first["loc"] and name else first["input"]
-        raise RecipeError(
-            f"{f'`{option}` of ' if option else ''}`{decl.rule}` {_demand(first, text or '')}",
-            code="DXB-R109",
-            where=where,
-            facts={"given": repr(value)[:120]},
-            hint=f"`{name}`: {text}" if text else None,
-        ) from None
+        where = given.at(location) if location and location[0] in given.value else decl.place
+        value = plain[location[0]] if not first["loc"] and location else first["input"]
+        raise _wrong(decl, kind, group, location, _demand(first, location, kind), where, value) from None
+    above = limits.exceeded(options)
+    if above is not None:
+        path, number, limit = above
+        demand = f"must be {'at most' if number > 0 else 'at least'} {math.copysign(limit, number):g}"
+        raise _wrong(decl, kind, group, path, demand + _unit(path, kind), given.at(path), number)
     dumped: dict[str, Any] = options.model_dump(mode="json")
     return dumped
+
+
+def _wrong(
+    decl: CallDecl, kind: Any, group: str, location: tuple[Any, ...], demand: str, where: Place, value: object
+) -> RecipeError:
+    """The error for a value that does not fit."""
+    name = str(location[0]) if location else ""
+    text = _meanings(kind).get(name)
+    option = ".".join(str(part) for part in ((group,) if group else ()) + location)
+    return RecipeError(
+        f"{f'`{option}` of ' if option else ''}`{decl.rule}` {demand}",
+        code="DXB-R109",
+        where=where,
+        facts={"given": repr(value)[:120]},
+        hint=f"`{name}`: {text}" if text else None,
+    )
 
 
 def _unknown(decl: CallDecl, kind: Any, given: Node, group: str, location: tuple[Any, ...]) -> RecipeError:
@@ -102,8 +117,14 @@ def _meanings(kind: Any) -> dict[str, str]:
     return meanings(kind)
 
 
-def _demand(error: Mapping[str, Any], meaning: str) -> str:
+def _demand(error: Mapping[str, Any], location: tuple[Any, ...], kind: Any) -> str:
     """Pydantic's requirement as the end of a sentence, bounds with their unit: `must be greater than 0 m`."""
     text = str(error["msg"]).removeprefix("Value error, ").replace("Input should", "must", 1)
-    unit = _UNIT.search(meaning) if error["type"] in _BOUNDS and len(error["loc"]) == 1 else None
-    return (text if text.startswith("must") else f"is refused: {text}") + (f" {unit[1]}" if unit else "")
+    unit = _unit(location, kind) if error["type"] in _BOUNDS else ""
+    return (text if text.startswith("must") else f"is refused: {text}") + unit
+
+
+def _unit(location: tuple[Any, ...], kind: Any) -> str:
+    """The unit of an option, after a space."""
+    unit = _UNIT.search(_meanings(kind).get(location[0], "")) if len(location) == 1 else None
+    return f" {unit[1]}" if unit else ""
