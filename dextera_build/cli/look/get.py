@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from pathlib import Path
 
 from dextera_build.cli import options
@@ -19,7 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         metavar="DIR|FILE",
         default=".",
-        help="the folder to write to (the current one), or a file whose suffix is a format of the type: mug.glb",
+        help="the folder to write to (the current one), or a file whose suffix chooses its format: mug.glb",
     )
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -28,6 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths, the main one first."""
+    from dextera_build.build import one_file
     from dextera_build.build.export import stem_of
 
     session, node = options.session(args, args.node, last=True)
@@ -36,9 +38,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("a node is missing: `get` takes RECIPE:NODE", code="DXB-U111", hint=hint)
     artifact = session.artifact(node)
     out = Path(args.out)
+    as_file = bool(out.suffix) and not (args.out.endswith(os.sep) or out.is_dir())
     with writing(out):
-        # A type without file formats takes every path as a folder, `-o twin.v2` included.
-        as_file = bool(out.suffix and artifact.saves) and not out.is_dir()
-        written = artifact.save(out) if as_file else artifact.export(out, stem_of(node))
+        written = one_file.write(artifact, out) if as_file else artifact.export(out, stem_of(node))
     print(json.dumps({"files": [str(path) for path in written]}) if args.json else "\n".join(map(str, written)))
     return 0
