@@ -12,7 +12,7 @@ from dextera_build.code.loader import Library
 from dextera_build.engine.graph import Call, Graph, Group, Leaf, Output
 from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
-from dextera_build.recipe import cycles, groups
+from dextera_build.recipe import cycles, expect, groups
 from dextera_build.recipe.bindings import Names, fill
 from dextera_build.recipe.calls import CallMaker
 from dextera_build.recipe.profiles import Profile
@@ -71,6 +71,7 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
         resolved["default"] = tuple((name,) for name, decl in recipe.nodes.items() if isinstance(decl, CallDecl))
     graph = Graph(address, planner.tree(), resolved)
     cycles.refuse(graph)
+    expect.refuse_unknown(recipe.expect, graph)
     planner.maker.refuse_unused_settings(graph)
     return Plan(graph, tuple(planner.files), planner.maker.rules, tuple(planner.absent))
 
