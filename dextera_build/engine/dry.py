@@ -55,8 +55,8 @@ def survey(
     scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True, whole=whole))
     calls = scheduler.wiring.look(targets)
     scheduler.run(targets)
-    for error in scheduler.errors:
-        if isinstance(error, UsageError):
+    for unit, error in zip(scheduler.failed, scheduler.errors, strict=True):
+        if unit in scheduler.wiring.wishes or isinstance(error, UsageError):
             raise error
     store.leaves.save()
     return scheduler, calls

@@ -60,7 +60,8 @@ class Expectation:
             if tuple(names) in calls and labels[-1] == _EVERY:
                 return tuple(names), tuple(labels[:-1]), self.name[place:]
         known = [".".join(call) for call in calls]
-        raise self.unknown(f"`{self.name}` names no metric of a node", "nodes", known, self.name.rpartition(".")[0])
+        given = "" if self.name in known else self.name.rpartition(".")[0]
+        raise self.unknown(f"`{self.name}` names no metric of a node", "nodes", known, given)
 
     def unknown(self, message: str, what: str, known: Collection[str], given: str) -> RecipeError:
         """The error for a name that does not exist."""

@@ -61,7 +61,7 @@ def test_an_interval_is_that_of_the_metrics_low_and_high():
         ("scores.mask_iou: '>= all'", "R132", "the bound of", None),
         ("[a]", "R112", "`expect` is a mapping, this is list", None),
         ("score.mask_iou: '> 0'", "R133", "`score.mask_iou` names no metric of a node", "did you mean `scores`?"),
-        ("scores: '> 0'", "R133", "`scores` names no metric of a node", None),
+        ("scores: '> 0'", "R133", "`scores` names no metric of a node", "`NODE.METRIC: '>= 0.9'`; a copy is"),
         ("settle[mug].drift: '> 0'", "R133", "`settle[mug].drift` names no metric of a node", None),
         ("scores.mask_ui: '> 0'", "R133", "`scores` has no metric `mask_ui`", "did you mean `mask_iou`?"),
         ("body[mgu].mesh.mask_iou: '> 0'", "R133", "`body[mgu].mesh.mask_iou` names no copy", "did you mean `mug`?"),
@@ -73,7 +73,7 @@ def test_a_wrong_bound_is_refused_where_it_is_written(text, code, message, hint)
         judged(text)
     assert caught.value.code == f"DXB-{code}"
     assert caught.value.message.startswith(message)
-    assert hint is None or caught.value.hint == hint
+    assert hint is None or str(caught.value.hint).startswith(hint)
     assert str(caught.value.where).startswith("r.yaml:1:")
 
 
