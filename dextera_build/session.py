@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
 from dextera_build.calls import secrets
-from dextera_build.errors import Place, RuleError, UsageError, did_you_mean, listing
+from dextera_build.errors import DxbError, Place, RuleError, UsageError, did_you_mean, listing
 from dextera_build.project.project import LOCK, Project
 from dextera_build.redact import redact
 from dextera_build.runs.snapshot import LAST
@@ -248,11 +248,13 @@ class Session:
         return next(filter(None, runs), None)
 
     def past(self, node: str) -> Entry:
-        """The history entry of a node.
+        """The history entry of a node; of one that only recipes which use this one have built, what the store holds.
 
         Raises:
             UsageError: The node was never built.
         """
+        if node not in self.history and (found := self._used(node)) is not None:
+            self.history[node] = found
         if node not in self.history:
             known = sorted(self.history)
             raise UsageError(
@@ -262,6 +264,21 @@ class Session:
                 hint=did_you_mean(node, known) or f"`dxb build '{self.recipe}:{node}'`",
             )
         return self.history[node]
+
+    def _used(self, node: str) -> Entry | None:
+        """The entry of a node whose present result is in the store, because another recipe built it."""
+        from dextera_build.engine.dry import plan as dry
+        from dextera_build.runs.history import Entry
+
+        try:
+            graph = self.plan().graph
+            planned = [found for found in dry(graph, addresses(graph, node), self.store) if found.address == node]
+        except DxbError:
+            return None
+        known = self.store.actions.known(planned[0].key) if planned and planned[0].key else None
+        if known is None or not planned[0].key:
+            return None
+        return Entry(planned[0].key, known.key_document, "", known.seconds, 0.0)
 
     def output(self, node: str) -> str:
         """Digest of a node's last output.

@@ -99,6 +99,7 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, wa
             _note(session, watch, plan)
         wanted = [address for target in order.targets for address in addresses(plan.graph, target)]
         _refuse_unknown_force(order, plan)
+        _refuse_unknown_copies(plan, wanted, session)
         locking.refuse(session, plan, wanted)
         build = _Build(session, order, plan, wanted, listen, ready(plan.rules))
         built = build.run()
@@ -249,3 +250,17 @@ def _refuse_unknown_force(order: Order, plan: Plan) -> None:
         except UsageError as error:
             error.message = f"`--force {name}`: {error.message}"
             raise
+
+
+def _refuse_unknown_copies(plan: Plan, wanted: Sequence[Address], session: Session) -> None:
+    """Refuse settings for copies that groups do not have, before anything runs if the store knows the copies."""
+    from dextera_build.engine.dry import survey
+    from dextera_build.engine.graph import Group
+
+    groups = [member for member in plan.graph.members.values() if isinstance(member, Group)]
+    while groups:
+        group = groups.pop()
+        groups += [member for member in group.members.values() if isinstance(member, Group)]
+        if group.named:
+            survey(plan.graph, wanted, session.store)
+            return

@@ -12,6 +12,7 @@ from dextera_build.engine.policy import Policy
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node, Path
+from dextera_build.errors import UsageError
 from dextera_build.runs.history import History
 from dextera_build.store.store import Store
 
@@ -48,14 +49,14 @@ def survey(
     """Look up every node that `targets` need; returns the scheduler and the calls that they may need.
 
     Raises:
-        UsageError: A target names a copy that its group does not have.
+        UsageError: A target or a setting names a copy that its group does not have.
         RecipeError: A file or folder is missing or cannot be read.
     """
     scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True, whole=whole))
     calls = scheduler.wiring.look(targets)
     scheduler.run(targets)
     for unit, error in zip(scheduler.failed, scheduler.errors, strict=True):
-        if unit in scheduler.wiring.wishes:
+        if unit in scheduler.wiring.wishes or isinstance(error, UsageError):
             raise error
     store.leaves.save()
     return scheduler, calls

@@ -215,7 +215,7 @@ class Wiring:
         """Label -> digest of each item in the known collection of a group.
 
         Raises:
-            DxbError: It is not a collection, or a label is not allowed.
+            DxbError: It is not a collection, or a label is not allowed, or the request names a copy that is not there.
         """
         if isinstance(unit.group.over, Fixed):
             found = dict.fromkeys(unit.group.over.labels, "")
@@ -228,7 +228,16 @@ class Wiring:
                     code="DXB-B306",
                     facts={"labels": "one character or more, none of them [ ] / \\ or a control character"},
                 )
+        self._refuse_unnamed(unit, found)
         return found
+
+    def _refuse_unnamed(self, unit: Opening, items: Iterable[str]) -> None:
+        """Refuse a request that names a copy which no opening of the group holds; the last one to open tells."""
+        known = set(items)
+        others = [other for (path, _), other in self.openings.items() if path == unit.path and other is not unit]
+        for label, text in unit.group.named.items():
+            if label not in known and all(o.state is State.DONE and label not in o.items for o in others):
+                raise no_copy(text, unit.address, label, known)
 
     def collection(self, unit: Gathering) -> str:
         """Store the collection of the known outputs of all copies; returns its digest.

@@ -179,6 +179,8 @@ class Group:
     where: Place
     lenient: bool = False
     """Whether copies that fail are left out of collections, and do not fail the build."""
+    named: Mapping[str, str] = field(default_factory=dict)
+    """Label of a copy that must exist -> the text of the request that names it."""
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, get_args
@@ -13,6 +14,7 @@ from pydantic_core import PydanticUndefined
 from dextera_build.artifacts.meanings import bounds, meanings
 from dextera_build.code.loader import BackendFile, RuleFile
 from dextera_build.recipe.kinds import type_name
+from dextera_build.recipe.limits import largest
 
 Row = dict[str, str]
 
@@ -75,10 +77,16 @@ def options(kind: type[BaseModel], prefix: str = "") -> Iterator[Option]:
     """The fields of an options class; those of nested groups follow the group as `group.field`."""
     said = meanings(kind)
     for name, field in kind.model_fields.items():
-        form, limits = type_name(field.annotation), bounds(field)
-        yield Option(prefix + name, form, limits, _default(field), said.get(name, ""))
+        form = type_name(field.annotation)
+        yield Option(prefix + name, form, _bounds(name, field), _default(field), said.get(name, ""))
         for inner in _groups(field.annotation):
             yield from options(inner, f"{prefix}{name}.")
+
+
+def _bounds(name: str, field: FieldInfo) -> str:
+    """Declared bounds, and the upper limit that planning adds to a number without one."""
+    limit = largest(name, field) if re.search(r"\b(int|float)\b", str(field.annotation)) else None
+    return ", ".join([*filter(None, [bounds(field)]), *([f"<= {limit:g}"] if limit is not None else [])])
 
 
 def _groups(annotation: Any) -> list[type[BaseModel]]:

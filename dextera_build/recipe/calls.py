@@ -26,7 +26,7 @@ from dextera_build.recipe.kinds import fits, parameters, type_name
 from dextera_build.recipe.option_values import checked
 from dextera_build.recipe.profiles import Profile
 from dextera_build.recipe.schema import CallDecl, listed
-from dextera_build.recipe.scope import Scope
+from dextera_build.recipe.scope import Absent, Scope
 from dextera_build.recipe.settings import COMMAND_LINE, Setting, put
 from dextera_build.recipe.strict_yaml import Node
 from dextera_build.workers.retries import Retries, name_of
@@ -96,7 +96,7 @@ class CallMaker:
             UsageError: A setting names an unknown copy.
         """
         copies = list(known)
-        for label in sorted(self.labels(group) - set(copies)):
+        for label in sorted(self.labels(group).keys() - set(copies)):
             raise UsageError(
                 f"`{'.'.join(group)}` has no copy `{label}`",
                 code="DXB-U169",
@@ -108,11 +108,11 @@ class CallMaker:
         """Tell the names of calls from those of groups of options in the settings."""
         self._settings = tuple(setting.at(calls) for setting in self._settings)
 
-    def labels(self, group: Address) -> set[str]:
-        """Labels of the copies that settings name."""
+    def labels(self, group: Address) -> dict[str, str]:
+        """Label -> setting for the copies that settings name."""
         depth = len(group) - 1
         return {
-            label
+            label: setting.text
             for setting in self._settings
             if setting.call[:-1] == group and (label := setting.labels[depth]) is not None
         }
@@ -160,9 +160,10 @@ class CallMaker:
         _refuse_unknown(decl, arguments, found)
         inputs = self._inputs(decl, {k: v for k, v in arguments.items() if k in slots}, slots, scope)
         given = {name: node for name, node in arguments.items() if name not in slots}
-        options = checked(decl, found.rule.options, {k: v for k, v in given.items() if k not in found.backends})
-        if choice is not None and (own := self._own_options(decl, choice, given)) is not None:
-            options[choice.backend.name] = own
+        own = {name: node for name, node in given.items() if name not in found.backends}
+        options = checked(decl, found.rule.options, Node(own, decl.place))
+        if choice is not None and (of_backend := self._own_options(decl, choice, given)) is not None:
+            options[choice.backend.name] = of_backend
         places = {name: node.place for name, node in given.items()}
         return Call(address[-1], facts, options, inputs, decl.place, places, decl.salt)
 
@@ -192,7 +193,7 @@ class CallMaker:
                 code="DXB-R109",
                 where=group.place,
             )
-        return checked(decl, kind, group.value if group is not None else {}, name)
+        return checked(decl, kind, group or Node({}, decl.place), name)
 
     def _rule_facts(self, found: RuleFile, choice: Choice | None) -> RuleFacts:
         key = (found.path, choice.backend.name if choice else "", choice.why if choice else "")
@@ -328,6 +329,14 @@ def _resolved(node: Node, name: str, slot: Slot, scope: Scope) -> Input | None:
     if not fits(slot.annotation, given):
         raise RecipeError(
             f"`{name}` takes {type_name(slot.annotation)}, but `{text}` is {type_name(given)}",
+            code="DXB-R107",
+            where=node.place,
+        )
+    clash = bound.narrow(name, slot.annotation) if isinstance(bound, Absent) else None
+    if clash is not None:
+        raise RecipeError(
+            f"`{name}` takes {type_name(slot.annotation)}, but `{text}` is given to `{clash[0]}`, too, "
+            f"which takes {type_name(clash[1])}",
             code="DXB-R107",
             where=node.place,
         )

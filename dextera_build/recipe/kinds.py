@@ -40,6 +40,11 @@ def fits(wanted: Any, given: Any) -> bool:
     return all(any(_is(given_choice, choice) for choice in choices(wanted)) for given_choice in choices(given))
 
 
+def overlap(one: Any, other: Any) -> bool:
+    """Whether an artifact can be of both types."""
+    return any(_is(a, b) or _is(b, a) for a in choices(one) for b in choices(other))
+
+
 def _is(given: Any, wanted: Any) -> bool:
     if given is Any:
         return True

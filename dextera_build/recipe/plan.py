@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from dextera_build.code.loader import Library
 from dextera_build.engine.graph import Call, Graph, Group, Leaf, Output
 from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
-from dextera_build.recipe import cycles, groups
+from dextera_build.recipe import cycles, expect, groups
 from dextera_build.recipe.bindings import Names, fill
 from dextera_build.recipe.calls import CallMaker
 from dextera_build.recipe.profiles import Profile
@@ -66,11 +66,12 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
     scope = planner.root(recipe)
     planner.fill()
     targets = {"default": [], **recipe.targets} if not recipe.targets else dict(recipe.targets)
-    resolved = {name: tuple(planner.target(scope, node) for node in nodes) for name, nodes in targets.items()}
+    resolved = {name: tuple(planner.targets(scope, nodes)) for name, nodes in targets.items()}
     if not resolved.get("default"):
         resolved["default"] = tuple((name,) for name, decl in recipe.nodes.items() if isinstance(decl, CallDecl))
     graph = Graph(address, planner.tree(), resolved)
     cycles.refuse(graph)
+    expect.refuse_unknown(recipe.expect, graph)
     planner.maker.refuse_unused_settings(graph)
     return Plan(graph, tuple(planner.files), planner.maker.rules, tuple(planner.absent))
 
@@ -138,13 +139,15 @@ class _Planner:
         for address, (group, _) in self._groups.items():
             self._overrides[address] = self._override(address, group, members[address])
 
-    def target(self, scope: Scope, node: Node) -> tuple[str, ...]:
-        """The call that a target of the recipe names."""
-        bound = scope.resolve(f"${str(node.value).removeprefix('$')}", node.place)
-        call = getattr(bound.input, "call", None)
-        if call is None:
-            raise RecipeError(f"`{node.value}` is not a node that can be built", code="DXB-R113", where=node.place)
-        return tuple(call)
+    def targets(self, scope: Scope, nodes: Iterable[Node]) -> Iterator[tuple[str, ...]]:
+        """The calls that targets of the recipe name; none for an input that is not given."""
+        for node in nodes:
+            bound = scope.resolve(f"${str(node.value).removeprefix('$')}", node.place)
+            call = getattr(bound.input, "call", None)
+            if call is not None:
+                yield tuple(call)
+            elif not isinstance(bound, Absent):
+                raise RecipeError(f"`{node.value}` is not a node that can be built", code="DXB-R113", where=node.place)
 
     def tree(self) -> dict[str, Call | Group]:
         """Groups and calls, nested as in the graph."""
@@ -153,9 +156,9 @@ class _Planner:
         for address, (decl, over) in self._groups.items():
             members: dict[str, Call | Group] = {}
             blocks[address] = members
-            over_what = groups.collection(decl, over)
+            over_what, named = groups.collection(decl, over), self.maker.labels(address)
             blocks[address[:-1]][address[-1]] = Group(
-                address[-1], over_what, members, self._overrides[address], decl.place, decl.lenient
+                address[-1], over_what, members, self._overrides[address], decl.place, decl.lenient, named
             )
         for address, call in self._calls.items():
             blocks[address[:-1]][address[-1]] = call

@@ -9,7 +9,8 @@ from typing import TypeAlias
 
 from dextera_build.calls import secrets
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
-from dextera_build.recipe import matrix, strict_yaml
+from dextera_build.recipe import expect, matrix, strict_yaml
+from dextera_build.recipe.expect import Expectation
 from dextera_build.recipe.strict_yaml import Node
 
 _MOST_BYTES = 64 << 20
@@ -104,6 +105,8 @@ class Recipe:
     """Files that it was read from."""
     fallback: bool | None = None
     """Whether a build of it takes the next backend in line for one that is missing; None: as the base, else no."""
+    expect: dict[str, Expectation] = field(default_factory=dict)
+    """Bounds for metrics, by the name of the metric; not inherited, because they are those of these results."""
 
     def over(self, base: Recipe) -> Recipe:
         """This recipe merged over `base`: its own declarations win, and a node may replace an input."""
@@ -137,7 +140,7 @@ def read(file: Path, address: str, shown: str | None = None) -> Recipe:
         raise RecipeError(f"cannot read the recipe: {error}", code="DXB-R100", where=Place(str(file))) from None
     secrets.refuse_written(content, shown or str(file))
     root = strict_yaml.parse(content, shown or str(file))
-    parts = mapping(root, "a recipe", {"summary", "extends", "fallback", "inputs", "nodes", "targets"})
+    parts = mapping(root, "a recipe", {"summary", "extends", "fallback", "inputs", "nodes", "targets", "expect"})
     extends = parts.get("extends")
     if extends is not None:
         text(extends, "extends")
@@ -149,7 +152,8 @@ def read(file: Path, address: str, shown: str | None = None) -> Recipe:
     targets = {name: _target(node) for name, node in entries(parts.get("targets"), "targets").items()}
     summary = text(parts["summary"], "summary") if "summary" in parts else ""
     fallback = switch(parts["fallback"], "fallback") if "fallback" in parts else None
-    return Recipe(address, file, summary, inputs, nodes, targets, extends, (file,), fallback)
+    expected = expect.read(parts.get("expect"))
+    return Recipe(address, file, summary, inputs, nodes, targets, extends, (file,), fallback, expected)
 
 
 def refuse_deep(trail: Sequence[str], where: Place) -> None:

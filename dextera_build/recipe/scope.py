@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 from dextera_build.engine.graph import Gather, Input, Item, Leaf, Output, Pack
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
-from dextera_build.recipe.kinds import field_type
+from dextera_build.recipe.kinds import field_type, overlap
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,24 @@ class Bound:
         return Bound(inner, lambda: field_type(self.kind(), fields, where))
 
 
+@dataclass(frozen=True)
 class Absent(Bound):
-    """A required input that is not given, in a plan that only shows what is missing: of any type, with every field."""
+    """A required input that is not given: any type that fits all slots it is given to, with every field."""
+
+    readers: list[tuple[str, Any]] = field(default_factory=list)
+    """Slot, as errors name it, and its type, for each slot it is given to."""
+    parts: dict[tuple[str, ...], Absent] = field(default_factory=dict)
+    """Fields -> the same for what they lead to."""
 
     def follow(self, fields: tuple[str, ...], where: Place) -> Bound:
-        """The input itself."""
-        return self
+        """The input itself, or an unknown of its own for each path of fields."""
+        return self.parts.setdefault(fields, Absent(self.input, self.kind)) if fields else self
+
+    def narrow(self, reader: str, wanted: Any) -> tuple[str, Any] | None:
+        """Note a slot it is given to; returns an earlier one if no artifact fits both."""
+        clash = next((told for told in self.readers if not overlap(told[1], wanted)), None)
+        self.readers.append((reader, wanted))
+        return clash
 
 
 @dataclass(frozen=True)

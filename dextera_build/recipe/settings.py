@@ -28,9 +28,16 @@ class Setting:
     value: Node
 
     def at(self, calls: Container[tuple[str, ...]]) -> Setting:
-        """The same setting, with the names that follow one of these calls as groups of options."""
+        """The same setting, with the names that follow one of these calls as groups of options.
+
+        Raises:
+            UsageError: A name that is no group, or a group around another group, has a label.
+        """
         for size in range(len(self.call), 0, -1):
             if (call := self.call[:size]) in calls:
+                for place, label in enumerate(self.labels):
+                    if label is not None and place != size - 2:
+                        raise _misplaced(self.text, self.call[place], label)
                 option = (*self.call[size:], *self.option)
                 return replace(self, call=call, labels=self.labels[: size - 1], option=option)
         return self
@@ -68,6 +75,9 @@ def parse(text: str) -> Setting:
             hint="`--set 'body[mug].mesh.primitives.wall_m=0.004'` sets one option of one node",
         )
     parts = [(step["name"], step["label"]) for step in steps]
+    for name, label in parts[-2:]:
+        if label is not None:
+            raise _misplaced(text, name, label)
     where = Place(f"{COMMAND_LINE}: --set {shlex.quote(text)}")
     return Setting(
         text,
@@ -75,4 +85,12 @@ def parse(text: str) -> Setting:
         tuple(label for _, label in parts[:-2]),
         (parts[-1][0],),
         strict_yaml.parse(value or '""', str(COMMAND_LINE), where),
+    )
+
+
+def _misplaced(text: str, name: str, label: str) -> UsageError:
+    return UsageError(
+        f"`{text}`: `{name}[{label}]` selects nothing, only the innermost group around a node takes a label",
+        code="DXB-U219",
+        hint="`--set 'body[mug].mesh.primitives.wall_m=0.004'`; without a label it sets the option in every copy",
     )

@@ -73,8 +73,15 @@ class Node:
             return replace(self, value=[inner.map(change) for inner in self.value])
         return change(self)
 
+    def key(self, path: tuple[object, ...]) -> Place:
+        """The place of the last key of `path`, or of its value if the key has none."""
+        return self._below(path[:-1]).keys.get(str(path[-1])) or self.at(path)
+
     def at(self, path: tuple[object, ...]) -> Place:
         """The place of the value below `path` of keys and indices, or of the deepest part that exists."""
+        return self._below(path).place
+
+    def _below(self, path: tuple[object, ...]) -> Node:
         node = self
         for step in path:
             value = node.value
@@ -82,7 +89,7 @@ class Node:
             if not isinstance(parts, dict) or step not in parts:
                 break
             node = parts[step]
-        return node.place
+        return node
 
 
 def parse(text: str, file: str, place: Place | None = None) -> Node:

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build import digest
-from dextera_build.report import flow, objects, provenance, result, tasks, timeline
+from dextera_build.recipe.expect import Expectation
+from dextera_build.report import bounds, flow, objects, provenance, result, tasks, timeline
 from dextera_build.report.details import details
 from dextera_build.report.document import document
 from dextera_build.report.films import Films
@@ -42,6 +43,7 @@ def build(
     out: Path,
     *,
     licences: Mapping[str, str] | None = None,
+    expected: Mapping[str, Expectation] | None = None,
 ) -> Path:
     """Write the report of a run to `out` atomically, and return `out`.
 
@@ -50,13 +52,14 @@ def build(
         store: The store of results, previews and headers.
         out: The HTML file.
         licences: `rule:backend` or distribution -> licence, if known to the caller.
+        expected: The bounds that the recipe states.
     """
     run = read(events, store)
     extra = _adopt_images(run, store)
-    text, films = "", Films(store)
+    text, films, held = "", Films(store), bounds.table(run, expected or {})
     # Films go first, then pictures become coarser.
     for quality, shown in [(LADDER[0], films), *((quality, None) for quality in LADDER)]:
-        text = page(run, Pictures(extra, quality), licences or {}, shown)
+        text = page(run, Pictures(extra, quality), licences or {}, shown, held)
         if len(text.encode()) <= LIMIT:
             break
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -66,14 +69,17 @@ def build(
     return out
 
 
-def page(run: Run, pictures: Pictures, licences: Mapping[str, str], films: Films | None = None) -> str:
-    """The whole document; without `films`, tasks show a picture."""
+def page(
+    run: Run, pictures: Pictures, licences: Mapping[str, str], films: Films | None = None, held: Html | None = None
+) -> str:
+    """The whole document; without `films`, tasks show a picture; `held` is the table of bounds."""
     image, shown = result.hero(run, pictures)
     strip = result.strip(run, pictures, shown)
     cards = objects.cards(run, pictures)
     numbers, gallery = tables(run), tasks.cards(run, pictures, films)
     parts: list[tuple[str, str, list[Html | None]]] = [
         ("result", "Result", [tag("div", {"class": "result"}, image, result.outcome(run)), strip]),
+        ("bounds", "Bounds", [held] if held else []),
         ("tasks", "Tasks", [tag("div", {"class": "gallery"}, gallery)] if gallery else []),
         ("objects", "Objects", [tag("div", {"class": "cards"}, cards)] if cards else []),
         ("numbers", "Numbers", [*numbers]),

@@ -13,6 +13,7 @@ import yaml
 
 from tests.e2e.machines import EVERY, agree, results
 from tests.e2e.space import Answer, Space
+from tests.e2e.test_expect import BOUNDS, RECIPE, SIZED
 
 CACHE = Path(__file__).parents[2] / "cache"
 
@@ -62,6 +63,14 @@ def test_the_store_does_not_grow_from_job_to_job(space: Space, programs: Path) -
     after = set(results(space, "one"))
     assert before - after
     assert space.dxb("plan", "say/words", "--check", env={"DXB_CACHE": "one"}).code == 0
+
+
+def test_a_missed_bound_fails_the_job(space: Space, programs: Path) -> None:
+    space.write("rules/toy/sized.py", SIZED.lstrip())
+    space.write("recipes/say/words.yaml", RECIPE + BOUNDS % 5)
+    answer = job(space, programs, "one")
+    assert answer.code == 1
+    assert "MISSED" in answer.out
 
 
 def test_the_action_gives_the_script_all_that_it_reads() -> None:

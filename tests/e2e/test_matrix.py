@@ -74,3 +74,14 @@ def test_a_lock_pins_every_copy(built):
     assert built.dxb("build", "--lock", "say/sweep:sweep.loud").code == 0
     assert '[cpu."say/sweep:sweep[times=1].loud"]' in (built.root / "dxb.lock").read_text()
     assert built.dxb("build", "--locked", "say/sweep:sweep.loud").code == 0
+
+
+def test_a_setting_for_a_copy_that_does_not_exist_is_no_build(space):
+    wrong = ("say/words", "--set", "word[oen].loud.times=4")
+    answer = space.build(*wrong)
+    assert answer.code == 1
+    assert answer.nodes("ran") == {"start", "words"}  # only now the copies are known
+    answer = space.dxb("build", *wrong)
+    assert (answer.code, answer.out) == (2, "")  # before anything ran
+    assert "error[DXB-U203]: `word[oen].loud.times=4`: there is no `oen` in `word`" in answer.err
+    assert "hint: did you mean `one`?" in answer.err

@@ -63,6 +63,11 @@ def test_of_many_recipes_one_may_need_an_input(built: Space) -> None:
     )
     assert len(names(built, "say/*:*")) == len(names(built, "say/words"))
     assert "error[DXB-U105]" in built.dxb("ls", "say/asking").err
+    assert "say/asking\tsound, needs an input: the input `note`" in built.dxb("check", "say/asking").out
+    built.edit("recipes/say/asking.yaml", "text: $note", "text: $notes")
+    wrong = built.dxb("check", "say/asking")
+    assert (wrong.code, wrong.out) == (2, "")
+    assert "hint: did you mean `$note`?" in wrong.err
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,27 @@ def test_get_writes_the_artifact(built):
     assert (built.root / answer.out.strip()).read_bytes() == b"ONE!!! TWO!!!"
 
 
+def test_a_node_that_another_recipe_built_can_be_read(space):
+    space.write("recipes/say/use.yaml", "inputs: {t: say/words:word.loud}\nnodes: {a: {rule: toy.join, texts: $t}}")
+    assert space.build("say/use").code == 0
+    assert "result\t" in space.dxb("show", "say/words:word[one].loud").out
+    (path,) = space.dxb("get", "say/words:word[one].loud", "-o", "there").out.split()
+    assert (space.root / path).read_bytes() == b"ONE!"
+    assert space.dxb("get", "say/use:say/words:word[two].loud", "-o", "there").code == 0
+    answer = space.dxb("get", "say/words:all")
+    assert (answer.code, answer.out) == (2, "")  # nobody built it
+
+
+def test_get_takes_a_name_with_a_suffix_for_a_file(built):
+    answer = built.dxb("get", "say/words:all", "-o", "there/all.txt")
+    assert (built.root / answer.out.strip()).read_bytes() == b"ONE!!! TWO!!!"
+    assert answer.out == "there/all.txt\n"
+    assert built.dxb("get", "say/words:all", "-o", "there.v2/").out == "there.v2/all\n"
+    wrong = built.dxb("get", "say/words:words", "-o", "words.usdz")
+    assert (wrong.code, wrong.out) == (2, "")
+    assert "error[DXB-U220]: Collection cannot be written as `words.usdz`" in wrong.err
+
+
 def test_get_of_what_was_never_built_says_how(space):
     answer = space.dxb("get", "say/words:all")
     assert answer.code == 2

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.graph import Address
+from dextera_build.engine.dry import plan as dry
+from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.run import build
-from dextera_build.errors import RecipeError, RuleError, StaleError
+from dextera_build.errors import RecipeError, RuleError, StaleError, UsageError
 from dextera_build.runs.events import NodeFinished, RunFinished
 from dextera_build.store.store import Store
 from tests.engine.tiny import Record, call, every, graph, group, inline, item, leaf, out, run, scene
@@ -151,6 +153,38 @@ def test_an_unknown_copy_lists_the_copies(store: Store) -> None:
     assert error.message == "`body[mgu].mesh`: there is no `mgu` in `body`"
     assert error.facts["copies"] == "box, mug"
     assert error.hint == "did you mean `mug`?"
+
+
+def named(plan: Graph, label: str) -> Graph:
+    """The same graph for a request that names a copy of the group `body`."""
+    return replace(plan, members={**plan.members, "body": replace(plan.group(("body",)), named={label: "a setting"})})
+
+
+def test_a_copy_that_the_request_names_must_exist(store: Store) -> None:
+    plan = named(scene(), "mgu")
+    assert dry(plan, [("scene",)], store)  # nothing is known yet
+    result, _ = run(plan, store, keep_going=True)
+    assert not result.ok
+    assert result.errors["body"].message == "`a setting`: there is no `mgu` in `body`"
+    assert result.errors["body"].hint == "did you mean `mug`?"
+    assert {name: node.status for name, node in result.nodes.items()} == {"seg": "ran", "scene": "waits"}
+    with pytest.raises(UsageError, match="there is no `mgu` in `body`"):
+        dry(plan, [("scene",)], store)
+    assert run(named(scene(), "mug"), store)[0].ok
+
+
+@pytest.mark.parametrize(("label", "ok"), [("lid", True), ("knob", True), ("konb", False)])
+def test_a_copy_of_an_inner_group_may_be_in_any_outer_copy(store: Store, label: str, ok: bool) -> None:
+    inner = group("part", out("body.parts"), call("mesh", i=item("body.part")))
+    outer = group(
+        "body",
+        out("seg"),
+        call("parts", "items", {"lid": "1"}),
+        replace(inner, named={label: "a setting"}),
+        b=call("parts", "items", {"knob": "2"}),
+    )
+    plan = graph(call("seg", "items", {"a": "1", "b": "2"}), outer, call("end", all=every("body.part.mesh")))
+    assert run(plan, store)[0].ok == ok
 
 
 def test_a_group_over_what_cannot_be_opened_fails(store: Store) -> None:

@@ -118,7 +118,7 @@ def test_a_setting_reaches_into_the_group(toned):
     ("node", "message", "hint"),
     [
         (", loud: {times: 0}", "`loud.times` of `toy.tone` must be greater than 0", None),
-        (", loud: {tmes: 1}", "`loud.tmes` of `toy.tone` is refused: Extra inputs are not permitted", None),
+        (", loud: {tmes: 1}", "`loud` of `toy.tone` has no option `tmes`", "did you mean `times`?"),
         (", loud: 3", "`loud` of `toy.tone` is a mapping of options, this is number", None),
         (", backend: plain, plain: {x: 1}", "backend `plain` of `toy.tone` has no options", None),
         (

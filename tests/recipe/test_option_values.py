@@ -11,10 +11,21 @@ SPAN = '''"""toy.span: a length."""
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import model_validator
 
 from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
+
+
+class Mark(Options):
+    """A mark."""
+
+    kind: Literal["mark"] = "mark"
+    """What it is."""
+    place_m: float = 0.0
+    """Where it is [m]."""
 
 
 class SpanOptions(Options):
@@ -24,6 +35,8 @@ class SpanOptions(Options):
     """Lower end [m]."""
     high_m: float = 1.0
     """Upper end [m]."""
+    marks: dict[str, Mark] = {}
+    """Marks by name."""
 
     @model_validator(mode="after")
     def _ordered(self) -> SpanOptions:
@@ -71,3 +84,44 @@ def test_one_that_names_no_option_is_shown_at_the_rule(space):
     assert error.message == "`toy.span` is refused: both ends are alike"
     assert error.where is not None
     assert error.where.line == 3
+
+
+@pytest.mark.parametrize(
+    ("options", "message", "column", "hint"),
+    [
+        ("    low: 3\n", "`toy.span` has no input or option `low`", 5, "did you mean `low_m`?"),
+        (
+            "    marks: {a: {place: 1}}\n",
+            "`marks.a` of `toy.span` has no option `place`",
+            17,
+            "did you mean `place_m`?",
+        ),
+    ],
+)
+def test_a_name_within_an_option_is_refused_with_the_near_one(space, options, message, column, hint):
+    error = refused(space, options)
+    assert (error.code, error.message, error.hint) == ("DXB-R105", message, hint)
+    assert error.where is not None
+    assert (error.where.line, error.where.column) == (4, column)
+
+
+def test_an_option_of_a_backend_is_refused_with_the_near_one(space):
+    space.write(
+        "rules/toy/spoken_quiet.py",
+        '"""Quiet."""\nfrom dextera_build.rule import Backend, Options\n\nclass QuietOptions(Options):\n'
+        '    """Options."""\n    volume: float = 0.5\n    """How loud."""\n\n'
+        'BACKEND = Backend(summary="quietly", profiles=("cpu",))\n'
+        "def speak(ctx, text, options: QuietOptions):\n    return text\n",
+    )
+    space.write(
+        "recipes/say/q.yaml",
+        "nodes:\n  s: {rule: toy.start}\n  t:\n    rule: toy.spoken\n    text: $s\n    quiet: {volum: 1}\n",
+    )
+    project = space.project()
+    with pytest.raises(RecipeError) as caught:
+        plan("say/q", project.recipe, project.library, project.root, Request())
+    error = caught.value
+    assert error.message == "`quiet` of `toy.spoken` has no option `volum`"
+    assert (error.hint, error.facts) == ("did you mean `volume`?", {"options": "volume"})
+    assert error.where is not None
+    assert (error.where.line, error.where.column) == (6, 13)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import json
+import math
 import re
 import subprocess
 import sys
@@ -14,11 +15,12 @@ from typing import get_args
 
 import pytest
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
-from dextera_build.artifacts.meanings import meanings
+from dextera_build.artifacts.meanings import bounds, meanings
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.project.project import Project
-from dextera_build.recipe import profiles
+from dextera_build.recipe import limits, profiles
 from dextera_build.recipe.backends import Choice
 from dextera_build.recipe.calls import facts_of
 from dextera_build.rule import Options
@@ -125,6 +127,27 @@ def test_every_number_has_the_bound_that_physics_gives_it(found):
         and option not in POSITIONS
     ]
     assert free == []
+
+
+def fields(kind: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
+    """Every option that holds numbers, those of nested groups included."""
+    for name, field in kind.model_fields.items():
+        inner = [part for part in parts_of(field.annotation) if isinstance(part, type) and issubclass(part, BaseModel)]
+        for part in inner:
+            yield from fields(part)
+        if not inner and re.search(r"\b(int|float)\b", f"{field.annotation!r}"):
+            yield name, field
+
+
+def test_every_number_has_an_upper_bound_that_its_default_keeps(found):
+    for path, kind in kinds(found).items():
+        for name, field in fields(kind):
+            limit = limits.largest(name, field)
+            assert limit is None or 0 < limit < math.inf
+            assert limit is not None or "<" in bounds(field), f"{path}.{name}"
+            default = field.get_default(call_default_factory=True)
+            values = [default] if isinstance(default, int | float) else default if isinstance(default, tuple) else []
+            assert all(abs(value) <= (limit or math.inf) for value in values), f"{path}.{name}"
 
 
 def test_its_facts_can_be_stated(found):

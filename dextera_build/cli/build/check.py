@@ -1,17 +1,21 @@
-"""`dxb check`: validate recipes without building them, or rebuild one node and compare."""
+"""`dxb check`: validate recipes and compare results with their bounds, or rebuild one node and compare."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options, table
-from dextera_build.errors import DxbError, RuleError, StaleError, UsageError, listing
+from dextera_build.cli.build import expected
+from dextera_build.errors import DxbError, RuleError, StaleError, listing
+from dextera_build.recipe.expect import STAND_INS
 
 if TYPE_CHECKING:
+    from dextera_build.engine.graph import Graph, Plan
     from dextera_build.session import Session
 
 
@@ -25,7 +29,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "targets",
         nargs="*",
         metavar="RECIPE[:NODE]",
-        help="recipes to check without building them (all by default), or a node to rebuild and compare; `calibration "
+        help="recipes to check without building them (all by default), also against the bounds that they state under "
+        "`expect` if they are built; or a node to rebuild and compare; `calibration "
         "RECIPE:NODE` builds a node of align.camera_motion: 0 the camera has not moved, 1 it has, 3 unsure",
     )
     options.project_arguments(parser)
@@ -34,38 +39,71 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print one line per recipe; return 2 if one is wrong, 1 if a rebuilt node differs."""
+    """Print one line per recipe, and one per bound of a recipe.
+
+    Returns 2 if a recipe is wrong, 1 if a bound is missed or a rebuilt node differs, 3 if bounds of a recipe that is
+    named cannot be checked because it is not built.
+    """
     project = options.project(args)
     if args.targets[:1] == [CALIBRATION]:
         from dextera_build.cli.build import check_calibration
 
         return check_calibration.run(args, args.targets[1:], project)
-    code, rows = 0, []
+    code, rows = 0, list[dict[str, Any]]()
     for target in args.targets or [address for address, _ in project.recipes()]:
         try:
             session, node = options.session(args, target, project, last=True)
-            found = _repeat(session, node) if node else _resolve(session)
-            rows.append({"target": target, "found": found})
+            if node:
+                rows.append({"target": target, "found": _repeat(session, node)})
+                continue
+            plan = session.plan(incomplete=True)
+            rows.append({"target": target, "found": _resolved(plan)})
+            if not plan.absent:
+                _compare(session, plan.graph, rows[-1], needs_all=bool(args.targets))
         except DxbError as error:
-            if args.targets and len(args.targets) == 1:
+            if len(args.targets) == 1:
+                _give(rows, as_json=args.json and bool(rows))
                 raise
             from dextera_build.cli.errors import render
 
             print(render(error), file=sys.stderr)
             code = max(code, error.exit_code)
             rows += [{"target": target, "error": error.to_json()}] if args.json else []
-    table.give(rows, as_json=args.json)
+    _give(rows, as_json=args.json)
     return code
 
 
-def _resolve(session: Session) -> str:
-    try:
-        graph = session.plan().graph
-    except UsageError as error:
-        if error.code != "DXB-U105":
-            raise
-        return f"sound, needs an input: {error.message}"
-    return f"sound, {len(list(graph.calls()))} calls"
+def _give(rows: Sequence[dict[str, Any]], *, as_json: bool) -> None:
+    """Print the recipes, then the bounds of those that state any."""
+    if as_json:
+        shown = [{**row, "bounds": expected.rows(row["bounds"])} if "bounds" in row else row for row in rows]
+        print(json.dumps(shown, indent=1))
+        return
+    table.show([{name: row[name] for name in ("target", "found")} for row in rows if "found" in row])
+    table.show([cell for row in rows for cell in expected.cells(row.get("bounds", ()))])
+
+
+def _compare(session: Session, graph: Graph, row: dict[str, Any], *, needs_all: bool) -> None:
+    """Note the bounds of a recipe, compared with what is built, in its row; see `expected.refuse`."""
+    recipe = session.project.recipe(session.recipe)
+    if recipe is None or not recipe.expect:
+        return
+    if session.project.profile == STAND_INS:
+        row["found"] += f", {len(recipe.expect)} bounds not compared: profile `{STAND_INS}` makes stand-ins"
+        return
+    found = expected.verdicts(session, recipe, graph)
+    if found:
+        held, absent = sum(each.ok for each in found), sum(each.value is None for each in found)
+        told = f"{held} of {len(found)} bounds hold" + (f", {absent} not built" if absent else "")
+        shown = [each for each in found if needs_all or each.value is not None]
+        row |= {"found": f"{row['found']}, {told}", "bounds": shown}
+        expected.refuse(session.recipe, found, needs_all=needs_all)
+
+
+def _resolved(plan: Plan) -> str:
+    if plan.absent:
+        return f"sound, needs an input: {plan.absent[0].message}"
+    return f"sound, {len(list(plan.graph.calls()))} calls"
 
 
 def _repeat(session: Session, node: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -20,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         metavar="DIR|FILE",
         default=".",
-        help="the folder to write to (the current one), or a file whose suffix is a format of the type: mug.glb",
+        help="the folder to write to (the current one), or a file whose suffix chooses its format: mug.glb",
     )
     options.project_arguments(parser)
     options.request_arguments(parser)
@@ -29,6 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths, the main one first."""
+    from dextera_build.build import one_file
     from dextera_build.build.export import stem_of
     from dextera_build.explain import stubs
 
@@ -40,9 +42,8 @@ def run(args: argparse.Namespace) -> int:
     if told := stubs.told(session, node):
         print(told, file=sys.stderr)
     out = Path(args.out)
+    as_file = bool(out.suffix) and not (args.out.endswith(os.sep) or out.is_dir())
     with writing(out):
-        # A type without file formats takes every path as a folder, `-o twin.v2` included.
-        as_file = bool(out.suffix and artifact.saves) and not out.is_dir()
-        written = artifact.save(out) if as_file else artifact.export(out, stem_of(node))
+        written = one_file.write(artifact, out) if as_file else artifact.export(out, stem_of(node))
     print(json.dumps({"files": [str(path) for path in written]}) if args.json else "\n".join(map(str, written)))
     return 0

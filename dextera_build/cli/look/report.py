@@ -6,9 +6,16 @@ import argparse
 import json
 import os
 import webbrowser
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dextera_build.cli import options
+from dextera_build.errors import RecipeError
+
+if TYPE_CHECKING:
+    from dextera_build.recipe.expect import Expectation
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,8 +46,12 @@ def run(args: argparse.Namespace) -> int:
         for found in project.library.rules()
         for backend in found.backends.values()
     }
+    expected: Mapping[str, Expectation] = {}
+    with suppress(RecipeError):  # a recipe that is wrong by now has no bounds
+        found = project.recipe(recipe)
+        expected = found.expect if found is not None else {}
     with writing(out, hint=None if args.out else f"dxb report {recipe} -o report.html"):
-        path = build(events, reading(project), out, licences=licences)
+        path = build(events, reading(project), out, licences=licences, expected=expected)
     print(json.dumps({"report": project.shown(path)}) if args.json else project.shown(path))
     if args.open or (os.environ.get("DISPLAY") and os.isatty(1) and args.out is None):
         webbrowser.open(path.absolute().as_uri())

@@ -163,13 +163,14 @@ def _node(session: Session, node: str) -> dict[str, Any]:
     entry = session.past(node)
     found = session.store.actions.find(entry.key)
     document = session.document(node)
-    when = time.strftime("%Y-%m-%d %H:%M", time.localtime(entry.time))
+    when = f"run {entry.run}, {time.strftime('%Y-%m-%d %H:%M', time.localtime(entry.time))}"
+    since = when if entry.run else "a build of another recipe"
     rows: dict[str, Any] = {
         "node": f"{session.recipe}:{node}",
         "result": _line(session, entry.key),
         "rule": f"{document['rule']} version {document['version']}",
         "backend": document["backend"] or "-",
-        "known since": f"run {entry.run}, {when}; it took {entry.seconds:.1f} s to make",
+        "known since": f"{since}; it took {entry.seconds:.1f} s to make",
         "key": entry.key,
     }
     if told := stubs.told(session, node):

@@ -84,6 +84,12 @@ def complete(
     if len(evidence.points) < common.least_points:
         why = f"{len(evidence.points)} pixels with trusted depth, {common.least_points} are needed to fit a body"
         return _stand_in(ctx, evidence, seen, common, why)
+    size = float(np.ptp(evidence.points, axis=0).max())
+    ctx.check(
+        2.0 * options.wall_m < size,
+        f"two walls of {1e3 * options.wall_m:.3g} mm are thicker than the object, which is {1e3 * size:.3g} mm large",
+        hint="`wall_m` is in metres: `primitives: {wall_m: 0.003}`",
+    )
     fitted = _fits(ctx, evidence, options)
     if not fitted:
         return _stand_in(ctx, evidence, seen, common, "no family of bodies fits the view")

@@ -284,6 +284,11 @@ def test_no_hypothesis_is_refused(tmp_path):
         shape_of(seen, tmp_path, hypotheses=())
 
 
+def test_walls_thicker_than_the_object_are_refused(tmp_path):
+    with pytest.raises(RuleError, match=r"two walls of 70 mm are thicker than the object, which is 1\d\d mm large"):
+        shape_of(synthetic.view(can(0.033, 0.12), synthetic.Eye()), tmp_path, wall_m=0.07)
+
+
 def test_the_stub_is_a_closed_box_at_the_right_place(tmp_path):
     found = shape_of(
         synthetic.view(synthetic.placed(box(0.1, 0.1, 0.1), 0.05, 0.0, 0), synthetic.Eye()), tmp_path, "stub"

@@ -1,0 +1,52 @@
+"""An artifact as one file, in the format of the file's suffix."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from dextera_build.artifacts.base import Artifact, File
+from dextera_build.errors import UsageError, listing
+
+
+def write(artifact: Artifact, path: Path) -> list[Path]:
+    """Write an artifact, or its one part that has a format with this suffix, as `path`; returns all files.
+
+    Raises:
+        UsageError: No part, or more than one, can be written in this form.
+    """
+    if isinstance(artifact, File):  # holds bytes, which have the format that they have
+        return artifact.export(path.parent, path.name)
+    suffix, level = path.suffix.lower(), [artifact]
+    forms: dict[str, None] = {}
+    while level:
+        found = [part for part in level if suffix in part.saves]
+        if len(found) == 1:
+            return found[0].save(path)
+        if found:
+            raise _refused(artifact, path, forms, f"it holds {len(found)} parts of that form")
+        forms |= dict.fromkeys(form for part in level for form in part.saves if _holders(level, form) == 1)
+        # A part of what has a format of its own, such as a mesh's texture, is in that file.
+        level = [part for whole in level if not whole.saves for part in _parts(whole)]
+    raise _refused(artifact, path, forms, "neither it nor a part of it has that form")
+
+
+def _holders(level: Iterable[Artifact], form: str) -> int:
+    return sum(form in part.saves for part in level)
+
+
+def _parts(whole: Artifact) -> Iterator[Artifact]:
+    """The artifacts in the fields of an artifact."""
+    for name in type(whole).model_fields:
+        value = getattr(whole, name)
+        within = value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else (value,)
+        yield from (part for part in within if isinstance(part, Artifact))
+
+
+def _refused(artifact: Artifact, path: Path, forms: Iterable[str], why: str) -> UsageError:
+    return UsageError(
+        f"{artifact.name()} cannot be written as `{path.name}`: {why}",
+        code="DXB-U220",
+        facts={"one file": listing(forms)} if forms else None,
+        hint=f"`-o {path}/` writes a folder with all of its files",
+    )
