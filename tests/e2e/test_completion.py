@@ -82,10 +82,19 @@ def test_a_broken_project_completes_to_nothing(space: Space) -> None:
     assert by_bash(space, "dxb bui") == ["build"]
 
 
-def test_copies_are_those_that_were_built(built: Space) -> None:
+def copies(space: Space) -> set[str]:
+    """The copies that are offered to a verb that reads."""
+    return {name.split(".")[0] for name in by_bash(space, "dxb why say/words:word[")}
+
+
+def test_copies_are_those_that_a_verb_which_reads_knows(built: Space) -> None:
     assert built.build("say/words", "--set", "start.text=one three").code == 0
-    names = by_bash(built, "dxb why say/words:word[")
-    assert {name.split(".")[0] for name in names} == {f"word\\[{word}\\]" for word in ("one", "two", "three")}
+    assert copies(built) == {"word\\[one\\]", "word\\[two\\]"}
+
+
+def test_copies_of_the_last_request_are_offered_if_the_recipe_as_it_is_was_never_built(space: Space) -> None:
+    assert space.build("say/words", "--set", "start.text=one three").code == 0
+    assert copies(space) == {"word\\[one\\]", "word\\[three\\]"}
 
 
 def test_a_recipe_that_was_never_built_completes_what_it_declares(space: Space) -> None:

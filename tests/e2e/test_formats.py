@@ -47,10 +47,10 @@ def test_get_writes_the_file_that_is_named(shapes):
 
 def test_get_names_the_formats_of_the_type(shapes):
     answer = shapes.dxb("get", "shapes:seen", "-o", "cube.obj")
-    assert answer.code == 1
-    assert "error[DXB-A401]: `cube.obj` names no file format of a PointCloud" in answer.err
-    assert "formats" in answer.err
-    assert "hint: name the file `cube.ply`" in answer.err
+    assert answer.code == 2
+    assert "error[DXB-U220]: PointCloud cannot be written as `cube.obj`" in answer.err
+    assert "one file   .ply" in answer.err
+    assert "hint: `-o cube.obj/` writes a folder" in answer.err
     assert not (shapes.root / "cube.obj").exists()
 
 

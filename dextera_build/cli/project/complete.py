@@ -63,7 +63,7 @@ def _nodes(address: str) -> list[str]:
     recipe = project.recipe(address)
     if recipe is None:
         return []
-    built = {**Session(project, address).history, **Session(project, address, last=True).history}
+    built = Session(project, address, last=True).history
     own = [name for name in built if name.split(".")[0].split("[")[0] in recipe.nodes]
     return list(dict.fromkeys((*recipe.targets, *recipe.nodes, *own)))
 
