@@ -16,7 +16,7 @@ from dextera_build.artifacts.image import opened
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 """Type of an accessor -> numbers of an element."""
 _MOST_NUMBERS = 10 * bounds.MOST_TRIANGLES
-"""Most numbers of all accessors; an accessor without a view stands for zeros, and views may overlap."""
+"""Largest total count of values in all accessors; one without a view holds zeros, and views may overlap."""
 
 
 def check(path: Path) -> set[str]:

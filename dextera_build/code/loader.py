@@ -264,7 +264,7 @@ class Library:
                     yield self.find(path)
 
     def packages(self, found: RuleFile, code: Code, declared: Iterable[str]) -> dict[str, str | None]:
-        """Distribution -> version, None if it is not installed, of all that a rule runs with; see `RUNTIME`.
+        """Distribution -> version (None: not installed) of what a rule imports or declares, and of `RUNTIME`.
 
         A module that no distribution is known to have is added to `warnings`: its version is in no key.
 

@@ -131,7 +131,7 @@ def judge(expected: Mapping[str, Expectation], nodes: Mapping[str, Metrics | Non
 
     Args:
         expected: The bounds.
-        nodes: Address -> metrics, None if the node is not built; `body.mesh` stands for copies that are not known yet.
+        nodes: Address -> metrics, None if the node is not built; `body.mesh` for copies that are not known yet.
 
     Raises:
         RecipeError: There is no such node, copy or metric.

@@ -18,7 +18,7 @@ from functools import cache
 from typing import Any
 
 from dextera_build.errors import StoreError
-from dextera_build.store import disk_full, failpoints, permissions
+from dextera_build.store import disk_full, failpoints, permissions, signature
 
 _FICLONE = 0x40049409
 _CHUNK = 1 << 20
@@ -105,7 +105,7 @@ def clear(folder: str, age_s: float = 60.0) -> None:
 
 
 def remove(path: str) -> None:
-    """Remove a file, a link, or a folder with all that is in it; what a link leads to stays.
+    """Remove a file, a link, or a folder with its contents; the target of a link is not touched.
 
     Raises:
         OSError: It cannot be removed.
@@ -211,12 +211,9 @@ def settle(folder: str) -> bool:
 
 def file_system(path: str) -> str:
     """Type of the file system of a path, as the system calls it: `nfs4`; "" if it does not say."""
-    with suppress(OSError, ValueError), open("/proc/self/mountinfo") as table:
+    with suppress(OSError, ValueError, IndexError):
         device = os.stat(path).st_dev
-        for row in table:
-            place, _, kind = row.partition(" - ")
-            if place.split()[2] == f"{os.major(device)}:{os.minor(device)}":
-                return kind.split()[0]
+        return next((kind for mounted, kind, _, _ in signature.mounts() if mounted == device), "")
     return ""
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Iterator
 from functools import cache
 from typing import TypeAlias
 
@@ -52,18 +53,29 @@ def _devices() -> dict[int, bool]:
     """
     found = {}
     try:
-        with open(_MOUNTS, encoding="utf-8", errors="surrogateescape") as file:
-            for line in file:
-                before, _, after = line.partition(" - ")
-                major, _, minor = before.split(" ")[2].partition(":")
-                kind, source, options = after.split()[:3]
-                if kind in ("overlay", "vfat") or kind.startswith("fuse"):
-                    continue
-                is_medium = source.startswith("/dev/") and "ro" in options.split(",")
-                found[os.makedev(int(major), int(minor))] = not is_medium
+        for device, kind, source, options in mounts():
+            if kind in ("overlay", "vfat") or kind.startswith("fuse"):
+                continue
+            is_medium = source.startswith("/dev/") and "ro" in options.split(",")
+            found[device] = not is_medium
     except (OSError, ValueError, IndexError):
         return {}
     return found
+
+
+def mounts() -> Iterator[tuple[int, str, str, str]]:
+    """(device number, type, source, options) of every mounted file system.
+
+    Raises:
+        OSError: The system does not list them.
+        ValueError: A line is malformed, or an `IndexError`.
+    """
+    with open(_MOUNTS, encoding="utf-8", errors="surrogateescape") as file:
+        for line in file:
+            before, _, after = line.partition(" - ")
+            major, _, minor = before.split(" ")[2].partition(":")
+            kind, source, options = after.split()[:3]
+            yield os.makedev(int(major), int(minor)), kind, source, options
 
 
 def look(path: str) -> Signature | None:

@@ -25,10 +25,8 @@ def verdicts(session: Session, recipe: Recipe, graph: Graph) -> list[Verdict]:
     from dextera_build.engine.dry import plan as dry
     from dextera_build.engine.graph import Address
 
-    calls = {call for call, _ in graph.calls()} if recipe.expect else set()
+    calls = {call for call, _ in graph.calls()}
     wanted = dict.fromkeys(each.split(calls)[0] for each in recipe.expect.values())
-    if not wanted:
-        return []
     nodes: dict[str, Metrics | None] = {}
     for node in dry(graph, [Address(call) for call in wanted], session.store):
         # The metrics of a bare result are in the store.
