@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
     from dextera_build.engine.graph import Address, Graph
     from dextera_build.project.lockfile import Bindings
+    from dextera_build.recipe.kept import Kept, Plans
     from dextera_build.recipe.plan import Plan
     from dextera_build.runs.history import Entry, History
+    from dextera_build.store.signature import Watch
     from dextera_build.store.store import Store
 
 
@@ -170,32 +172,62 @@ class Session:
         found = self.store.state.get(LAST, self.last_name)
         return found.decode(errors="replace") if found else ""
 
-    def plan(self, *, incomplete: bool = False) -> Plan:
-        """Resolve the recipe with the additions of the request.
+    @cached_property
+    def kept(self) -> Plans | None:
+        """The plans that earlier commands kept of this request; None if machines of a cluster need the code."""
+        from dextera_build.recipe.kept import Plans
+        from dextera_build.store.store import Store
+
+        if self.project.executor.startswith("ray"):
+            return None
+        project = self.project
+        request = (str(project.root), self.recipe, self.added, project.profile, project.model_folders, self.names)
+        return Plans(Store(project.cache, make=False).state, request)
+
+    def plan(self, *, incomplete: bool = False, watch: Watch | None = None) -> Plan:
+        """Resolve the recipe with the additions of the request, or take the plan of an earlier command.
 
         Args:
             incomplete: Plan also without required inputs that are not given; `Plan.absent` names them.
+            watch: Notes what planning reads.
 
         Raises:
             UsageError: There is no such recipe, or a required input is not given.
         """
-        from dextera_build.recipe import settings
-        from dextera_build.recipe.plan import Request, plan
-        from dextera_build.store.store import Store
-
-        if self.project.recipe(self.recipe) is None:
-            raise no_recipe(self.project, self.recipe)
-        texts, added = map(settings.parse, self.added.settings), self.added
-        names = {node.removeprefix(f"{self.recipe}:"): bound for node, bound in self.names.items()}
-        lock = Place(self.project.shown(self.project.root / LOCK))
-        request = Request(self.project.preferences, added.inputs, tuple(texts), added.backends, incomplete, names, lock)
-        with self.project.library.code.kept_in(Store(self.project.cache, make=False).state):
-            made = plan(self.recipe, self.project.recipe, self.project.library, self.project.root, request)
-        self.project.forget_recipes()
+        kept = self.kept.find(watch, reads=self._makes) if self.kept is not None else None
+        made, told = kept or self._plan(incomplete, watch)
         if self.project.console != "jsonl":
-            warnings.update(dict.fromkeys(self.project.library.warnings.values()))
+            warnings.update(dict.fromkeys(told))
             warnings.update(dict.fromkeys(self._unbound(made.graph)))
         return made
+
+    def _plan(self, incomplete: bool, watch: Watch | None) -> Kept:
+        from dextera_build.code.distributions import note_packages
+        from dextera_build.recipe import settings
+        from dextera_build.recipe.kept import Kept, is_lasting
+        from dextera_build.recipe.plan import Request, plan
+        from dextera_build.store.signature import Watch
+        from dextera_build.store.store import Store
+
+        project, added, own = self.project, self.added, Watch()
+        if project.recipe(self.recipe) is None:
+            raise no_recipe(project, self.recipe)
+        texts = map(settings.parse, added.settings)
+        names = {node.removeprefix(f"{self.recipe}:"): bound for node, bound in self.names.items()}
+        lock = Place(project.shown(project.root / LOCK))
+        request = Request(project.preferences, added.inputs, tuple(texts), added.backends, incomplete, names, lock)
+        with project.library.code.kept_in(Store(project.cache, make=False).state):
+            made = plan(self.recipe, project.recipe, project.library, project.root, request)
+        project.forget_recipes()
+        found = Kept(made, list(project.library.warnings.values()))
+        if watch is not None:
+            project.note_read(watch, made)
+        if self.kept is not None and is_lasting(made) and not project.looked_for_gpus:
+            own.started_ns = min(own.started_ns, project.library.since_ns)
+            note_packages(own, doubts=True)
+            project.note_read(own, made)
+            self.kept.keep(found, own)
+        return found
 
     def _unbound(self, graph: Graph) -> Iterator[str]:
         """Warnings about names in `dxb.lock` that the plan does not use."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
@@ -93,10 +91,10 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, wa
     # Protects the results from garbage collection until they are exported.
     with executor(session, idle=order.bring_from is not None) as ready, store.running.announced():
         if watch is not None:
+            from dextera_build.code.distributions import note_packages
+
             note_packages(watch)
-        plan = session.plan()
-        if watch is not None:
-            _note(session, watch, plan)
+        plan = session.plan(watch=watch)
         wanted = [address for target in order.targets for address in addresses(plan.graph, target)]
         _refuse_unknown_force(order, plan)
         _refuse_unknown_copies(plan, wanted, session)
@@ -213,30 +211,6 @@ class _Build:
         except DxbError:
             return []  # the next build of these nodes reports it
         return [node for node, output in others.items() if node not in now or not _makes(now[node], output)]
-
-
-def _note(session: Session, watch: Watch, plan: Plan) -> None:
-    """Add the files read by planning: recipes, code, configuration, and folders in which new ones may appear."""
-    from dextera_build.code.modules import was_read
-
-    recipes = {str(path) for path in plan.recipes}
-    for path in (*recipes, *session.project.looked_at()):
-        if os.path.isdir(path):
-            watch.folder(path)
-        else:
-            watch.file(path)
-        watch.doubt(path, was_read=path in recipes or was_read(path))
-
-
-def note_packages(watch: Watch) -> None:
-    """Add importable modules and installed packages, before any import."""
-    from dextera_build.code.distributions import metadata_files
-
-    for entry in sys.path:
-        watch.modules(entry or os.getcwd())
-    for folder, names in watch.paths.items():
-        for path in metadata_files(folder, names or ()):
-            watch.file(path)
 
 
 def _makes(node: Planned, output: str) -> bool:

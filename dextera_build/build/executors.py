@@ -39,7 +39,7 @@ Ready: TypeAlias = "Callable[[Sequence[RuleFacts]], Executor]"
 
 @contextmanager
 def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
-    """The configured executor of one build; a first worker loads while the recipe is being planned.
+    """The configured executor of one build; a first worker loads while a new recipe is being planned.
 
     Args:
         session: The recipe to build.
@@ -59,8 +59,8 @@ def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
         with suppress(OSError):  # few rules need a temporary folder
             environment["TMPDIR"] = stack.enter_context(scratch())
         workers = stack.enter_context(LocalExecutor(RUNNER, capacity, environment, project.root))
-        if not idle:
-            workers.warm()  # a build without a valid snapshot usually runs something
+        if not idle and not (session.kept and session.kept.is_known):
+            workers.warm()  # planning takes as long as a worker needs to load
 
         def ready(rules: Sequence[RuleFacts]) -> Executor:
             share()

@@ -102,6 +102,9 @@ class CodeIndex:
         head, _, rest = name.partition("/")
         folders = {RULES: list(self._roots.values()), DXB: [PACKAGE]}.get(head, [])
         known = [self._named[name]] if name in self._named else []
+        if not (known or folders):  # the plan is that of an earlier command
+            module = self._modules.find(module_of(name))
+            known = [module.file] if module and module.file else []
         for file in [*known, *(folder / rest for folder in folders)]:
             if file.is_file():
                 return file, 1 if definition == FILE else self._source(file).lines.get(definition, 1)
@@ -177,6 +180,14 @@ class CodeIndex:
             parsed = self._parse(data, str(file)) if is_text else syntax.Source({"<binary>": digest_of(data)}, {}, ())
             self._parsed[file] = parsed
         return self._parsed[file]
+
+
+def module_of(source: str, root: str = RULES) -> str:
+    """Import name of a named source; `root` is the package under which its rule is mounted."""
+    end = f"/{_PACKAGE}"
+    stem = source.removesuffix(end) if source.endswith(end) else source.rpartition(".")[0]
+    top, *rest = stem.split("/")
+    return ".".join([root if top == RULES else top, *rest])
 
 
 def _prefixes(name: str) -> Iterator[str]:

@@ -11,6 +11,10 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dextera_build.store.signature import Watch
 
 RUNTIME = {
     "platform": f"{sys.platform}-{os.uname().machine}",
@@ -93,6 +97,18 @@ def metadata_files(folder: str, names: Iterable[str]) -> Iterator[str]:
         if files is not None:
             path = os.path.join(folder, name)
             yield from (os.path.join(path, file) for file in files) if os.path.isdir(path) else (path,)
+
+
+def note_packages(watch: Watch, *, doubts: bool = False) -> None:
+    """Add importable modules and installed packages to a watch; `doubts`: some may have been imported before."""
+    for entry in sys.path:
+        folder = entry or os.getcwd()
+        watch.modules(folder)
+        if doubts and os.path.exists(folder):
+            watch.doubt(folder, was_read=False)
+    for folder, names in watch.paths.items():
+        for path in metadata_files(folder, names or ()):
+            watch.file(path)
 
 
 @cache

@@ -20,7 +20,7 @@ from types import CodeType, ModuleType
 from typing import NoReturn
 
 from dextera_build.code.children import Children
-from dextera_build.code.code_digest import RULES
+from dextera_build.code.code_digest import module_of
 from dextera_build.code.modules import DXB, PACKAGE, digest_of, earlier, find_top, forget_changed, is_first_party, read
 from dextera_build.code.syntax import too_deep
 from dextera_build.errors import DxbError, MachineError, Place, RecipeError, RuleError
@@ -86,7 +86,7 @@ class Importer:
         """
         self._edited = None
         for source, said in sources.items():
-            name = _module(source, root)
+            name = module_of(source, root)
             self._wanted[name] = said or (_PACKAGE if source.endswith(_PACKAGE) else "")
             if self._loaded.get(name, said) != said:
                 raise self._refuse(self._origins[name][1] or source)
@@ -170,13 +170,6 @@ def _search(name: str, path: Sequence[str] | None) -> ModuleSpec | None:
 def _file(spec: ModuleSpec | None) -> str:
     """The file of a module; "" if it has none."""
     return str(spec.origin) if spec is not None and spec.has_location else ""
-
-
-def _module(source: str, root: str) -> str:
-    """Import name of a source."""
-    stem = source.removesuffix(_PACKAGE) if source.endswith(_PACKAGE) else source.rpartition(".")[0]
-    top, *rest = stem.split("/")
-    return ".".join([root if top == RULES else top, *rest])
 
 
 IMPORTER = Importer()

@@ -14,6 +14,7 @@ import importlib.machinery
 import importlib.util
 import re
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -218,6 +219,8 @@ class Library:
         self._found: dict[str, RuleFile] = {}
         self.warnings: dict[str, str] = {}
         """Warnings about modules whose versions are in no key, by module."""
+        self.since_ns = time.time_ns()
+        """No source was read before [ns since the epoch], but those that are as they were."""
         IMPORTER.forget_changed()
 
     @cached_property
@@ -290,6 +293,11 @@ class Library:
     def _version(self) -> Callable[[str], str | None]:
         """`version_of`, asked once for each distribution."""
         return cache(version_of)
+
+    def place_of(self, source: str, definition: str) -> tuple[Path, int] | None:
+        """The file and line of a definition in a named source, or None if the source is gone."""
+        _ = self.roots  # finds the sources of rules there
+        return self.code.find(source, definition)
 
     def looked_at(self) -> set[str]:
         """Files and folders, including missing ones, that determine the code of the rules found so far."""

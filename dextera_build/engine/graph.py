@@ -282,6 +282,8 @@ class Plan:
     rules: tuple[RuleFacts, ...]
     absent: tuple[UsageError, ...] = ()
     """An error for each required input that is not given; without these, nothing can be looked up or run."""
+    kinds: Mapping[str, str] = field(default_factory=dict)
+    """Path that an input names or might name -> `File`, `Folder`, or "" if nothing was there."""
 
 
 def node_address(call: tuple[str, ...], labels: tuple[str, ...]) -> str:

@@ -135,7 +135,7 @@ class Causes:
             file, _, definition = change.name.partition(": ")
             # Of an order, the first statement that has another place.
             first = next(iter(order.names_in(change.new)), "") if definition == ORDER else definition
-            found = self._session.project.library.code.find(file, first)
+            found = self._session.project.library.place_of(file, first)
             cause.place = f"{self._session.project.shown(found[0])}:{found[1]}" if found else "(gone)"
             cause.name = f"{definition} of {file}" if definition == ORDER else f"`{definition}` of {file}"
         elif change.kind == "input":

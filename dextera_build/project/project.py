@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from dextera_build.code.machine import Machine
     from dextera_build.models.model import Model
     from dextera_build.project.lockfile import Lock
+    from dextera_build.recipe.plan import Plan
     from dextera_build.recipe.profiles import Profile
     from dextera_build.recipe.schema import Recipe
+    from dextera_build.store.signature import Watch
     from dextera_build.workers.capacity import Capacity
 
 MARKER = "dxb.toml"
@@ -52,8 +54,10 @@ class Project:
     def __init__(self, root: str | Path, flags: Mapping[str, Any] | None = None, *, declared: bool = True) -> None:
         self.root = Path(root)
         self.declared = declared
-        self._recipes: dict[tuple[Path, int, int, int], Recipe] = {}
+        self._recipes: dict[tuple[Path, int, int, int, int], Recipe] = {}
         self._looked_at: set[str] = set()
+        self.looked_for_gpus = False
+        """Whether planning asked for the GPUs of this machine."""
         self.remotes = Choice(self.root)
         """The remotes; filled in by `config`."""
         self._flags = {name: value for name, value in (flags or {}).items() if value is not None}
@@ -261,6 +265,7 @@ class Project:
 
     def _gpu_gb(self) -> float:
         """Memory of the largest GPU [GiB]; infinity if it is not known before the build."""
+        self.looked_for_gpus = True
         if self.executor.startswith("ray"):
             return math.inf  # the cluster places the call
         return max((gpu.memory_gb or math.inf for gpu in self.capacity(gpus=True).gpus), default=0.0)
@@ -300,7 +305,7 @@ class Project:
             if os.path.isfile(file) and file.resolve().is_relative_to(folder.resolve()):
                 state = file.stat()
                 # One command looks a recipe up several times; it is read once.
-                place = (file, state.st_mtime_ns, state.st_size, state.st_ino)
+                place = (file, state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino)
                 if place not in self._recipes:
                     self._recipes[place] = read(file, address, self.shown(file))
                 return self._recipes[place]
@@ -323,6 +328,21 @@ class Project:
         """Files and folders that determined the meaning of its recipes, including ones that do not exist."""
         configuration = (settings.PYPROJECT, MARKER, "dxb.local.toml")
         return {*(str(self.root / name) for name in configuration), *self._looked_at, *self.library.looked_at()}
+
+    def note_read(self, watch: Watch, plan: Plan) -> None:
+        """Add what planning read: recipes, code, configuration, and folders in which new files may appear."""
+        from dextera_build.code.modules import was_read
+
+        recipes = {str(path) for path in plan.recipes}
+        for path in (*recipes, *self.looked_at()):
+            if os.path.isdir(path):
+                watch.folder(path)
+            else:
+                watch.file(path)
+            watch.doubt(path, was_read=path in recipes or was_read(path))
+        for path, kind in plan.kinds.items():
+            if not kind:
+                watch.file(path)
 
     def forget_recipes(self) -> None:
         """Free the recipes read: a plan holds everything that a build needs, and large recipes take much memory."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.code.code_digest import EXCHANGE, FILE
 from dextera_build.code.distributions import version_of
 from dextera_build.code.loader import BackendFile, Library, RuleFile
-from dextera_build.engine.graph import Call, Graph, Input, Item, Output, Pack, RuleFacts
+from dextera_build.engine.graph import Call, Input, Item, Output, Pack, RuleFacts
 from dextera_build.errors import (
     ArtifactError,
     MachineError,
@@ -104,9 +104,14 @@ class CallMaker:
                 hint=did_you_mean(label, copies),
             )
 
-    def place_settings(self, calls: Container[Address]) -> None:
-        """Tell the names of calls from those of groups of options in the settings."""
+    def place_settings(self, calls: Collection[Address]) -> None:
+        """Tell the names of calls from those of groups of options in the settings.
+
+        Raises:
+            UsageError: A setting names an unknown call.
+        """
         self._settings = tuple(setting.at(calls) for setting in self._settings)
+        self._refuse_unused_settings(calls)
 
     def labels(self, group: Address) -> dict[str, str]:
         """Label -> setting for the copies that settings name."""
@@ -121,15 +126,11 @@ class CallMaker:
         """Whether a setting names this copy."""
         return any(setting.call == call and label in setting.labels for setting in self._settings)
 
-    def refuse_unused_settings(self, graph: Graph) -> None:
-        """Refuse settings that name no call of the graph.
+    def is_unset(self, call: Address) -> bool:
+        """Whether no setting names a call."""
+        return all(setting.call != call for setting in self._settings)
 
-        Raises:
-            UsageError: A setting names an unknown call.
-        """
-        if not self._settings:
-            return
-        calls = {address for address, _ in graph.calls()}
+    def _refuse_unused_settings(self, calls: Collection[Address]) -> None:
         known = [".".join(address) for address in calls]
         for setting in self._settings:
             if setting.call not in calls:

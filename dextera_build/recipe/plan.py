@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +14,7 @@ from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, l
 from dextera_build.recipe import cycles, expect, groups
 from dextera_build.recipe.bindings import Names, fill
 from dextera_build.recipe.calls import CallMaker
+from dextera_build.recipe.kept import kind_of
 from dextera_build.recipe.profiles import Profile
 from dextera_build.recipe.schema import CallDecl, Decl, GroupDecl, InputDecl, MatrixDecl, Recipe, UseDecl, refuse_deep
 from dextera_build.recipe.scope import Absent, Alias, Bound, GroupName, Scope, UseName, item
@@ -72,8 +72,7 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
     graph = Graph(address, planner.tree(), resolved)
     cycles.refuse(graph)
     expect.refuse_unknown(recipe.expect, graph)
-    planner.maker.refuse_unused_settings(graph)
-    return Plan(graph, tuple(planner.files), planner.maker.rules, tuple(planner.absent))
+    return Plan(graph, tuple(planner.files), planner.maker.rules, tuple(planner.absent), planner.kinds)
 
 
 class _Planner:
@@ -87,6 +86,8 @@ class _Planner:
         self.files: list[Path] = []
         self.absent: list[UsageError] = []
         """One error for each required input that is not given."""
+        self.kinds: dict[str, str] = {}
+        """See `Plan.kinds`."""
         self._recipes: dict[str, Recipe] = {}
         self._foreign: dict[str, Scope] = {}
         self._pending: dict[tuple[str, ...], tuple[CallDecl, Scope]] = {}
@@ -127,17 +128,23 @@ class _Planner:
     def fill(self) -> None:
         """Build every declared call."""
         self.maker.place_settings(self._pending)
+        # First what the request changes, because a wrong setting is the most frequent error.
+        made = {address: self._call(address) for address in sorted(self._pending, key=self.maker.is_unset)}
+        self._calls = {address: made[address] for address in self._pending}
         members: dict[tuple[str, ...], dict[str, tuple[CallDecl, Scope]]] = {group: {} for group in self._groups}
         for address, (decl, scope) in self._pending.items():
-            decl = fill(decl, self._request.names.get(address[0], {}) if len(address) == 1 else {}, self._request.lock)
-            around = self._groups[address[:-1]][0] if len(address) > 1 else None
-            # The generic call of a matrix, without a label, is that of its first copy.
-            first = next(iter(around.copies.values())) if isinstance(around, MatrixDecl) else None
-            self._calls[address] = self.maker.call(decl, scope, address, self.maker.values(decl, first))
-            if around is not None:
+            if len(address) > 1:
                 members[address[:-1]][address[-1]] = (decl, scope)
         for address, (group, _) in self._groups.items():
             self._overrides[address] = self._override(address, group, members[address])
+
+    def _call(self, address: tuple[str, ...]) -> Call:
+        decl, scope = self._pending[address]
+        decl = fill(decl, self._request.names.get(address[0], {}) if len(address) == 1 else {}, self._request.lock)
+        around = self._groups[address[:-1]][0] if len(address) > 1 else None
+        # The generic call of a matrix, without a label, is that of its first copy.
+        first = next(iter(around.copies.values())) if isinstance(around, MatrixDecl) else None
+        return self.maker.call(decl, scope, address, self.maker.values(decl, first))
 
     def targets(self, scope: Scope, nodes: Iterable[Node]) -> Iterator[tuple[str, ...]]:
         """The calls that targets of the recipe name; none for an input that is not given."""
@@ -269,10 +276,10 @@ class _Planner:
         where = COMMAND_LINE if from_cli else where
         address, _, target = text.partition(":")
         path = self._path(text, where, from_cli)
-        is_there = os.path.exists(path)  # False for an invalid path, for which `Path.exists` may raise
-        if (target or not is_there) and self._read(address) is not None:
+        kind = self.kinds[str(path)] = kind_of(str(path))
+        if (target or not kind) and self._read(address) is not None:
             return self._foreign_target(address, target, where)
-        if not is_there:
+        if not kind:
             raise RecipeError(
                 f"`{text}` is neither a file nor a recipe",
                 code="DXB-R301",
@@ -280,7 +287,6 @@ class _Planner:
                 facts={"looked for": str(path)},
                 hint="`--input NAME=PATH` starts from the current folder, a recipe's own paths from the project",
             )
-        kind = "Folder" if path.is_dir() else "File"
         return Bound(Leaf(path, where), lambda: _leaf_type(kind))
 
     def _path(self, text: str, where: Place, from_cli: bool) -> Path:

@@ -19,13 +19,10 @@ if TYPE_CHECKING:
     from dextera_build.store.state import State
 
 KIND = "snapshot"
-_USED = "snapshot made"
 LAST = "last"
 """Kind of state rows: a recipe of a project -> the variant built last."""
 _MOST = 64
 """Maximum number of snapshots in a store."""
-_MARK = "\0"
-"""Separator of texts; no path contains it."""
 _BOOT = "/proc/sys/kernel/random/boot_id"
 """Changes with every boot; after a power cut, files may be truncated."""
 _PLACES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
@@ -73,11 +70,16 @@ def request(words: "Sequence[str]") -> str:
     """The name of a request: a digest of everything that the answer depends on except files."""
     import hashlib
 
+    said = sorted((key, value) for key, value in os.environ.items() if key.startswith("DXB_") or key in _PLACES)
+    text = repr((*here(), list(words), said))
+    return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()
+
+
+def here() -> "tuple[object, ...]":
+    """The programs, the folder and the boot of this command."""
     from dextera_build.version import __version__
 
-    said = sorted((key, value) for key, value in os.environ.items() if key.startswith("DXB_") or key in _PLACES)
-    text = repr((__version__, sys.version, sys.path, list(words), os.getcwd(), said, _boot()))
-    return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()
+    return __version__, sys.version, sys.path, os.getcwd(), _boot()
 
 
 def save(
@@ -99,38 +101,29 @@ def save(
         answers: Text printed to standard output.
         told: Whether the answer includes the "up to date" lines on standard error.
     """
-    from dextera_build.store import failpoints
+    from dextera_build.store import failpoints, seen
 
-    name, started = request(words), time.time_ns()
-    folders = list(_folders(watch, started))
+    name, rows = request(words), seen.texts(watch, time.time_ns())
     if not watch.settled():
         return False
     texts = [answers, "told" if told else "", str(len(recipes))]
     for recipe in recipes:
         texts += [recipe.name, str(recipe.nodes), recipe.last, recipe.variant]
-    files = [(path, _spelled(known)) for path, known in (*watch.files.items(), *watch.present.items())]
-    entries = [path for recipe in recipes for path in recipe.entries]
-    texts += [str(len(files)), str(len(folders)), *(text for row in (*files, *folders) for text in row), *entries]
-    if any(_MARK in text for text in texts):
+    texts += rows + [path for recipe in recipes for path in recipe.entries]
+    if any(seen.MARK in text for text in texts):
         return False
-    done = state.put(KIND, {name: _MARK.join(texts).encode(errors="surrogateescape")})
-    made = state.all(_USED)
-    old = sorted(made, key=lambda one: made[one])[: max(0, len(made) + 1 - _MOST)]
-    state.put(_USED, {name: b"%020d" % started}, without=old)
-    state.put(KIND, {}, without=[one for one in old if one != name])
+    done = state.put_newest(KIND, name, seen.MARK.join(texts).encode(errors="surrogateescape"), most=_MOST)
     failpoints.reach("snapshot.saved")
     return done
 
 
 def _give(state: "State", found: bytes, began: float) -> bool:
-    texts = found.decode(errors="surrogateescape").split(_MARK)
+    from dextera_build.store import seen
+
+    texts = found.decode(errors="surrogateescape").split(seen.MARK)
     recipes = [texts[place : place + 4] for place in range(3, 3 + 4 * int(texts[2]), 4)]
     place = 3 + 4 * len(recipes)
-    files, folders = int(texts[place]), int(texts[place + 1])
-    first = place + 2
-    second = first + 2 * files
-    third = second + 4 * folders
-    if not (_are(texts, first, second) and _list(texts, second, third) and all(map(os.path.exists, texts[third:]))):
+    if not (seen.still(texts, place) and all(map(os.path.exists, texts[seen.end(texts, place) :]))):
         return False
     last = {recipe[2]: recipe[3].encode() for recipe in recipes}
     if state.some(LAST, last) != last:
@@ -141,62 +134,6 @@ def _give(state: "State", found: bytes, began: float) -> bool:
             sys.stderr.write(f"{name} is up to date   {nodes} node{many}   {time.perf_counter() - began:.2f} s\n")
     sys.stdout.write(texts[0])
     return True
-
-
-def _are(texts: list[str], first: int, end: int) -> bool:
-    """Whether all files still have the recorded signatures."""
-    stat = os.stat
-    for place in range(first, end, 2):
-        try:
-            state = stat(texts[place])
-        except OSError:
-            if texts[place + 1]:
-                return False
-        else:
-            if texts[place + 1] != f"{state.st_mtime_ns} {state.st_ctime_ns} {state.st_size} {state.st_ino}":
-                return False
-    return True
-
-
-def _list(texts: list[str], first: int, end: int) -> bool:
-    """Whether all folders still hold the recorded names; only folders with changed timestamps are listed."""
-    for place in range(first, end, 4):
-        path, kind, stamp, check = texts[place : place + 4]
-        try:
-            state = os.stat(path)
-        except OSError:
-            if check:
-                return False
-            continue
-        if stamp != f"{state.st_mtime_ns} {state.st_ctime_ns} {state.st_ino}" and _names(path, kind) != check:
-            return False
-    return True
-
-
-def _folders(watch: "Watch", started: int) -> "Iterator[tuple[str, str, str, str]]":
-    from dextera_build.store import signature
-
-    for kind, folders in (("names", watch.folders), ("modules", watch.paths)):
-        for path, known in folders.items():
-            state = signature.look(path)
-            stamp = f"{state[0]} {state[1]} {state[3]}" if state and signature.is_proof(state, started) else ""
-            yield path, kind, stamp, _check(known)
-
-
-def _names(path: str, kind: str) -> str:
-    from dextera_build.store import signature
-
-    return _check(signature.names(path) if kind == "names" else signature.modules(path))
-
-
-def _check(names: list[str] | None) -> str:
-    import zlib
-
-    return "" if names is None else str(zlib.crc32("/".join(names).encode(errors="surrogateescape")))
-
-
-def _spelled(known: tuple[int, int, int, int] | None) -> str:
-    return " ".join(map(str, known)) if known else ""
 
 
 def _stores() -> "Iterator[str]":

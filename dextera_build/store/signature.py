@@ -163,8 +163,9 @@ class Watch:
             path: A file or folder that was noted.
             was_read: Whether it existed.
         """
-        if path in self.folders and ((state := look(path)) is None or not is_proof(state, self.started_ns)):
-            self.folders[path] = [os.sep]  # no folder holds such a name
+        for folders in (self.folders, self.paths):
+            if path in folders and ((state := look(path)) is None or not is_proof(state, self.started_ns)):
+                folders[path] = [os.sep]  # no folder holds such a name
         if was_read and path in self.files and self.files[path] is None:
             self.files[path] = _NEVER
 

@@ -80,6 +80,17 @@ class State:
 
         return self._takes and bool(self._try(write, writes=True))
 
+    def put_newest(self, kind: str, name: str, value: bytes, *, most: int) -> bool:
+        """Write a row, and delete the oldest rows of its kind that were written this way, beyond the number `most`."""
+        import time
+
+        times = f"{kind} made"
+        done, made = self.put(kind, {name: value}), self.all(times)
+        old = sorted(made.keys() - {name}, key=lambda one: made[one])[: max(0, len({*made, name}) - most)]
+        self.put(times, {name: b"%020d" % time.time_ns()}, without=old)
+        self.put(kind, {}, without=old)
+        return done
+
     def _read(self, work: "Callable[[sqlite3.Connection], list[T]]") -> "list[T]":
         return self._try(work, writes=False) or [] if os.path.exists(self._path) else []
 

@@ -301,6 +301,21 @@ def empty(ctx: Context, text: File) -> Folder:
 
 
 @pytest.mark.slow
+def test_code_edited_while_a_build_repeats_a_plan_waits_for_the_next_build(built: Space) -> None:
+    built.write("recipes/wait.yaml", "inputs: {one: one.txt}\nnodes:\n  a: {rule: toy.slow, text: $one, seconds: 1}\n")
+    built.edit("recipes/wait.yaml", "seconds: 1}\n", "seconds: 1}\n  c: {rule: toy.join, one: $a, two: $a}\n")
+    time.sleep(0.05)
+    assert built.dxb("plan", "wait").code == 0  # keeps its plan
+    running = built.start("build", "wait", "--console", "plain", "-j", "1")
+    assert running.stderr is not None
+    while "a " not in (line := running.stderr.readline()) and line:
+        pass
+    built.edit("rules/toy/join.py", "one.data + two.data", "two.data + one.data + two.data")
+    running.communicate()
+    assert running.returncode == 0
+    assert built.build("wait").nodes("ran") == {"c"}
+
+
 def test_outputs_come_back_as_they_were(built: Space) -> None:
     built.write("rules/toy/empty.py", EMPTY.lstrip())
     built.write("one.txt", "one.txt")

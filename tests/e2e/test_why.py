@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import time
 
 import pytest
 
@@ -129,11 +130,13 @@ def test_another_version_of_an_imported_package_makes_stale_what_reaches_it(spac
 
 def test_a_changed_helper_is_named_with_function_and_line(built):
     built.edit("rules/toy/marks.py", 'b"!" * times', 'b"?" * times')
-    answer = json.loads(built.dxb("why", "--json", "say/words:word[two].loud").out)
-    (cause,) = answer["causes"]
-    assert cause["kind"] == "code"
-    assert cause["name"] == "`mark` of rules/toy/marks.py"
-    assert cause["place"] == "rules/toy/marks.py:3"
+    for _ in range(2):  # the second command repeats the plan of the first
+        time.sleep(0.05)
+        answer = json.loads(built.dxb("why", "--json", "say/words:word[two].loud").out)
+        (cause,) = answer["causes"]
+        assert cause["kind"] == "code"
+        assert cause["name"] == "`mark` of rules/toy/marks.py"
+        assert cause["place"] == "rules/toy/marks.py:3"
 
 
 def test_what_waits_for_a_stale_node_says_so(built):

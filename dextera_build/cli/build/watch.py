@@ -181,7 +181,7 @@ def _build(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch:
 
 def _note_mends(project: Project | None, error: DxbError, watch: Watch) -> None:
     """Watch every file whose edit could fix an error."""
-    from dextera_build.build.build import note_packages
+    from dextera_build.code.distributions import note_packages
     from dextera_build.project.project import deciding_files
 
     for path in deciding_files():
