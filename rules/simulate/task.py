@@ -47,8 +47,8 @@ class ResetOptions(Options):
     goal_deg: NonNegativeFloat = 0.0
     """Half range of a target's turn about the vertical, or of commands of joints [deg]."""
     visual: NonNegativeFloat = 0.0
-    """Fraction of the cameras' calibration covariance, and of the ranges of exposure, light and noise, to draw from; the
-    photograph's camera has no error of its own where the base has one."""
+    """Fraction of the cameras' calibration covariance, and of the ranges of exposure, light and noise, to draw from.
+    The photograph's camera has no error of its own where the base has one."""
 
 
 class TaskOptions(Options):
