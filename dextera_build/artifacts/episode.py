@@ -18,7 +18,7 @@ from dextera_build.artifacts.identity import check
 from dextera_build.artifacts.lazy import contents
 from dextera_build.artifacts.limb import ONLY
 from dextera_build.artifacts.reasons import tally
-from dextera_build.artifacts.variation import Variation
+from dextera_build.artifacts.variation import EXACT, Twist, Variation
 from dextera_build.errors import ArtifactError
 
 _MOST = 1 << 30
@@ -33,8 +33,8 @@ Origin = Literal["operator", "synthesis", "policy", "replay"]
 class Start(Artifact):
     """The complete state that an episode begins in, with the dynamics that were drawn for it."""
 
-    type_version: ClassVar[int] = 3
-    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged}
+    type_version: ClassVar[int] = 4
+    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged, 3: former.unchanged}
 
     seed: int
     """Seed of the draw."""
@@ -50,6 +50,9 @@ class Start(Artifact):
     """Root body -> sliding friction coefficient."""
     gain_scale: float
     """Factor on stiffness and damping of the robot's position controllers."""
+    base_error: Twist = EXACT
+    """Error of the pose of the robot's base in the world. The robot acts where this puts it; objects and goals are told
+    to it by the bundle's own `base_pose`."""
     variation: Variation = Variation()
     """What else was drawn."""
 

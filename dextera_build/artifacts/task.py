@@ -42,7 +42,7 @@ class Reset(Value):
     """Every joint of the robot starts within this range around its home [rad]."""
     dynamics: float = 1.0
     """Masses, sizes, friction and gains are drawn within this many of the twin's own intervals, and errors of the
-    objects' poses have this many of their standard deviations; 0 keeps the estimates."""
+    poses of the objects and of the robot's base have this many of their standard deviations; 0 keeps the estimates."""
     joints: float = 0.0
     """Damping and friction of joints, the robot's and the objects', are drawn within this many of their ranges, see
     `dextera_build.sim.runtime.variations`."""
@@ -52,7 +52,7 @@ class Reset(Value):
     """A target orientation turns about the vertical within this angle, commands of joints change within it [rad]."""
     visual: float = 0.0
     """Errors of cameras have this many of the standard deviations of their calibration; exposure, light and noise are
-    drawn within this many of their ranges."""
+    drawn within this many of their ranges. A `View.photographed` follows the base instead where that has an error."""
 
 
 class TaskSpec(Value):
@@ -199,11 +199,19 @@ class TaskBundle(Artifact):
         return tuple(name for thing in self.objects.values() for name in thing.joints)
 
 
+def _of_the_photograph(fields: former.Fields) -> former.Fields:
+    """Version 2 did not say it: only the photograph's camera had a covariance."""
+    return {**fields, "photographed": fields["camera_pose"].covariance is not None}
+
+
 class View(Artifact):
     """A camera of policies and films."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.pose("world_from_camera", "camera_pose", "world", "camera")}
+    type_version: ClassVar[int] = 3
+    readers: ClassVar[former.Readers] = {
+        1: former.pose("world_from_camera", "camera_pose", "world", "camera"),
+        2: _of_the_photograph,
+    }
 
     camera: Camera
     """Intrinsics at the size that is rendered."""
@@ -211,3 +219,6 @@ class View(Artifact):
     """T_world_camera, OpenCV axes."""
     samples: int = 1
     """Samples per pixel of its pictures."""
+    photographed: bool = False
+    """Whether it is the camera of the twin's picture, by which the base's pose is known. Where a start has an error of
+    the base, such a camera stays with the objects that it saw: the error is that of its calibration."""

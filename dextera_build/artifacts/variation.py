@@ -8,6 +8,9 @@ from dextera_build.artifacts.goals import Goal
 from dextera_build.artifacts.value import Value
 
 Twist = tuple[float, float, float, float, float, float]
+"""An error of a pose: translation [m], then rotation vector [rad], in the axes of the parent frame."""
+EXACT: Twist = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""No error."""
 
 
 class Variation(Value):
@@ -20,7 +23,7 @@ class Variation(Value):
     goal: Goal | None = Field(default=None, discriminator="primitive")
     """The goal of this episode; None: the task's."""
     cameras: dict[str, Twist] = Field(default_factory=dict)
-    """Camera -> error of its pose: translation [m], then rotation vector [rad], in the axes of the world."""
+    """Camera -> error of its pose in the world."""
     exposure: float = 1.0
     """Factor on linear brightness of pictures."""
     light: float = 1.0

@@ -8,9 +8,11 @@ independent.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from dextera_build.geometry import transforms
+from dextera_build.geometry import registration, transforms
 
 
 def compose(
@@ -51,6 +53,12 @@ def invert(motion: np.ndarray, covariance: np.ndarray, scale: float = 1.0) -> np
     if size == 7:
         jacobian[:3, 6] = back @ motion[:3, 3] / scale
     return _symmetric(jacobian @ covariance @ jacobian.T)
+
+
+def moved(motion: np.ndarray, error: Sequence[float]) -> np.ndarray:
+    """T_a_b (4, 4) with an error (6,): translation [m], then rotation vector [rad], about the axes of a."""
+    turn = registration.rotation(np.array(error[3:]))
+    return transforms.rigid(turn @ motion[:3, :3], motion[:3, 3] + error[:3])
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:

@@ -104,7 +104,8 @@ def robot_type(bundle: TaskBundle) -> str:
 def start(label: str, episode: Episode) -> dict[str, object]:
     """Columns with the start of the episode and its origin."""
     begin = episode.start
-    dynamics = {name: getattr(begin, name) for name in ("mass_scale", "size_scale", "friction", "gain_scale")}
+    names = ("mass_scale", "size_scale", "friction", "gain_scale", "base_error")
+    dynamics = {name: getattr(begin, name) for name in names}
     return {
         "label": label,
         "origin": episode.origin,

@@ -38,7 +38,8 @@ class ResetOptions(Options):
     robot_deg: NonNegativeFloat = 2.0
     """Half range of every joint of the robot around home [deg]."""
     dynamics: NonNegativeFloat = 1.0
-    """Fraction of the twin's own intervals to draw masses, sizes, friction, gains and known errors of poses from."""
+    """Fraction of the twin's own intervals to draw masses, sizes, friction, gains and known errors of poses from, those
+    of the objects and that of the robot's base."""
     joints: NonNegativeFloat = 0.0
     """Fraction of their ranges to draw damping and friction of joints from: factors from 0.6 to 1.65."""
     goal_m: NonNegativeFloat = 0.0
@@ -46,7 +47,8 @@ class ResetOptions(Options):
     goal_deg: NonNegativeFloat = 0.0
     """Half range of a target's turn about the vertical, or of commands of joints [deg]."""
     visual: NonNegativeFloat = 0.0
-    """Fraction of the cameras' calibration covariance, and of the ranges of exposure, light and noise, to draw from."""
+    """Fraction of the cameras' calibration covariance, and of the ranges of exposure, light and noise, to draw from.
+    The photograph's camera has no error of its own where the base has one."""
 
 
 class TaskOptions(Options):

@@ -39,7 +39,8 @@ def view(ctx: Context, scene: Scene, measured: Pose | None = None, *, options: V
     """Return the photograph's camera, cropped evenly and scaled to the new size, or one at another position.
 
     Its covariance is that of the calibration `measured` (T_camera_base), because a policy acts in the base's frame;
-    without one it is the scene's. A camera placed by hand is exact.
+    without one it is the scene's. A camera placed by hand is exact. The photograph's camera says that it is that one:
+    where a start draws an error of the base, the same calibration gives the camera none on top.
     """
     if (options.eye_m is None) != (options.target_m is None):
         ctx.fail("`eye_m` and `target_m` go together", eye_m=options.eye_m, target_m=options.target_m)
@@ -52,7 +53,8 @@ def view(ctx: Context, scene: Scene, measured: Pose | None = None, *, options: V
         moved = transforms.rigid(pose.matrix[:3, :3], pose.matrix[:3, 3] + options.shift_m)
         pose = Pose(parent="world", child="camera", matrix=moved)
     ctx.say(f"{camera.width} x {camera.height} px, {'as photographed' if options.eye_m is None else 'placed by hand'}")
-    return View(camera=camera, camera_pose=pose, samples=options.samples)
+    own = options.eye_m is None and not any(options.shift_m)
+    return View(camera=camera, camera_pose=pose, samples=options.samples, photographed=own)
 
 
 def _calibrated(pose: Pose, measured: Pose) -> Pose:

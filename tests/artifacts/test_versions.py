@@ -16,6 +16,8 @@ from dextera_build.artifacts.difference import differences
 from dextera_build.artifacts.former import Readers
 from dextera_build.artifacts.identity import identity, parse, spelled
 from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.task import View
 from dextera_build.errors import ArtifactError
 from dextera_build.store.store import Store
 from tests.artifacts import generated, samples
@@ -74,6 +76,15 @@ def test_version_1_of_a_capture_and_of_a_support_mean_the_same_today() -> None:
             matrix = np.frombuffer(stored[header["world_from_camera"]["$array"][2]]).reshape(4, 4)
             assert np.array_equal(value.camera_pose.matrix, matrix)
             assert (value.camera_pose.parent, value.camera_pose.child) == ("world", "camera")
+
+
+def test_version_2_of_a_view_with_a_covariance_was_the_photograph_s_camera(store: Store) -> None:
+    camera = Camera(width=4, height=3, fx=1.0, fy=1.0, cx=0.0, cy=0.0)
+    for covariance in (None, np.eye(6)):
+        pose = Pose(parent="world", child="camera", matrix=np.eye(4), covariance=covariance)
+        parts = {"camera": {"$ref": camera.encode(store.writer)}, "camera_pose": {"$ref": pose.encode(store.writer)}}
+        found = View.decode(stored(store, "View@2", **parts, samples=1), store.reader)
+        assert found.photographed is (covariance is not None)
 
 
 class Cup(Artifact):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 
 import mujoco
@@ -41,7 +40,7 @@ class Room:
     """
 
     def __init__(self, environment: Environment, reach: Reach) -> None:
-        model = copy.copy(environment.model)
+        model = environment.known_model()
         self._model, self._reach, self._rate = model, reach, environment.task.control_hz
         self._data = mujoco.MjData(model)
         if model.nkey:

@@ -8,11 +8,10 @@ from typing import Any, Literal
 import numpy as np
 
 from dextera_build.artifacts.task import View
-from dextera_build.artifacts.variation import Variation
-from dextera_build.geometry import cameras
+from dextera_build.artifacts.variation import EXACT, Variation
+from dextera_build.geometry import cameras, uncertainty
 from dextera_build.policy.observation import Frame, Frames
 from dextera_build.sim.render import rendering
-from dextera_build.sim.runtime.variations import moved
 
 GAMMA = 2.2
 """Exponent of sRGB, nearly."""
@@ -45,7 +44,8 @@ class Eyes:
     def vary(self, variation: Variation) -> None:
         """Move the cameras, and change light and exposure, as an episode says; never on top of an earlier one."""
         for name, eye in self._eyes.items():
-            eye.look_from(moved(self._views[name].camera_pose.matrix, variation.cameras.get(name, (0.0,) * 6)))
+            error = variation.cameras.get(name, EXACT)
+            eye.look_from(uncertainty.moved(self._views[name].camera_pose.matrix, error))
         self._model.light_diffuse[:] = self._lights[0] * variation.light
         self._model.vis.headlight.diffuse[:] = self._lights[1] * variation.light
         self._exposure = variation.exposure

@@ -1,6 +1,7 @@
 """Privileged quantities read from the simulator's state, only for teachers, critics and rewards.
 
-Velocities refer to a frame's origin: linear [m/s], then angular [rad/s], both in the robot's base frame. MuJoCo's
+Everything is in the robot's base where that truly is, see `Start.base_error`, objects included: this is no measurement.
+Velocities refer to a frame's origin: linear [m/s], then angular [rad/s]. MuJoCo's
 `qvel` of a free joint mixes frames (linear in the world, angular in the body), so `mj_objectVelocity` is used.
 """
 
@@ -11,6 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from dextera_build.geometry import transforms
 from dextera_build.policy.observation import PrivilegedObservation
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime.environment import Environment
@@ -26,8 +28,6 @@ class Insight:
     def __init__(self, environment: Environment) -> None:
         self._environment = environment
         model, bundle = environment.model, environment.bundle
-        self._rotation = bundle.base_pose.matrix[:3, :3].T
-        self._origin = bundle.base_pose.matrix[:3, 3]
         self._dofs = np.array([model.joint(ROBOT + joint.name).dofadr[0] for joint in bundle.robot.joints])
         self._inner = np.array([model.joint(name).dofadr[0] for name in bundle.displacement_names], int)
         self._bodies = [int(model.body(name).id) for name in bundle.objects]
@@ -60,7 +60,8 @@ class Insight:
         twist = np.zeros(6)
         # Angular first, in axes parallel to the world's. An XBODY is the body's frame, a BODY its centre of mass.
         mujoco.mj_objectVelocity(environment.model, environment.data, kind, number, twist, 0)
-        return np.concatenate([self._rotation @ twist[3:], self._rotation @ twist[:3]])
+        rotation = environment.base_from_world[:3, :3]
+        return np.concatenate([rotation @ twist[3:], rotation @ twist[:3]])
 
     def _tip_poses(self, data: Any) -> np.ndarray:
         turns = np.zeros((len(self._tips), 4))
@@ -73,4 +74,4 @@ class Insight:
         body = int(self._environment.model.body(self._environment.task.object).id)
         size = self._environment.start.size_scale.get(self._environment.task.object, 1.0)
         world = size * self._points @ data.xmat[body].reshape(3, 3).T + data.xpos[body]
-        return np.asarray((world - self._origin) @ self._rotation.T)
+        return transforms.apply(self._environment.base_from_world, world)

@@ -11,6 +11,7 @@ from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model import model as models
 from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.model.robot_base import RobotBase
 from dextera_build.sim.model.sizes import Sizes
 
 
@@ -39,11 +40,13 @@ class Replica:
         ]
         self._displacements = self._addresses(list(episodes.displacement_names))
         self._objects = self._addresses(list(episodes.object_names))
+        self._robot_base = RobotBase(self._base, self.model)
 
     def positions(self, episode: Episode) -> np.ndarray:
         """MuJoCo positions (T, Q) of every step; unrecorded positions keep their initial values.
 
-        Followers are where their leaders put them. The model's objects get the sizes of this episode.
+        Followers are where their leaders put them. The model's objects get the sizes of this episode, and its robot
+        stands where that of the episode did; objects were recorded in the base where the bundle has it.
 
         Raises:
             RuleError: The episode's start belongs to another model.
@@ -56,6 +59,7 @@ class Replica:
                 hint="give the bundle that the episodes were made in",
             )
         self._sizes.put(episode.start.size_scale)
+        self._robot_base.put(self.model, episode.start.base_error)
         found = np.tile(episode.start.qpos, (len(episode.joints), 1))
         found[:, self._joints] = episode.joints
         for address, leader, each in self._followers:

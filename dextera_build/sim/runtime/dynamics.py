@@ -1,7 +1,8 @@
-"""Apply sampled dynamics to a compiled model: sizes, masses, friction, gains, damping and friction of joints."""
+"""Apply a start to a compiled model: base, sizes, masses, friction, gains, damping and friction of joints."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -10,6 +11,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.model.robot_base import RobotBase
 from dextera_build.sim.model.sizes import Sizes
 from dextera_build.sim.runtime import variations
 
@@ -24,7 +26,8 @@ class Dynamics:
 
     def __init__(self, bundle: TaskBundle, model: Any) -> None:
         self._model = model
-        self.sizes = Sizes(bundle.objects, model)
+        self._sizes = Sizes(bundle.objects, model)
+        self.base = RobotBase(bundle.base_pose.matrix, model)
         self._mass, self._inertia = model.body_mass.copy(), model.body_inertia.copy()
         self._friction = model.geom_friction.copy()
         self._gain, self._bias = model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
@@ -37,10 +40,15 @@ class Dynamics:
         self._dofs[variations.ROBOT] = owners == model.body(ROBOT + "base").id
         self._geoms = {name: np.isin(model.geom_bodyid, bodies) for name, bodies in self._bodies.items()}
 
+    def shape(self, size_scale: Mapping[str, float], base_error: Sequence[float]) -> None:
+        """Set only what decides which configurations collide: the objects' sizes, and where the robot's base is."""
+        self._sizes.put(size_scale)
+        self.base.put(self._model, base_error)
+
     def apply(self, start: Start, data: Any) -> None:
-        """Set sizes, masses, inertias, friction and gains of `start`."""
+        """Set base, sizes, masses, inertias, friction and gains of `start`."""
         model = self._model
-        self.sizes.put(start.size_scale)
+        self.shape(start.size_scale, start.base_error)
         model.body_mass[:], model.body_inertia[:] = self._mass, self._inertia
         model.geom_friction[:] = self._friction
         for name, factor in start.mass_scale.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.goals import Goal
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.variation import EXACT
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.policy.observation import DeployableObservation, Frames, Measurement, deployable
@@ -42,6 +44,31 @@ class Outcome:
     """Joint targets sent (A,) [rad]: the action limited to position and speed limits."""
 
 
+@dataclass(frozen=True)
+class _Frame:
+    """A base, as seen from the world."""
+
+    from_world: np.ndarray
+    """T_base_world (4, 4)."""
+    turn: np.ndarray
+    """Its rotation as a quaternion."""
+
+    @classmethod
+    def of(cls, world_from_base: np.ndarray) -> _Frame:
+        from_world = transforms.invert(world_from_base)
+        return cls(from_world, quaternions.from_matrix(from_world[:3, :3]))
+
+    def poses(self, positions: np.ndarray, turns: np.ndarray) -> np.ndarray:
+        """World positions (N, 3) [m] and quaternions (N, 4) as poses (N, 7) in this frame, w >= 0."""
+        found = np.empty((len(positions), 7))
+        found[:, :3] = positions @ self.from_world[:3, :3].T + self.from_world[:3, 3]
+        for row, quaternion in zip(found[:, 3:], turns, strict=True):
+            mujoco.mju_mulQuat(row, self.turn, quaternion)
+            if row[0] < 0:
+                row *= -1
+        return found
+
+
 class Environment:
     """One task in one world.
 
@@ -68,8 +95,7 @@ class Environment:
         self.period_s = self.substeps * self.model.opt.timestep
         self._dynamics = Dynamics(bundle, self.model)
         self._index()
-        self._base_from_world = transforms.invert(bundle.base_pose.matrix)
-        self._base_turn = quaternions.from_matrix(self._base_from_world[:3, :3])
+        self._known = _Frame.of(bundle.base_pose.matrix)
         self.begin(starts.photographed(bundle, self.model))
 
     def reset(self, seed: int, stratum: Stratum | None = None) -> DeployableObservation:
@@ -81,12 +107,12 @@ class Environment:
         try:
             start = self._drawn(seed, stratum)
         except RuleError:
-            self._dynamics.sizes.put(self.start.size_scale)
+            self._dynamics.shape(self.start.size_scale, self.start.base_error)
             raise
         return self.begin(start)
 
     def draw(self, seed: int, stratum: Stratum | None = None) -> Start:
-        """Draw a start without beginning it; sizes of the running episode stay as they are.
+        """Draw a start without beginning it; sizes and base of the running episode stay as they are.
 
         Args:
             seed: Any integer from 0 to 2^63.
@@ -98,17 +124,18 @@ class Environment:
         try:
             return self._drawn(seed, stratum)
         finally:
-            self._dynamics.sizes.put(self.start.size_scale)
+            self._dynamics.shape(self.start.size_scale, self.start.base_error)
 
     def _drawn(self, seed: int, stratum: Stratum | None) -> Start:
-        """A start; the objects are left with its sizes."""
-        sizes, fair = self._dynamics.sizes, self.primitive.fair
-        return starts.draw(self.bundle, self.model, self._scratch, sizes, seed, fair, stratum=stratum)
+        """A start; the objects are left with its sizes, and the robot on its base."""
+        changed, fair = self._dynamics, self.primitive.fair
+        return starts.draw(self.bundle, self.model, self._scratch, changed, seed, fair, stratum=stratum)
 
     def begin(self, start: Start) -> DeployableObservation:
         """Begin an episode at a given start, without state from the previous one."""
         mujoco.mj_resetData(self.model, self.data)
         self._dynamics.apply(start, self.data)
+        self._true = _Frame.of(self._dynamics.base.pose(start.base_error)) if any(start.base_error) else self._known
         self.data.qpos[:] = start.qpos
         self.data.ctrl[self._actuators] = start.ctrl[self._actuators]
         self._forward()
@@ -186,21 +213,32 @@ class Environment:
         return Measurement(qpos[self._joints], self.object_poses(), qpos[self._displacements], frames or {})
 
     def object_poses(self) -> np.ndarray:
-        """Poses of all objects in the base frame, (O, 7): position [m], quaternion w x y z with w >= 0."""
-        return self.poses(self._xpos[self._objects], self._xquat[self._objects])
+        """Poses of all objects in the base frame, (O, 7): position [m], quaternion w x y z with w >= 0.
+
+        A tracker gives them by the calibration, so they are in the base where the bundle has it, as the goal is.
+        """
+        return self._known.poses(self._xpos[self._objects], self._xquat[self._objects])
+
+    def known_model(self) -> mujoco.MjModel:
+        """A copy of the model for plans, with the robot where the bundle has it: operators do not know its error."""
+        model = copy.copy(self.model)
+        self._dynamics.base.put(model, EXACT)
+        return model
+
+    @property
+    def base_from_world(self) -> np.ndarray:
+        """T_base_world (4, 4) of the base where it truly is in this episode, see `Start.base_error`."""
+        return self._true.from_world
 
     def poses(self, positions: np.ndarray, turns: np.ndarray) -> np.ndarray:
-        """World positions (N, 3) [m] and quaternions (N, 4) as poses (N, 7) in the base frame."""
-        found = np.empty((len(positions), 7))
-        found[:, :3] = positions @ self._base_from_world[:3, :3].T + self._base_from_world[:3, 3]
-        for row, quaternion in zip(found[:, 3:], turns, strict=True):
-            mujoco.mju_mulQuat(row, self._base_turn, quaternion)
-            if row[0] < 0:
-                row *= -1
-        return found
+        """World positions (N, 3) [m] and quaternions (N, 4) as poses (N, 7) in the frame of the true base."""
+        return self._true.poses(positions, turns)
 
     def palm_poses(self) -> np.ndarray:
-        """Poses of the palms in the base frame (L, 7) by `RobotModel.limb_names`; the identity for a missing one."""
+        """Poses of the palms in the true base (L, 7) by `RobotModel.limb_names`; the identity for a missing one.
+
+        Encoders give them, whatever the calibration.
+        """
         found = np.tile([0.0, 0, 0, 1, 0, 0, 0], (len(self.hands.palms), 1))
         for row, palm in zip(found, self.hands.palms, strict=True):
             if palm >= 0:
@@ -210,9 +248,9 @@ class Environment:
         return found
 
     def contact_forces(self) -> np.ndarray:
-        """Force on each fingertip's finger in the base frame (F, 3) [N] by `RobotModel.tips`; privileged."""
+        """Force on each fingertip's finger in the true base (F, 3) [N] by `RobotModel.tips`; privileged."""
         forces = self.hands.tip_forces(self.model, self.data)
-        return np.asarray(forces @ self._base_from_world[:3, :3].T)
+        return np.asarray(forces @ self.base_from_world[:3, :3].T)
 
     def state(self) -> TaskState:
         """The quantities that determine success."""

@@ -1,8 +1,8 @@
 """Starts of episodes: randomised poses, joints, dynamics and robot configurations.
 
 Dynamics and sizes are drawn from the confidence intervals of the twin's own estimates, not from a fixed percentage, and
-so are poses whose covariance is known, in addition to the task's ranges. A start is complete and is stored with its
-episode, so any episode can be rerun.
+so are poses whose covariance is known, of objects and of the robot's base, in addition to the task's ranges. A start is
+complete and is stored with its episode, so any episode can be rerun.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.task import TaskBundle, TaskObject
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
-from dextera_build.sim.model.sizes import Sizes
 from dextera_build.sim.runtime import variations
+from dextera_build.sim.runtime.dynamics import Dynamics
 from dextera_build.sim.runtime.refused import Refused
+from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.runtime.strata import Draws, Strata, Stratum
 from dextera_build.statistics import Z90
 
@@ -41,7 +42,7 @@ def draw(
     bundle: TaskBundle,
     model: Any,
     data: Any,
-    sizes: Sizes,
+    changed: Dynamics,
     seed: int,
     fair: Fair = lambda places: True,
     *,
@@ -51,9 +52,9 @@ def draw(
 
     Args:
         bundle: The task.
-        model: Its compiled model; its objects are left with the sizes of the start.
+        model: Its compiled model; its objects and its robot's base are left as the start has them.
         data: A `mujoco.MjData` of that model to draw in, whatever it holds.
-        sizes: Of that model.
+        changed: Changes that model.
         seed: Any integer from 0 to 2^63.
         fair: Refuses starts at which the goal is reached.
         stratum: The episode of a series whose ranges are to be filled evenly; None: independent of others.
@@ -61,10 +62,11 @@ def draw(
     Raises:
         RuleError: No start without collisions, on the support and away from the goal was found.
     """
-    generator = np.random.default_rng([seed])
-    random = generator if stratum is None else Strata(stratum, generator)
+    random = _numbers([seed], stratum, 0)
     dynamics = _dynamics(bundle, random)
-    sizes.put(dynamics["size_scale"])
+    # The base and variations have numbers of their own, so that what else is drawn does not depend on them.
+    base_error = variations.base(bundle, _numbers([seed_of("base", seed)], stratum, 2))
+    changed.shape(dynamics["size_scale"], base_error)
     first = random.asked if isinstance(random, Strata) else 0
     refused = Refused()
     for _ in range(TRIES):
@@ -79,11 +81,14 @@ def draw(
         refused.note(_colliding(model, data), _off_support(bundle, model, data))
     else:
         raise refused.error(bundle)
-    # Numbers of their own, so that a task with more to vary has the same places and masses.
-    other = np.random.default_rng([seed, 1])
-    varied = other if stratum is None else Strata(replace(stratum, series=stratum.series + 1), other)
-    variation = variations.draw(bundle, varied)
-    return Start(seed=seed, qpos=data.qpos.copy(), ctrl=data.ctrl.copy(), variation=variation, **dynamics)
+    return Start(
+        seed=seed,
+        qpos=data.qpos.copy(),
+        ctrl=data.ctrl.copy(),
+        base_error=base_error,
+        variation=variations.draw(bundle, _numbers([seed, 1], stratum, 1)),
+        **dynamics,
+    )
 
 
 def photographed(bundle: TaskBundle, model: Any) -> Start:
@@ -98,6 +103,12 @@ def photographed(bundle: TaskBundle, model: Any) -> Start:
         friction={name: thing.friction for name, thing in bundle.objects.items()},
         gain_scale=1.0,
     )
+
+
+def _numbers(seed: list[int], stratum: Stratum | None, series: int) -> Draws:
+    """Random numbers, in a series those of the `series`-th order after its own."""
+    generator = np.random.default_rng(seed)
+    return generator if stratum is None else Strata(replace(stratum, series=stratum.series + series), generator)
 
 
 def _dynamics(bundle: TaskBundle, random: Draws) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.trials import Sighting
+from dextera_build.artifacts.variation import EXACT
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import poses, transforms
 from dextera_build.geometry.tracking.model import Model
@@ -109,7 +110,8 @@ class TrackedCell:
         scene = self._picture()
         for _ in range(PHOTOGRAPHED):
             self._step(scene, self._clock)
-        self.environment.begin(start)
+        # The cell's camera already stands off its calibration; an error of the base would be that of a second one.
+        self.environment.begin(start.model_copy(update={"base_error": EXACT}))
         self._clock += AWAY_S
         self._search(self._picture())
         if self._found_s is None:

@@ -1,7 +1,8 @@
-"""Draw and apply what changes from episode to episode beside starts: joints, goals, cameras, light.
+"""Draw what changes from episode to episode beside places and masses: joints, goals, cameras, light, the robot's base.
 
-Cameras follow the covariance of their calibration. For the damping and the friction of joints, for exposure and for
-light a twin has no estimate of its own, so their ranges are the constants here, scaled by the task's `Reset`.
+Cameras and the base follow the covariance of their calibration. For the damping and the friction of joints, for
+exposure and for light a twin has no estimate of its own, so their ranges are the constants here, scaled by the task's
+`Reset`.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.goals import ArticulateGoal, Goal, LiftGoal, PoseGoal, PushGoal
 from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.variation import Variation
+from dextera_build.artifacts.variation import EXACT, Twist, Variation
 from dextera_build.geometry import quaternions, registration
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.runtime.strata import Draws
@@ -48,35 +49,37 @@ def draw(bundle: TaskBundle, random: Draws) -> Variation:
     )
 
 
+def base(bundle: TaskBundle, random: Draws) -> Twist:
+    """Draw an error of the robot's base from the covariance of its pose; none where it is exact, or not a twin's."""
+    width = bundle.task.reset.dynamics if bundle.kind == "twin" else 0.0
+    covariance = bundle.base_pose.covariance
+    return _error(covariance, width, random) if width and covariance is not None else EXACT
+
+
 def seen(bundle: TaskBundle, start: Start, views: Mapping[str, View]) -> Variation:
     """The variation of a start with errors of the poses of these cameras.
 
     An error depends on the start's seed, the camera's name and its covariance alone, so films of recorded episodes,
-    rollouts and Gymnasium see one episode alike. In a world that replaces hardware cameras stay where they are.
+    rollouts and Gymnasium see one episode alike. In a world that replaces hardware cameras stay where they are, and so
+    does the photograph's camera where the base has an error: one calibration has one error.
     """
     width = bundle.task.reset.visual if bundle.kind == "twin" else 0.0
-    cameras = {name: _error(view, width, seed_of("camera", start.seed, name)) for name, view in views.items()}
-    return start.variation.model_copy(update={"cameras": cameras if width else {}})
-
-
-def moved(world_from_camera: np.ndarray, error: tuple[float, ...]) -> np.ndarray:
-    """T_world_camera (4, 4) with an error of its pose: translation [m], rotation vector [rad], in the world."""
-    found = world_from_camera.copy()
-    found[:3, :3] = registration.rotation(np.array(error[3:])) @ found[:3, :3]
-    found[:3, 3] += error[:3]
-    return found
+    cameras = {}
+    for name, view in views.items():
+        covariance = view.camera_pose.covariance
+        if width and covariance is not None and not (view.photographed and any(start.base_error)):
+            random = np.random.default_rng(seed_of("camera", start.seed, name))
+            cameras[name] = _error(covariance, width, random)
+    return start.variation.model_copy(update={"cameras": cameras})
 
 
 def _factor(random: Draws, width: float) -> float:
     return float(np.exp(width * random.uniform(-1.0, 1.0))) if width else 1.0
 
 
-def _error(view: View, width: float, seed: int) -> tuple[float, float, float, float, float, float]:
-    """An error of a camera's pose from its covariance; zeros where none is known."""
-    drawn = np.random.default_rng(seed).standard_normal(6)
-    covariance = view.camera_pose.covariance
-    if covariance is None:
-        return (0.0,) * 6
+def _error(covariance: np.ndarray, width: float, random: Draws) -> Twist:
+    """`width` times an error of a pose with this covariance (6, 6)."""
+    drawn = np.array([random.standard_normal() for _ in range(6)])
     values, axes = np.linalg.eigh(covariance)
     x, y, z, a, b, c = (width * axes @ (np.sqrt(np.maximum(values, 0.0)) * drawn)).tolist()
     return x, y, z, a, b, c

@@ -195,6 +195,7 @@ def test_every_episode_can_be_begun_again() -> None:
         assert dynamics["friction"] == episode.start.friction
         assert dynamics["mass_scale"] == episode.start.mass_scale
         assert dynamics["gain_scale"] == episode.start.gain_scale
+        assert dynamics["base_error"] == list(episode.start.base_error)
         assert row["origin"] == "operator"
         assert [segment["name"] for segment in json.loads(row["segments"])] == ["approach", "lift"]
     about = json.loads(folder.files["meta/dextera.json"])

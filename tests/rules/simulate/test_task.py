@@ -10,6 +10,8 @@ from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.pose import Pose
 from dextera_build.errors import RuleError
+from dextera_build.geometry import transforms
+from dextera_build.sim.runtime import variations
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.testing import RuleRunner
 from tests import episodes, factories
@@ -70,6 +72,21 @@ def test_the_robot_stands_where_its_base_is(make):
     # The base looks along its x axis, turned by 1.5 rad: the box stands 0.3 m to the right of where it looks.
     seen = np.linalg.inv(bundle.base_pose.matrix) @ [0.3, 0.0, 0.0, 1.0]
     assert np.allclose(poses["blue_box"][:3], seen[:3], atol=1e-6)
+
+
+def test_episodes_begin_with_the_base_off_as_far_as_its_calibration_may_be(make):
+    support, covariance = factories.support(0.8), np.diag([1e-6, 4e-6, 9e-6, 1e-5, 2e-5, 3e-5])
+    mount = transforms.invert(support.camera_pose.matrix) @ factories.pose(0.0, -0.5, 0.0, yaw=1.5)
+    measured = Pose(parent="camera", child="base", matrix=mount, covariance=covariance)
+    base = make.runner.run("align.base", support=support, measured=measured)
+    environment = Environment(make({**LIFT, "reset": {"visual": 1.0}}, base=base))
+    errors = np.array([environment.draw(seed).base_error for seed in range(200)])
+    assert np.sqrt(np.mean(errors**2, axis=0)) == pytest.approx(np.sqrt(np.diag(base.covariance)), rel=0.2)
+    # The camera has the same calibration, so it is off from the robot by that alone, and not from the objects.
+    view = make.runner.run("simulate.view", scene=make.scene, measured=measured)
+    assert view.camera_pose.covariance is not None
+    environment.reset(3)
+    assert variations.seen(environment.bundle, environment.start, {"front": view}).cameras == {}
 
 
 def test_the_home_keyframe_holds_the_photograph_and_the_robot(make):

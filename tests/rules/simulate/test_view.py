@@ -100,3 +100,10 @@ def test_an_error_of_the_calibration_is_one_of_the_camera(one_runner: RuleRunner
     sampled = np.cov(np.array(places).T)
     np.testing.assert_allclose(made.camera_pose.covariance[:3, :3], sampled, rtol=0.15, atol=0.1 * sampled.max())
     assert one_runner.run("simulate.view", scene=SCENE).camera_pose.covariance is None
+
+
+def test_only_the_photograph_s_camera_says_that_it_is_that_one(one_runner: RuleRunner) -> None:
+    assert one_runner.run("simulate.view", scene=SCENE).photographed
+    placed = {"eye_m": (0.5, -0.8, 0.9), "target_m": (0.1, 0.2, 0.05)}
+    for options in (placed, {"shift_m": (0.02, 0.0, 0.0)}):
+        assert not one_runner.run("simulate.view", options=options, scene=SCENE).photographed

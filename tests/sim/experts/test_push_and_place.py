@@ -67,6 +67,19 @@ def test_a_push_that_did_not_arrive_is_done_again_from_above(robot: RobotModel) 
     assert "push" in segments[again:]
 
 
+def test_plans_are_made_with_the_robot_where_it_is_believed_to_stand(robot: RobotModel) -> None:
+    made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
+    environment, reach, found = made.environment, Reach(robot, "arm"), []
+    expert = next(expert for expert in EXPERTS if expert.primitive == "push")
+    (first, *_) = expert.plan(Search(environment, reach, Room(environment, reach), made.state()))
+    # The second base is so low that the hand would be in the table.
+    for low in (0.0, -0.2):
+        environment.begin(environment.start.model_copy(update={"base_error": (0.0, 0.0, low, 0.0, 0.0, 0.0)}))
+        found.append(first.operator.comfort(Room(environment, reach), made.state()))
+    assert found[0] is not None
+    assert found[0] == found[1]
+
+
 @pytest.mark.slow
 def test_fingertips_push_a_box_to_its_target(robot: RobotModel) -> None:
     made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))

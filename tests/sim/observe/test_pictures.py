@@ -86,6 +86,18 @@ def test_film_rollout_and_gymnasium_see_the_same(visual):
     assert first[f"deployable/rgb/{PICTURE}"].tobytes() == seen[0].tobytes()
 
 
+def test_a_film_shows_the_robot_on_the_base_that_its_start_has():
+    bundle = task(0.0)
+    environment, policy = Environment(bundle), Watching()
+    start = environment.draw(SEED).model_copy(update={"base_error": (0.02, 0.01, 0.03, 0.0, 0.0, 0.2)})
+    with pictures.live(environment, view()) as look:
+        episode = closed_loop(environment, policy, start, look)
+    seen = np.stack(policy.seen)
+    assert largest_difference(filmed(bundle, episode), seen) <= 2
+    still = episode.model_copy(update={"start": start.model_copy(update={"base_error": (0.0,) * 6})})
+    assert largest_difference(filmed(bundle, still), seen) > 50
+
+
 def test_visual_ranges_move_the_camera_and_change_the_light():
     plain, _ = watched(task(0.0))
     varied, episode = watched(task(1.0))

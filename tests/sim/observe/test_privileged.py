@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from dextera_build.geometry import transforms, uncertainty
 from dextera_build.sim.observe.privileged import Insight
 from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles
@@ -66,3 +67,21 @@ def test_points_lie_on_the_object_wherever_it_is():
     pose = environment.object_poses()[0]
     assert np.allclose(np.linalg.norm(points - pose[:3], axis=1), np.sqrt(3) * task_bundles.HALF_M, atol=1e-6)
     assert np.allclose(points.mean(axis=0), pose[:3], atol=1e-6)
+
+
+def test_all_is_in_the_base_where_it_truly_is():
+    environment = Environment(task_bundles.lift())
+    before = Insight(environment).read()
+    insight, told = Insight(environment), environment.object_poses()[0]
+    error = (0.02, -0.01, 0.03, 0.05, -0.02, 0.1)
+    environment.begin(environment.start.model_copy(update={"base_error": error}))
+    environment.data.joint("box").qvel[:] = 0.3, -0.2, 0.1, 1.0, 2.0, -3.0
+    mujoco.mj_forward(environment.model, environment.data)
+    after = insight.read()
+    assert np.allclose(after.tip_poses, before.tip_poses, atol=1e-6)
+    assert np.allclose(after.hand_poses, before.hand_poses, atol=1e-6)
+    base = uncertainty.moved(environment.bundle.base_pose.matrix, error)
+    box = environment.data.body("box")
+    assert np.allclose(after.points.mean(axis=0), transforms.apply(transforms.invert(base), box.xpos), atol=1e-6)
+    assert np.linalg.norm(after.points.mean(axis=0) - told[:3]) > 0.01
+    assert np.allclose(after.object_velocities[0, :3], base[:3, :3].T @ [0.3, -0.2, 0.1], atol=1e-6)

@@ -10,7 +10,7 @@ import pytest
 
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.task import Reset
-from dextera_build.geometry import quaternions, transforms
+from dextera_build.geometry import quaternions, transforms, uncertainty
 from dextera_build.policy.layout import gathered
 from dextera_build.policy.observation import DeployableObservation, deployable
 from dextera_build.sim.runtime.environment import Environment, Outcome
@@ -272,3 +272,24 @@ def test_an_action_that_is_not_finite_is_kept_as_zero_with_its_reason():
     episode = recorder.episode("policy", success=False, reason=outcome.reason)
     assert episode.action[0, 1] == 0.0
     assert episode.reason == "the action for `y` is not a finite number"
+
+
+def test_with_the_base_off_the_robot_knows_itself_and_is_told_of_objects_as_before():
+    environment = Environment(task_bundles.lift())
+    told, palm, goal = environment.object_poses(), environment.palm_poses(), environment.goal
+    error = (0.02, -0.01, 0.03, 0.05, -0.02, 0.1)
+    start = environment.start.model_copy(update={"base_error": error})
+    seen = environment.begin(start)
+    assert np.array_equal(environment.object_poses(), told)
+    assert np.allclose(environment.palm_poses(), palm, atol=1e-9)
+    assert np.array_equal(seen.goal, goal)
+    assert np.allclose(seen.joints, environment.bundle.robot.joints[0].home + start.ctrl, atol=0.06)
+    # In the world its palm is off by the error, about the origin of its base.
+    base = environment.bundle.base_pose.matrix
+    site = environment.data.site("robot/palm").xpos
+    assert np.allclose(site, transforms.apply(uncertainty.moved(base, error), palm[0, :3]))
+    assert np.linalg.norm(site - transforms.apply(base, palm[0, :3])) > 0.03
+    # Plans are made in a model that does not show it.
+    known = environment.known_model().body("robot/base")
+    assert np.allclose(known.pos, base[:3, 3], atol=1e-8)
+    assert not np.allclose(environment.model.body("robot/base").pos, known.pos)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
+from statistics import NormalDist
+
 import numpy as np
 import pytest
 
 from dextera_build.artifacts.goals import PushGoal, Tolerance
 from dextera_build.artifacts.task import Reset
 from dextera_build.errors import RuleError
-from dextera_build.geometry import quaternions
+from dextera_build.geometry import quaternions, uncertainty
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.dynamics import Dynamics
 from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.strata import Stratum
 from tests import task_bundles
 
 WIDE = Reset(position_m=0.03, yaw_rad=0.5, clutter_m=0.01, robot_rad=0.01, joint_rad=0.1, dynamics=1.0)
@@ -228,3 +232,73 @@ def test_inertia_follows_size_and_mass():
     environment.begin(environment.start.model_copy(update=dynamics))
     assert environment.model.body_mass[box] == pytest.approx(2.0 * mass)
     assert environment.model.body_inertia[box] == pytest.approx(2.0 * 1.1**2 * inertia)
+
+
+MIXED = np.random.default_rng(3).normal(size=(6, 6)) * [0.002, 0.001, 0.003, 0.004, 0.001, 0.002]
+"""Square root (6, 6) of the covariance of a base, all of whose numbers depend on one another."""
+
+
+def _standing(covariance: np.ndarray | None = MIXED @ MIXED.T, dynamics: float = 1.0, kind: str = "twin"):
+    """A task whose base is known to `covariance`."""
+    bundle = task_bundles.close(reset=WIDE.model_copy(update={"dynamics": dynamics}))
+    base = bundle.base_pose.model_copy(update={"covariance": covariance})
+    return Environment(bundle.model_copy(update={"base_pose": base, "kind": kind}))
+
+
+def test_errors_of_the_base_spread_as_the_covariance_of_its_pose_says():
+    environment, half = _standing(), _standing(dynamics=0.5)
+    errors = np.array([environment.draw(seed).base_error for seed in range(400)])
+    white = np.linalg.solve(MIXED, errors.T)
+    assert np.abs(white.mean(axis=1)).max() < 0.2
+    assert np.cov(white) == pytest.approx(np.eye(6), abs=0.2)
+    assert np.allclose([half.draw(seed).base_error for seed in range(5)], 0.5 * errors[:5])
+
+
+def test_a_series_fills_the_errors_of_the_base_evenly():
+    sigmas = np.array([0.001, 0.002, 0.003, 0.004, 0.005, 0.006])
+    environment = _standing(np.diag(sigmas**2))
+    errors = [environment.draw(seed, Stratum(4, seed, 16)).base_error for seed in range(16)]
+    for column in (np.array(errors) / sigmas).T:
+        assert sorted(int(16 * NormalDist().cdf(value)) for value in column) == list(range(16))
+
+
+def test_the_base_has_an_error_in_a_twin_only_and_not_without_a_covariance_or_dynamics():
+    plain = _standing(None).draw(4)
+    for environment in (_standing(None), _standing(dynamics=0.0), _standing(kind="reference")):
+        assert environment.draw(4).base_error == (0.0,) * 6
+    # All else is drawn as before there were errors of the base.
+    start = _standing().draw(4)
+    assert any(start.base_error)
+    changed = start.model_copy(update={"base_error": plain.base_error})
+    assert changed.model_dump_json(exclude={"qpos", "ctrl"}) == plain.model_dump_json(exclude={"qpos", "ctrl"})
+    assert start.qpos.tobytes() == plain.qpos.tobytes()
+
+
+def test_the_robot_stands_where_its_start_says_and_back_at_the_next_one():
+    environment = _standing()
+    model, data, photographed = environment.model, environment.data, environment.start
+    own = model.body_pos.copy(), model.body_quat.copy()
+    for seed in (1, 2, 1):
+        environment.reset(seed)
+        wanted = uncertainty.moved(environment.bundle.base_pose.matrix, environment.start.base_error)
+        assert np.allclose(data.body("robot/base").xpos, wanted[:3, 3])
+        assert np.allclose(data.body("robot/base").xmat.reshape(3, 3), wanted[:3, :3])
+        environment.draw(9)
+        assert np.allclose(model.body("robot/base").pos, wanted[:3, 3])
+    environment.begin(photographed)
+    assert np.array_equal(model.body_pos, own[0])
+    assert np.array_equal(model.body_quat, own[1])
+
+
+def test_no_start_begins_with_the_hand_of_a_lower_base_in_the_table():
+    # The fingertips of the gantry are 10 mm above the table.
+    bundle = task_bundles.close(reset=Reset(dynamics=1.0))
+    base = bundle.base_pose.model_copy(update={"covariance": np.diag([0.0, 0.0, 0.02**2, 0.0, 0.0, 0.0])})
+    environment = Environment(bundle.model_copy(update={"base_pose": base}))
+    heights = []
+    for seed in range(6):
+        with contextlib.suppress(RuleError):
+            environment.reset(seed)
+            heights.append(environment.start.base_error[2])
+    assert 0 < len(heights) < 6
+    assert min(heights) > -0.01 - starts.TOUCH_M

@@ -178,3 +178,11 @@ def test_a_force_needs_fingertips(environment):
         check(cells.cell(limits=Limits(force_n=5.0)), bare, None)
     assert caught.value.code == "DXB-B247"
     assert caught.value.hint == "leave `force_n` of `limits` out, or add frames `tip_...` to the robot"
+
+
+def test_a_base_has_no_error_beside_that_of_the_cell_s_calibration():
+    twin = Environment(gate.bundle())
+    start = twin.draw(1).model_copy(update={"base_error": (0.02, 0.0, 0.0, 0.0, 0.0, 0.0)})
+    with TrackedCell(twin, cells.cell(), ()) as watching:
+        assert watching.begin(start) == ""
+    assert twin.start.base_error == (0.0,) * 6

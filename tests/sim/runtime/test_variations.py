@@ -8,7 +8,7 @@ import pytest
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.artifacts.packed import pack, unpack
-from dextera_build.artifacts.task import Reset
+from dextera_build.artifacts.task import Reset, View
 from dextera_build.sim.runtime import variations
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.strata import Strata, Stratum
@@ -107,3 +107,17 @@ def test_an_episode_with_all_of_it_runs_again_bit_for_bit_from_its_stored_start(
     assert episode(seed=9) != first
     assert episode(options={"start": start}) == first
     made.close()
+
+
+def test_an_error_of_one_calibration_is_drawn_once():
+    """The photograph's camera stays with the objects that it saw where the base is off; another has its own error."""
+    environment = Environment(task_bundles.close(reset=WIDE))
+    plain = episodes.view(32, 24)
+    pose = plain.camera_pose.model_copy(update={"covariance": np.eye(6) * 1e-4})
+    apart = plain.model_copy(update={"camera_pose": pose})
+    views: dict[str, View] = {"own": apart.model_copy(update={"photographed": True}), "apart": apart, "exact": plain}
+    start = environment.draw(8)
+    before = variations.seen(environment.bundle, start, views).cameras
+    assert before.keys() == {"own", "apart"}
+    off = start.model_copy(update={"base_error": (0.001, 0.0, 0.0, 0.0, 0.0, 0.0)})
+    assert variations.seen(environment.bundle, off, views).cameras == {"apart": before["apart"]}

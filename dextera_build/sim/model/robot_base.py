@@ -1,0 +1,39 @@
+"""Put the base of a compiled model's robot where an error of its pose says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from dextera_build.geometry import quaternions, transforms, uncertainty
+from dextera_build.sim.model.compose import ROBOT
+
+
+class RobotBase:
+    """Keeps where a model's robot stands and applies errors to that, never to an earlier error's result.
+
+    Args:
+        world_from_base: (4, 4) T_world_base of the model.
+        model: The compiled model as it was compiled.
+    """
+
+    def __init__(self, world_from_base: np.ndarray, model: Any) -> None:
+        self._known = world_from_base
+        self._body = int(model.body(ROBOT + "base").id)
+        self._place, self._turn = model.body_pos[self._body].copy(), model.body_quat[self._body].copy()
+
+    def pose(self, error: Sequence[float]) -> np.ndarray:
+        """T_world_base (4, 4) with an error (6,), see `geometry.uncertainty`."""
+        return uncertainty.moved(self._known, error) if any(error) else self._known
+
+    def put(self, model: Any, error: Sequence[float]) -> None:
+        """Put the base of `model`, or of a copy of it, where an error (6,) says; zeros: exactly as it was compiled."""
+        place, turn = self._place, self._turn
+        if any(error):
+            # The body may have an offset in the frame `base`, which goes with it.
+            own = transforms.rigid(quaternions.to_matrix(turn), place)
+            body = self.pose(error) @ transforms.invert(self._known) @ own
+            place, turn = body[:3, 3], quaternions.from_matrix(body[:3, :3])
+        model.body_pos[self._body], model.body_quat[self._body] = place, turn
