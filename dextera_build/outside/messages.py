@@ -107,8 +107,9 @@ def read(folder: Path) -> Ok | Refused:
         if path.stat().st_size > _MOST:
             raise _malformed(f"it has {path.stat().st_size:,} bytes; large values belong in files")
         found = json.loads(path.read_bytes(), parse_constant=_constant)
-        if isinstance(found, dict) and found.get("protocol", PROTOCOL) != PROTOCOL:
-            raise _malformed(f"it speaks protocol {found['protocol']!r:.40}, dxb speaks {PROTOCOL}")
+        spoken = found.get("protocol", PROTOCOL) if isinstance(found, dict) else PROTOCOL
+        if spoken is True or spoken != PROTOCOL:  # in Python `True` is 1
+            raise _malformed(f"it speaks protocol {spoken!r:.40}, dxb speaks {PROTOCOL}")
         return Response.model_validate_json(json.dumps({"root": found})).root
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
