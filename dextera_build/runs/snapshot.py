@@ -32,10 +32,10 @@ _PLACES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
 class Recipe:
     """The part of a snapshot about one recipe of the command line."""
 
-    __slots__ = ("entries", "last", "name", "nodes", "variant")
+    __slots__ = ("entries", "last", "name", "nodes", "stubs", "variant")
 
-    def __init__(self, name: str, nodes: int, last: str, variant: str, entries: "Iterable[str]") -> None:
-        self.name, self.nodes = name, nodes
+    def __init__(self, name: str, nodes: int, stubs: str, last: str, variant: str, entries: "Iterable[str]") -> None:
+        self.name, self.nodes, self.stubs = name, nodes, stubs
         self.last, self.variant = last, variant
         self.entries = list(entries)
         """Paths of the targets' entries in the store."""
@@ -108,7 +108,7 @@ def save(
         return False
     texts = [answers, "told" if told else "", str(len(recipes))]
     for recipe in recipes:
-        texts += [recipe.name, str(recipe.nodes), recipe.last, recipe.variant]
+        texts += [recipe.name, str(recipe.nodes), recipe.stubs, recipe.last, recipe.variant]
     texts += rows + [path for recipe in recipes for path in recipe.entries]
     if any(seen.MARK in text for text in texts):
         return False
@@ -121,17 +121,18 @@ def _give(state: "State", found: bytes, began: float) -> bool:
     from dextera_build.store import seen
 
     texts = found.decode(errors="surrogateescape").split(seen.MARK)
-    recipes = [texts[place : place + 4] for place in range(3, 3 + 4 * int(texts[2]), 4)]
-    place = 3 + 4 * len(recipes)
+    recipes = [texts[place : place + 5] for place in range(3, 3 + 5 * int(texts[2]), 5)]
+    place = 3 + 5 * len(recipes)
     if not (seen.still(texts, place) and all(map(os.path.exists, texts[seen.end(texts, place) :]))):
         return False
-    last = {recipe[2]: recipe[3].encode() for recipe in recipes}
+    last = {recipe[3]: recipe[4].encode() for recipe in recipes}
     if state.some(LAST, last) != last:
         state.put(LAST, last)
-    for name, nodes, _, _ in recipes:
+    for name, nodes, stubs, *_ in recipes:
         if texts[1]:
             many = "s" * (nodes != "1")
             sys.stderr.write(f"{name} is up to date   {nodes} node{many}   {time.perf_counter() - began:.2f} s\n")
+            sys.stderr.write(f"{stubs}\n" if stubs else "")
     sys.stdout.write(texts[0])
     return True
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from dextera_build import Project
@@ -94,7 +96,9 @@ def test_a_stub_build_changes_nothing_that_is_given_and_is_marked(here: Here, co
         "targets: {default: [a1]}\n",
     )
     stub, mark = ("--profile", "stub"), "stub backends made 1 of 2 results\n"
-    assert mark in here("build", "g", *stub)[2]
+    for _ in range(3):  # the last one repeats a snapshot
+        assert mark in here("build", "g", *stub)[2]
+        time.sleep(0.05)
     code, _, err = here("get", "g:a1", "-o", "got")
     assert (code, "as built with stub" in err, "`g:a1` was made with stub backends: a0" in err) == (0, True, True)
     assert mark not in here("build", "g")[2]

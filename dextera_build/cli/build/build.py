@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dextera_build.build import build
 from dextera_build.build.build import Order
 from dextera_build.cli import options
-from dextera_build.cli.build.shown import lines, tell
+from dextera_build.cli.build.shown import lines, stubs_of, tell
 from dextera_build.cli.consoles import console
 from dextera_build.runs import snapshot
 from dextera_build.runs.snapshot import Recipe
@@ -97,7 +97,7 @@ def _said(session: Session, built: Built) -> Recipe:
     nodes, root = built.result.nodes, session.store.actions.root
     keys = [nodes[node].key or "" for node in built.placed.paths]
     entries = [f"{root}/{key[:2]}/{key[2:]}" for key in keys]
-    return Recipe(session.recipe, len(nodes), session.last_name, session.variant, entries)
+    return Recipe(session.recipe, len(nodes), stubs_of(built), session.last_name, session.variant, entries)
 
 
 def _check(session: Session, order: Order, locking: Locking) -> int:

@@ -18,7 +18,7 @@ def tell(built: Built, *, quiet: bool = False) -> None:
         built: The build.
         quiet: The console is `none` or `jsonl`: changes of `dxb.lock` and stub backends are not reported.
     """
-    from dextera_build.report.wording import STUB, count, some, stubs
+    from dextera_build.report.wording import count, some
 
     if built.lost:
         print(f"the disk is full: the log of run {built.run} lacks {count(built.lost, 'event')}", file=sys.stderr)
@@ -29,9 +29,16 @@ def tell(built: Built, *, quiet: bool = False) -> None:
         print(f"out of date and removed from out/: {some(built.placed.removed)}", file=sys.stderr)
     if built.notice and not quiet:
         print(built.notice, file=sys.stderr)
-    made = [node.backend for node in built.result.nodes.values() if node.output]
-    if not quiet and (told := stubs(made.count(STUB), len(made))):
+    if not quiet and (told := stubs_of(built)):
         print(told, file=sys.stderr)
+
+
+def stubs_of(built: Built) -> str:
+    """How many results stub backends made; "" for none."""
+    from dextera_build.report.wording import STUB, stubs
+
+    made = [node.backend for node in built.result.nodes.values() if node.output]
+    return stubs(made.count(STUB), len(made))
 
 
 def warn() -> None:
