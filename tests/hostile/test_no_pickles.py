@@ -107,12 +107,14 @@ def _call(node: ast.Call, name: str) -> Iterator[str]:
         yield f"{node.lineno}: calls yaml.load"
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(REPO).as_posix())
-def test_no_source_loads_a_pickle_or_runs_text(path):
-    own = OWN.get(path.relative_to(REPO).as_posix(), "\n")
-    text = path.read_text()
-    assert [fault for fault in faults(text) if not fault.endswith(own)] == []
-    assert "marshal.load(" not in text
+def test_no_source_loads_a_pickle_or_runs_text():
+    found = []
+    for path in SOURCES:
+        name, text = path.relative_to(REPO).as_posix(), path.read_text()
+        found += [f"{name}:{fault}" for fault in faults(text) if not fault.endswith(OWN.get(name, "\n"))]
+        found += [f"{name}: marshal.load"] if "marshal.load(" in text else []
+    assert len(SOURCES) > 1000
+    assert found == []
 
 
 @pytest.mark.parametrize(

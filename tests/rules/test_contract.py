@@ -9,11 +9,10 @@ import math
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import get_args
 
-import pytest
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
@@ -27,20 +26,31 @@ from dextera_build.rule import Options
 
 LIBRARY = Library(machine=Project(Path(__file__).parents[2]).machine)
 RULES = list(LIBRARY.rules())
+PROFILES = [profiles.read(name, None) for name in profiles.names(None)]
 UNITS = re.compile(r"^seconds$|_(m|m2|m3|mm|px|rad|deg|s|hz|kg|gb|n|nm|j|ratio|fraction|factor|iou|sigma|sigmas)$")
 HEAVY = ("torch", "open3d", "mujoco", "cv2", "trimesh", "coacd", "pxr", "viser", "scipy", "manifold3d", "shapely")
 
 
-@pytest.fixture(params=RULES, ids=lambda found: found.path)
-def found(request: pytest.FixtureRequest) -> RuleFile:
-    rule: RuleFile = request.param
-    return rule
+def of_every_rule(question: Callable[[RuleFile], None]) -> Callable[[], None]:
+    """A test that asks every rule, and names those that fail."""
+
+    def ask() -> None:
+        wrong = {}
+        for found in RULES:
+            try:
+                question(found)
+            except Exception as error:
+                wrong[found.path] = f"{type(error).__name__}: {error}"
+        assert not wrong
+
+    return ask
 
 
 def test_there_are_rules():
     assert len(RULES) > 20
 
 
+@of_every_rule
 def test_it_says_what_it_returns(found):
     assert found.rule.summary.startswith("Return "), found.rule.summary
     assert found.rule.summary.endswith(".")
@@ -52,11 +62,13 @@ def kinds(found: RuleFile) -> dict[str, type[Options]]:
     return {found.path: found.rule.options} | {path: kind for path, kind in own.items() if kind is not None}
 
 
+@of_every_rule
 def test_options_are_described(found):
     for kind in kinds(found).values():
         assert set(meanings(kind)) == set(kind.model_fields)
 
 
+@of_every_rule
 def test_its_options_have_defaults_that_fit(found):
     for kind in kinds(found).values():
         required = [name for name, field in kind.model_fields.items() if field.is_required()]
@@ -65,6 +77,7 @@ def test_its_options_have_defaults_that_fit(found):
             assert kind.model_validate_json(json.dumps(plain)).model_dump(mode="json") == plain
 
 
+@of_every_rule
 def test_lengths_and_angles_name_their_unit(found):
     for path, kind in kinds(found).items():
         said = meanings(kind)
@@ -117,6 +130,7 @@ def parts_of(annotation: object) -> Iterator[object]:
         yield from parts_of(part)
 
 
+@of_every_rule
 def test_every_number_has_the_bound_that_physics_gives_it(found):
     free = [
         option
@@ -139,6 +153,7 @@ def fields(kind: type[BaseModel]) -> Iterator[tuple[str, FieldInfo]]:
             yield name, field
 
 
+@of_every_rule
 def test_every_number_has_an_upper_bound_that_its_default_keeps(found):
     for path, kind in kinds(found).items():
         for name, field in fields(kind):
@@ -150,6 +165,7 @@ def test_every_number_has_an_upper_bound_that_its_default_keeps(found):
             assert all(abs(value) <= (limit or math.inf) for value in values), f"{path}.{name}"
 
 
+@of_every_rule
 def test_its_facts_can_be_stated(found):
     for backend in [None, *found.backends.values()]:
         if backend is None or not backend.missing():
@@ -158,20 +174,22 @@ def test_its_facts_can_be_stated(found):
             assert facts.types["return"]
 
 
+@of_every_rule
 def test_every_profile_of_ci_has_a_backend(found):
     if found.backends:
         chosen = {profile for backend in found.backends.values() for profile in backend.facts.profiles}
         assert {"stub", "cpu"} <= chosen
 
 
-@pytest.mark.parametrize("profile", list(profiles.names(None)))
-def test_every_profile_names_backends_that_exist(found, profile):
-    if found.backends:
-        names, _ = profiles.read(profile, None).preferred(found)
-        assert names
-        assert set(names) <= found.backends.keys()
+@of_every_rule
+def test_every_profile_names_backends_that_exist(found):
+    for profile in PROFILES if found.backends else ():
+        names, _ = profile.preferred(found)
+        assert names, profile.name
+        assert set(names) <= found.backends.keys(), profile.name
 
 
+@of_every_rule
 def test_its_backends_have_the_functions_of_its_protocol(found):
     if not found.backends:
         return
@@ -205,6 +223,7 @@ def _dotted(found: RuleFile, file: Path) -> str:
     return ".".join(("rules", *file.relative_to(found.root.path).with_suffix("").parts))
 
 
+@of_every_rule
 def test_a_backend_says_what_it_is(found):
     for backend in found.backends.values():
         assert backend.facts.summary
@@ -212,6 +231,7 @@ def test_a_backend_says_what_it_is(found):
         assert not backend.facts.summary.endswith(".")
 
 
+@of_every_rule
 def test_its_file_imports_nothing_heavy(found):
     for node in ast.parse(found.file.read_text()).body:
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
