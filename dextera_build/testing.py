@@ -11,7 +11,9 @@ from typing import Any
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
 from dextera_build.build import examples
-from dextera_build.build.runner import ProjectReads, as_called, others, outside, parted
+from dextera_build.build.called import as_called, others, running
+from dextera_build.build.runner import ProjectReads, outside, parted
+from dextera_build.code.companions import of_rules
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.code.machine import Machine
 from dextera_build.engine import missing
@@ -40,6 +42,8 @@ class RuleRunner:
         files: The folder that `ctx.read`, `ctx.glob` and `ctx.exists` search; None for that of `project`.
         weights: Model -> folder with its files, copied to the scratch folder as if they had been installed.
         gpu_gb: Memory of the GPU that this machine is taken to have [GiB]; a backend that wants one is told `cuda`.
+        made_by: Slot -> path of the rule that made what it carries, `{"checkpoint": "learn.act"}`, for rules that run
+            it; in a build the recipe says so.
     """
 
     def __init__(
@@ -51,11 +55,13 @@ class RuleRunner:
         files: str | Path | None = None,
         weights: Mapping[str, str | Path] | None = None,
         gpu_gb: float = 0.0,
+        made_by: Mapping[str, str] | None = None,
     ) -> None:
         self._scratch = Path(scratch)
         self._keep = Path(keep or self._scratch / "keep")
         project = Path(project) if project is not None else None
         self._calls = calls
+        self._made_by = dict(made_by or {})
         self._library = Library(project, self._machine(project, weights or {}, gpu_gb))
         self._blobs: dict[str, bytes] = {}
         self.outcome = Outcome()
@@ -87,7 +93,9 @@ class RuleRunner:
         wish = Wish((backend,), "the caller", where) if backend is not None else None
         prefers = profiles.read(profile, self._library.project)
         chosen = choose(found, wish, prefers, where, self._library.machine, fallback=False)
-        facts = facts_of(self._library, found, chosen)
+        made_by = {slot: {self._made_by[slot]: stem} for slot, stem in found.rule.runs.items() if slot in self._made_by}
+        companions = of_rules(self._library, made_by)
+        facts = facts_of(self._library, found, chosen, companions)
         if facts.missing:
             missing.refuse([facts])
         rule = found.rule
@@ -107,6 +115,7 @@ class RuleRunner:
                 program=outside(found, facts.backend, facts.program),
                 others=others(found, facts.backend),
             ),
+            companions=running(companions),
         )
         keyword = {"options": common} if rule.takes_options else {}
         result = rule(ctx, **inputs, **keyword)

@@ -23,7 +23,7 @@ def pose(old: str, new: str, parent: str, child: str) -> Reader:
 
 
 def unchanged(fields: Fields) -> Fields:
-    """The next version only added fields, whose defaults are what held before."""
+    """The next version only added fields, whose defaults are what held before, or allows more values in one."""
     return fields
 
 

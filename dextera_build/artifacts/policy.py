@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
+from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Value
 
 Encoding = Literal["plain", "pose", "picture"]
@@ -33,8 +34,8 @@ class Channel(Value):
 class PolicyContract(Value):
     """The inputs and outputs of a policy. A policy refuses to load if one of them differs."""
 
-    algorithm: Literal["act", "ppo"]
-    """Training algorithm, which also decides the network that reads the weights."""
+    algorithm: str
+    """Training algorithm: the folder of its rule, `act` of `rules/learn/act/`, whose `policy.py` runs the weights."""
     task: str
     """Name of the task."""
     embodiment: str
@@ -53,6 +54,9 @@ class PolicyContract(Value):
 
 class Checkpoint(Artifact):
     """A trained policy."""
+
+    type_version: ClassVar[int] = 2
+    readers: ClassVar[former.Readers] = {1: former.unchanged}
 
     weights: bytes
     """safetensors; never a pickle."""

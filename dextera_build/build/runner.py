@@ -16,14 +16,15 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
 from dextera_build.build import unnamed
+from dextera_build.build.called import as_called, others, roots, running
 from dextera_build.calls import secrets
+from dextera_build.code.companions import of_rules
 from dextera_build.code.distributions import version_of
 from dextera_build.code.importer import IMPORTER
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.errors import DxbError, MachineError, RuleError, listing
 from dextera_build.redact import hidden
 from dextera_build.rule import Context, Options
-from dextera_build.rule.chosen import Chosen
 from dextera_build.rule.pretrained import Device, Pretrained, out_of_memory, unload
 from dextera_build.store import disk_full, headers
 from dextera_build.store.entry import ActionResult
@@ -43,8 +44,8 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
 
     Args:
         task: `rule`, `backend`, `options`, `inputs` (slot -> digest), `store`, `project`; `key` names the folder in
-            which the call saves its progress (without it, a fresh one is used); `sources` and `packages` describe the
-            code that was digested into the key.
+            which the call saves its progress (without it, a fresh one is used); `sources`, `companions` and `packages`
+            describe the code that was digested into the key.
         emit: Takes progress and log lines as they occur.
 
     Returns:
@@ -62,8 +63,10 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
 def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
     from dextera_build.artifacts.forms import type_among
 
-    found = _library(task["project"]).find(task["rule"])
-    IMPORTER.want(task.get("sources", {}), found.root.name)
+    library = _library(task["project"])
+    found = library.find(task["rule"])
+    companions = of_rules(library, task.get("companions", {}))
+    IMPORTER.want(task.get("sources", {}), roots(found, task["backend"], companions))
     _refuse_other_versions(task.get("packages", {}))
     store = opened(task["store"])
     with unnamed.opened() as opened_on_import:
@@ -87,6 +90,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
             calls=calls,
             reads=reads,
             pretrained=pretrained(task, found),
+            companions=running(companions),
         )
         keyword = {"options": options} if rule.takes_options else {}
         if reads is not None:
@@ -98,13 +102,6 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         # Before the scratch folder is removed, because the result may refer to files in it.
         reply = _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
         return reply | ({"reads": reads.finish()} if reads is not None else {})
-
-
-def as_called(found: RuleFile, backend: str | None) -> Chosen | None:
-    """What a rule is given as `ctx.backend`."""
-    if not backend:
-        return None
-    return Chosen(found.backends[backend].module, found.rule.protocol, f"`{backend}` of {found.path}")
 
 
 def parted(found: RuleFile, backend: str | None, given: Mapping[str, Any]) -> tuple[Options, Options]:
@@ -198,26 +195,6 @@ def outside(found: RuleFile, backend: str | None, key: Mapping[str, str]) -> Out
     from dextera_build.rule.outside import Outside
 
     return Outside(program, found.path, str(backend), key, found.rule.protocol)
-
-
-def others(found: RuleFile, backend: str | None) -> Callable[[str], tuple[Any, Options]] | None:
-    """Returns the module and the default options of a backend that another one uses; None for a rule without any."""
-    if backend is None:
-        return None
-    uses = found.backends[backend].facts.uses
-
-    def other(name: str) -> tuple[Any, Options]:
-        if name not in uses:
-            raise RuleError(
-                f"backend `{backend}` of {found.path} does not declare that it uses `{name}`",
-                code="DXB-B381",
-                facts={"declared": listing(uses)},
-                hint=f'`BACKEND = Backend(..., uses=("{name}",))`',
-            )
-        file = found.backends[name]
-        return as_called(found, name), (file.options or Options)()
-
-    return other
 
 
 def _refuse_other_versions(packages: Mapping[str, str]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ _FRAMEWORK = frozenset(
     PACKAGE / name for name in ("__init__.py", "errors.py", "digest.py", *(f"rule/{part}.py" for part in _INTERFACE))
 )
 RULES = "rules"
-"""Placeholder for the root of a rule in names of sources."""
+"""Placeholder for the root of a rule in names of sources; `rules+2`, ... for those of its backend and companions."""
 EXCHANGE = PACKAGE / "artifacts" / "exchange.py"
 """Forms of values outside; part of the code of every backend with a program."""
 FILE = "<file>"
@@ -69,15 +69,19 @@ class CodeIndex:
             parsed.save()
 
     def of(self, *files: Path) -> Code:
-        """The code of `files` and of all first-party modules they import, transitively."""
+        """The code of `files` and of all first-party modules they import, transitively.
+
+        Roots are named in the order of `files`, the first one `RULES`.
+        """
+        heads = {root: _head(number) for number, root in enumerate(self._roots_of(files), 1)}
         definitions, sources, foreign = dict[str, dict[str, str]](), dict[str, str](), dict[str, Path]()
         modules = list(self._closure(files))
         every = any(self._lists_names(module) for _, module in modules)
         for name, module in modules:
             if module is None or module.file is None:
-                sources[self._spelled(name) + (_SOURCE if module is None else f"/{_PACKAGE}")] = ""
+                sources[_spelled(name, heads) + (_SOURCE if module is None else f"/{_PACKAGE}")] = ""
                 continue
-            source = self._name(module)
+            source = self._name(module, heads)
             parsed = self._source(module.file)
             definitions[source] = parsed.definitions | ({ORDER: parsed.sequence} if every else {})
             sources[source] = digest_of(read(module.file))
@@ -100,7 +104,7 @@ class CodeIndex:
     def find(self, name: str, definition: str) -> tuple[Path, int] | None:
         """The file and line of a definition in a named source, or None if the source is gone."""
         head, _, rest = name.partition("/")
-        folders = {RULES: list(self._roots.values()), DXB: [PACKAGE]}.get(head, [])
+        folders = {RULES: list(self._roots.values()), DXB: [PACKAGE]}.get(head.partition("+")[0], [])
         known = [self._named[name]] if name in self._named else []
         if not (known or folders):  # the plan is that of an earlier command
             module = self._modules.find(module_of(name))
@@ -162,17 +166,18 @@ class CodeIndex:
             listed = self._source(found.file).exports if "*" in names and found.file else ()
             yield from (f"{base}.{name}" for name in (*names, *listed) if name != "*")
 
-    def _name(self, module: Module) -> str:
+    def _roots_of(self, files: Iterable[Path]) -> Iterable[str]:
+        """The roots of files, each once, in their order."""
+        tops = [self._module_name(file).partition(".")[0] for file in files]
+        return dict.fromkeys(top for top in tops if top in self._roots)
+
+    def _name(self, module: Module, heads: Mapping[str, str]) -> str:
         """Name of a source file, equal on every machine: `rules/factorize/mesh.py`."""
         assert module.file is not None
         inside = f"/{_PACKAGE}" if module.search is not None else module.file.suffix
-        name = f"{self._spelled(module.name)}{inside}"
+        name = f"{_spelled(module.name, heads)}{inside}"
         self._named[name] = module.file
         return name
-
-    def _spelled(self, name: str) -> str:
-        top, _, rest = name.partition(".")
-        return f"{RULES if top in self._roots else top}/{rest}".replace(".", "/").rstrip("/")
 
     def _source(self, file: Path) -> syntax.Source:
         if file not in self._parsed:
@@ -182,12 +187,22 @@ class CodeIndex:
         return self._parsed[file]
 
 
-def module_of(source: str, root: str = RULES) -> str:
-    """Import name of a named source; `root` is the package under which its rule is mounted."""
+def _spelled(name: str, heads: Mapping[str, str]) -> str:
+    top, _, rest = name.partition(".")
+    return f"{heads.get(top, top)}/{rest}".replace(".", "/").rstrip("/")
+
+
+def _head(number: int) -> str:
+    return RULES if number == 1 else f"{RULES}+{number}"
+
+
+def module_of(source: str, roots: Sequence[str] = (RULES,)) -> str:
+    """Import name of a named source; `roots` are the packages under which the roots of its rule are mounted."""
     end = f"/{_PACKAGE}"
     stem = source.removesuffix(end) if source.endswith(end) else source.rpartition(".")[0]
     top, *rest = stem.split("/")
-    return ".".join([root if top == RULES else top, *rest])
+    head, _, number = top.partition("+")
+    return ".".join([roots[int(number or 1) - 1] if head == RULES else top, *rest])
 
 
 def _prefixes(name: str) -> Iterator[str]:

@@ -74,19 +74,22 @@ class Importer:
             self._origins[name] = path, file
         return spec
 
-    def want(self, sources: Mapping[str, str], root: str) -> None:
+    def want(self, sources: Mapping[str, str], roots: Sequence[str]) -> None:
         """Set the sources from which the code of a task was digested.
 
         Args:
             sources: See `code_digest.Code`.
-            root: The package under which its rule is mounted.
+            roots: The packages under which the roots of its code are mounted, that of its rule first.
 
         Raises:
-            RuleError: One of its modules was already loaded from another source, or found missing.
+            RuleError: One of its modules was already loaded from another source, or found missing, or its roots differ.
         """
         self._edited = None
         for source, said in sources.items():
-            name = module_of(source, root)
+            try:
+                name = module_of(source, roots)
+            except IndexError:  # a rule that was found in another root here
+                raise self._refuse(source) from None
             self._wanted[name] = said or (_PACKAGE if source.endswith(_PACKAGE) else "")
             if self._loaded.get(name, said) != said:
                 raise self._refuse(self._origins[name][1] or source)

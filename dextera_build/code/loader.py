@@ -98,7 +98,7 @@ class RuleFile:
         from dextera_build.rule import Rule
 
         name = self.path.rpartition(".")[2]
-        found = getattr(_import(self.root, self.path, self.file), name, None)
+        found = getattr(imported(self.root, self.path, self.file), name, None)
         if not isinstance(found, Rule):
             raise RecipeError(f"no function `{name}` with `@rule` in this file", code="DXB-R203", where=self.place)
         return found
@@ -146,7 +146,7 @@ class BackendFile:
     @cached_property
     def module(self) -> ModuleType:
         """The imported module."""
-        return _import(self.root, f"{self.rule.partition('.')[0]}.{self.file.stem}", self.file)
+        return imported(self.root, f"{self.rule.partition('.')[0]}.{self.file.stem}", self.file)
 
     @cached_property
     def options(self) -> type[Options] | None:
@@ -217,6 +217,8 @@ class Library:
         self._first = [Root(folder.absolute())] if folder and folder.is_dir() else []
         """The project's own root, if it has one."""
         self._found: dict[str, RuleFile] = {}
+        self.asked: set[str] = set()
+        """Companions that were looked for, missing ones included."""
         self.warnings: dict[str, str] = {}
         """Warnings about modules whose versions are in no key, by module."""
         self.since_ns = time.time_ns()
@@ -301,7 +303,7 @@ class Library:
 
     def looked_at(self) -> set[str]:
         """Files and folders, including missing ones, that determine the code of the rules found so far."""
-        found = self.code.looked_at() | self.machine.models.looked_at()
+        found = self.code.looked_at() | self.machine.models.looked_at() | self.asked
         if self._project is not None:
             found.add(str(self._project / RULES))
         for path, rule in self._found.items():
@@ -351,7 +353,8 @@ def _among(roots: Sequence[Root], path: str) -> RuleFile | None:
     return None
 
 
-def _import(root: Root, path: str, file: Path) -> ModuleType:
+def imported(root: Root, path: str, file: Path) -> ModuleType:
+    """The module of a file, which messages call `path`."""
     try:
         with watched(path, file):
             return importlib.import_module(root.module(file))

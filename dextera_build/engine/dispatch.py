@@ -163,6 +163,7 @@ class Dispatch:
             packages=rule.packages,
             weights=rule.weights,
             program=rule.program,
+            companions=rule.companions,
         )
 
     def _take(self, report: Report) -> End | None:

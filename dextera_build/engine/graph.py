@@ -111,6 +111,8 @@ class RuleFacts:
 
     program: Mapping[str, str] = field(default_factory=dict)
     """File of the backend's program, or lock file of its environment -> digest of its bytes; `code` holds them, too."""
+    companions: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    """Slot -> path of a rule that made its artifact -> module beside it that runs the artifact; `code` holds it."""
 
     chosen: str = ""
     """Who chose the backend, and what was passed over; not part of the key, like the rest below."""
@@ -204,6 +206,13 @@ class Graph:
                     yield address, member
                 else:
                     stack += [((*address, name), inner) for name, inner in reversed(list(member.members.items()))]
+
+    def rules(self) -> tuple[RuleFacts, ...]:
+        """The rules of all calls, replacements in copies included, each once."""
+        found: dict[int, RuleFacts] = {}
+        for path, _ in self.calls():
+            found |= {id(call.rule): call.rule for call in self.variants(path)}
+        return tuple(found.values())
 
     def group(self, path: Names) -> Group:
         """The group at `path`."""

@@ -26,7 +26,9 @@ _MARK = "\0"
 """Placeholder for these parts; no field of a rule has this value."""
 
 Document: TypeAlias = dict[str, Any]
-Kind: TypeAlias = Literal["option", "code", "package", "backend", "input", "version", "type", "weights", "salt", "read"]
+Kind: TypeAlias = Literal[
+    "option", "code", "package", "backend", "companion", "input", "version", "type", "weights", "salt", "read"
+]
 
 
 class Writer:
@@ -68,8 +70,9 @@ def compare(old: Document, new: Document) -> list[Change]:
     """Every difference between two keys, starting with the kinds that people edit most directly."""
     changes = [
         *_rows("option", flat(old["options"]), flat(new["options"])),
-        # Before the code, because another backend has other code.
+        # Before the code, because another backend or companion has other code.
         *_rows("backend", {"backend": old["backend"]}, {"backend": new["backend"]}),
+        *_rows("companion", _companions(old), _companions(new)),
         *_rows("code", _code(old), _code(new)),
         *_orders(old, new),
         *_rows("version", _versions(old), _versions(new)),
@@ -84,8 +87,10 @@ def compare(old: Document, new: Document) -> list[Change]:
 
 
 def _shared(rule: RuleFacts) -> Document:
-    reads: Document = {traces.READ: None} if rule.discovers else {}
-    return reads | {
+    some: Document = {traces.READ: None} if rule.discovers else {}
+    if rule.companions:
+        some["companions"] = {slot: dict(modules) for slot, modules in rule.companions.items()}
+    return some | {
         "schema": SCHEMA,
         "rule": rule.path,
         "version": rule.version,
@@ -120,6 +125,13 @@ def flat(options: Mapping[str, Any]) -> dict[str, Any]:
 
 def _reads(document: Document) -> dict[str, str]:
     return {traces.label(kind, name): answer for kind, name, answer in document.get(traces.READ) or ()}
+
+
+def _companions(document: Document) -> dict[str, str]:
+    return {
+        slot: ", ".join(f"`{stem}.py` beside {rule}" for rule, stem in sorted(stems.items()))
+        for slot, stems in document.get("companions", {}).items()
+    }
 
 
 def _code(document: Document) -> dict[str, str]:

@@ -143,7 +143,7 @@ class Causes:
         elif change.kind == "read":
             cause.change, files = self._reads.change(change.name, old, change.old, change.new)
             cause.inside = [Cause("file", name, what) for name, what in files.items()]
-        elif change.kind in ("backend", "salt", "version"):
+        elif change.kind in ("backend", "companion", "salt", "version"):
             cause.place = str(call.where)
         return cause
 

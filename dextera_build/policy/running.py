@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.artifacts.policy import Checkpoint, PolicyContract
+from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.policy.features import Fields, Reader, observed
 from dextera_build.policy.layout import Layout
@@ -15,6 +17,18 @@ from dextera_build.policy.observation import DeployableObservation
 Predict = Callable[[Fields], np.ndarray]
 """Inputs, one sample of each, to joint targets (C, A) float64 [rad] for this step and the C - 1 after it. `rgb` comes
 as (1, H, W, 3) uint8, the others as `Reader` gives them."""
+
+
+class Runner(Protocol):
+    """What `policy.py` of an algorithm defines: `rules/learn/act/policy.py` for the checkpoints of `learn.act`."""
+
+    def predict(self, checkpoint: Checkpoint, bundle: TaskBundle) -> Predict:
+        """The network of a checkpoint, ready to run in a task bundle; its contract was found to fit.
+
+        Raises:
+            RuleError: The weights are corrupt.
+        """
+        ...
 
 
 class PolicyFault(RuleError):  # noqa: N818 - the fault is the policy's, not dxb's

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.code.code_digest import EXCHANGE, FILE
+from dextera_build.code.companions import Companions, each_of, stems
 from dextera_build.code.distributions import version_of
 from dextera_build.code.loader import BackendFile, Library, RuleFile
 from dextera_build.engine.graph import Call, Input, Item, Output, Pack, RuleFacts
@@ -62,7 +63,9 @@ class CallMaker:
         self._settings = settings
         self.fallback = False
         """Whether a profile's next backend may take the place of a missing one."""
-        self._facts: dict[tuple[str, str, str], RuleFacts] = {}
+        self._facts: dict[tuple[str, ...], RuleFacts] = {}
+        self._chosen: dict[int, tuple[RuleFile, Choice | None]] = {}
+        """Identity of facts -> what they are of."""
         for rule in backends:
             library.find(rule)
 
@@ -200,6 +203,15 @@ class CallMaker:
         key = (found.path, choice.backend.name if choice else "", choice.why if choice else "")
         if key not in self._facts:
             self._facts[key] = facts_of(self._library, found, choice)
+            self._chosen[id(self._facts[key])] = found, choice
+        return self._facts[key]
+
+    def running(self, facts: RuleFacts, companions: Companions) -> RuleFacts:
+        """The facts of a rule, with the code that runs its inputs."""
+        found, choice = self._chosen[id(facts)]
+        key = (facts.path, facts.backend or "", facts.chosen, *(str(each.file) for each in each_of(companions)))
+        if key not in self._facts:
+            self._facts[key] = facts_of(self._library, found, choice, companions)
         return self._facts[key]
 
     def _inputs(
@@ -229,8 +241,10 @@ class CallMaker:
         return inputs
 
 
-def facts_of(library: Library, found: RuleFile, choice: Choice | None) -> RuleFacts:
-    """The part of a key that describes a rule and its backend.
+def facts_of(
+    library: Library, found: RuleFile, choice: Choice | None, companions: Companions | None = None
+) -> RuleFacts:
+    """The part of a key that describes a rule, its backend and the companions of its inputs.
 
     Raises:
         MachineError: A package that the rule declares is not installed.
@@ -246,7 +260,8 @@ def facts_of(library: Library, found: RuleFile, choice: Choice | None) -> RuleFa
         )
     program = backend.program if backend else None
     # How values look outside is part of the result, although no backend imports it.
-    code = library.code.of(found.file, *(each.file for each in used), *([EXCHANGE] if program else []))
+    exchange, beside = [EXCHANGE] if program else [], [each.file for each in each_of(companions or {})]
+    code = library.code.of(found.file, *(each.file for each in used), *exchange, *beside)
     own = program.digests() if program else {}
     types = {**{name: slot.annotation for name, slot in rule.slots.items()}, "return": rule.returns}
     return RuleFacts(
@@ -266,6 +281,7 @@ def facts_of(library: Library, found: RuleFile, choice: Choice | None) -> RuleFa
         discovers=str(library.project) if rule.discovers else "",
         sources=code.sources,
         program=own,
+        companions=stems(companions or {}),
         chosen=choice.why if choice else "",
         passed=choice.passed if choice else (),
         missing=choice.missing if choice else (),

@@ -11,7 +11,7 @@ from dextera_build.code.loader import Library
 from dextera_build.engine.graph import Call, Graph, Group, Leaf, Output
 from dextera_build.engine.graph import Plan as Plan
 from dextera_build.errors import Place, RecipeError, UsageError, did_you_mean, listing
-from dextera_build.recipe import cycles, expect, groups
+from dextera_build.recipe import cycles, expect, groups, runs
 from dextera_build.recipe.bindings import Names, fill
 from dextera_build.recipe.calls import CallMaker
 from dextera_build.recipe.kept import kind_of
@@ -72,7 +72,11 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
     graph = Graph(address, planner.tree(), resolved)
     cycles.refuse(graph)
     expect.refuse_unknown(recipe.expect, graph)
-    return Plan(graph, tuple(planner.files), planner.maker.rules, tuple(planner.absent), planner.kinds)
+    rules = planner.maker.rules
+    if any(library.find(facts.path).rule.runs for facts in rules):
+        graph = runs.joined(graph, library, planner.maker.running)
+        rules = graph.rules()
+    return Plan(graph, tuple(planner.files), rules, tuple(planner.absent), planner.kinds)
 
 
 class _Planner:

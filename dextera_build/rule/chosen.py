@@ -1,4 +1,4 @@
-"""The functions of a backend, compared with the `Protocol` of its rule when they are called."""
+"""The functions of a backend or a companion, compared with a `Protocol` when they are called."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from dextera_build.errors import RuleError, did_you_mean, listing
 
 
 class Chosen:
-    """The module of a backend as `ctx.backend`; what the `Protocol` does not name is the module's own.
+    """A module as `ctx.backend` or `ctx.companion`; what the `Protocol` does not name is the module's own.
 
     Args:
         module: The module.
-        protocol: What the rule's backends define; None for a rule that does not say.
-        shown: `umbrella of factorize.smooth`, for messages.
+        protocol: What the module defines; None for a rule that does not say.
+        shown: ``backend `umbrella` of factorize.smooth``, for messages.
     """
 
     def __init__(self, module: Any, protocol: type[Any] | None, shown: str) -> None:
@@ -37,10 +37,10 @@ class Chosen:
         own = [each for each, value in vars(self._module).items() if inspect.isfunction(value) and each[0] != "_"]
         parameters = ", ".join(list(inspect.signature(declared).parameters)[1:])
         return RuleError(
-            f"backend {self._shown} has no function `{name}`",
+            f"{self._shown} has no function `{name}`",
             code="DXB-B308",
             facts={"file": self._module.__file__, "its functions": listing(own) or "none"},
-            hint=did_you_mean(name, own) or f"the rule's `Protocol` asks for `def {name}({parameters})`",
+            hint=did_you_mean(name, own) or f"the `Protocol` asks for `def {name}({parameters})`",
         )
 
     def _checked(self, function: Callable[..., Any], declared: Callable[..., Any]) -> Callable[..., Any]:
@@ -51,10 +51,10 @@ class Chosen:
             # By name, as stored values are told apart.
             if wanted and wanted not in {kind.__name__ for kind in type(answer).__mro__}:
                 raise RuleError(
-                    f"`{function.__name__}` of backend {self._shown} returned {_kind(answer)}, not {wanted}",
+                    f"`{function.__name__}` of {self._shown} returned {_kind(answer)}, not {wanted}",
                     code="DXB-B309",
                     facts={"file": self._module.__file__},
-                    hint=f"the rule's `Protocol` says `-> {wanted}`",
+                    hint=f"the `Protocol` says `-> {wanted}`",
                 )
             return answer
 

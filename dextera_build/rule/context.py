@@ -78,9 +78,10 @@ class Context(Calling, Generic[B]):
         calls: Executes `call` and `job`; None if no recorder exists.
         reads: Reads files of the project; None for a rule that does not declare `discovers`.
         pretrained: Weights, device and program of the backend; None for one without any.
+        companions: Gives the module of a slot and a name, compared with a `Protocol`; None if no input has any.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - one argument per service
         self,
         backend: Any = None,
         backend_options: Options | None = None,
@@ -91,6 +92,7 @@ class Context(Calling, Generic[B]):
         calls: Callable[..., bytes] | None = None,
         reads: Reads | None = None,
         pretrained: Pretrained | None = None,
+        companions: Callable[[str, str, type[Any]], Any] | None = None,
     ) -> None:
         super().__init__(calls, emit)
         self.backend = cast(B, backend)
@@ -100,6 +102,7 @@ class Context(Calling, Generic[B]):
         self._keep = keep
         self._reads = reads
         self._pretrained = pretrained or Pretrained()
+        self._companions = companions
 
     @cached_property
     def scratch(self) -> Path:
@@ -161,6 +164,25 @@ class Context(Calling, Generic[B]):
         if others is None:
             raise RuleError("a call without a backend uses one", code="DXB-B381", hint="declare `Context[...]`")
         return _Other(self, *others(name))
+
+    def companion(self, slot: str, name: str, protocol: type[Any]) -> Any:
+        """The module that runs the artifact in a slot: that of `@rule(runs={slot: ...})`, beside the rule that made it.
+
+        Args:
+            slot: An input.
+            name: Folder of the rule that made the artifact, as the artifact says: `act` of `rules/learn/act/`.
+            protocol: The `Protocol` that the module follows.
+
+        Raises:
+            RuleError: No rule that made the artifact is in such a folder.
+        """
+        if self._companions is None:
+            raise RuleError(
+                f"no code was given that runs `{name}` of the input `{slot}`",
+                code="DXB-B385",
+                hint="run the rule in a build, or by `RuleRunner`",
+            )
+        return self._companions(slot, name, protocol)
 
     @overload
     def outside(self, function: str, returns: type[M], /, **inputs: object) -> M: ...

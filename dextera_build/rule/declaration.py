@@ -56,6 +56,7 @@ class Rule(Generic[P, R]):
     retry_wait_s: float = 1.0
     tolerance: Tolerance = Tolerance()
     discovers: bool = False
+    runs: Mapping[str, str] = field(default_factory=dict)
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         """Call the plain function."""
@@ -115,6 +116,7 @@ def rule(  # noqa: PLR0913 - one argument per declaration
     retry_wait_s: float = 1.0,
     tolerance: Tolerance | None = None,
     discovers: bool = False,
+    runs: Mapping[str, str] | None = None,
 ) -> Callable[[Callable[P, R]], Rule[P, R]]:
     """Declare the decorated function as the rule of its file; both must have the same name.
 
@@ -137,16 +139,23 @@ def rule(  # noqa: PLR0913 - one argument per declaration
         tolerance: Differences between results that `dxb check` accepts; None for none. Builds do not use it: the first
             result of a key stays.
         discovers: Whether calls discover the project files they read, with `ctx.read`, `ctx.glob`, `ctx.exists`.
+        runs: Inputs that are run by code beside the rules that made them, `{"checkpoint": "policy"}` for `policy.py`;
+            `ctx.companion` gives it. It is part of the key.
     """
     for name in resources or {}:
         if ":" not in name:
             raise ValueError(f"a named resource is called `kind:name`, not `{name}`")
 
     def mark(function: Callable[P, R]) -> Rule[P, R]:
+        unknown = (runs or {}).keys() - inspect.signature(function).parameters
+        if unknown:
+            raise ValueError(f"`runs` names {sorted(unknown)}, which `{function.__name__}` does not take")
         named = dict(resources or {})
         allowed = tolerance or Tolerance()
         needs = (cpus, memory_gb, gpus, named)
-        return Rule(function, version, packages, *needs, retries, retry_on, retry_wait_s, allowed, discovers)
+        return Rule(
+            function, version, packages, *needs, retries, retry_on, retry_wait_s, allowed, discovers, dict(runs or {})
+        )
 
     return mark
 

@@ -52,6 +52,8 @@ class Task:
     """`name@digest`, as in the key."""
     program: Mapping[str, str] = field(default_factory=dict)
     """`RuleFacts.program`."""
+    companions: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    """`RuleFacts.companions`."""
 
     def message(self) -> dict[str, object]:
         """The fields that are passed to the runner."""

@@ -58,7 +58,7 @@ class RolloutsBackend(Protocol):
         ...
 
 
-@rule(version=3, packages=("numpy",), memory_gb=2.0)
+@rule(version=3, packages=("numpy",), memory_gb=2.0, runs={"checkpoint": "policy"})
 def rollouts(
     ctx: Context[RolloutsBackend],
     bundle: TaskBundle,

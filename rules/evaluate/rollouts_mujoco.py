@@ -9,6 +9,7 @@ from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.artifacts.trials import Attempt
+from dextera_build.policy.running import Runner
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.observe import pictures
 from dextera_build.sim.runtime.environment import Environment
@@ -37,7 +38,8 @@ def rollouts(
     options: Options,
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
-    policy = load(checkpoint, bundle, view)
+    runner: Runner = ctx.companion("checkpoint", checkpoint.contract.algorithm, Runner)
+    policy = load(runner, checkpoint, bundle, view)
     environment = Environment(bundle)
     sees = view is not None and any(channel.name == "rgb" for channel in checkpoint.contract.inputs)
     opened = pictures.live(environment, view) if view and sees else nullcontext()

@@ -174,7 +174,25 @@ def test_a_module_that_appears_after_the_import_but_before_the_digest_is_refused
     assert found.rule
     (project / "rules/toy" / later).write_text("")
     with pytest.raises(RuleError, match="it was edited while the build ran"):
-        IMPORTER.want(library.code.of(found.file).sources, found.root.name)
+        IMPORTER.want(library.code.of(found.file).sources, [found.root.name])
+
+
+def test_code_of_each_root_has_names_of_its_own(project):
+    """A rule that comes with dxb, and a file of the project that runs with it: one relative path may be in both."""
+    library = Library(project)
+    bundled, own = library.find("evaluate.rollouts"), library.find("toy.mul")
+    assert own.rule
+    sources = library.code.of(bundled.file, own.file).sources
+    assert "rules/evaluate/rollouts.py" in sources
+    assert "rules+2/toy/deep.py" in sources
+    assert library.place_of("rules+2/toy/deep.py", "F") == (project / "rules/toy/deep.py", 1)
+    roots = [bundled.root.name, own.root.name]
+    IMPORTER.want({"rules+2/toy/deep.py": sources["rules+2/toy/deep.py"]}, roots)
+    with pytest.raises(RuleError, match="it was edited while the build ran"):
+        IMPORTER.want(sources, roots[:1])
+    with pytest.raises(RuleError, match="it was edited while the build ran") as caught:
+        IMPORTER.want({"rules+2/toy/deep.py": "0" * 32}, roots)
+    assert str(caught.value.where) == str(project / "rules/toy/deep.py")
 
 
 def test_a_namespace_package_below_one_that_failed_to_load_is_searched_again(project):

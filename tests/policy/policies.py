@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from dextera_build.artifacts.policy import Channel, Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.code.companions import beside
+from dextera_build.code.loader import Library
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import layout
 from dextera_build.policy.observation import PICTURE, DeployableObservation, Frame, Measurement, deployable
+from dextera_build.policy.running import Policy
 from tests import episodes
 
 INPUTS = ("joints", "objects", "displacement", "goal")
+
+
+def runner(algorithm: str = "act") -> Any:
+    """The module `policy.py` of an algorithm, which has its `network`."""
+    return beside(Library().find(f"learn.{algorithm}"), "policy").module
+
+
+def load(checkpoint: Checkpoint, bundle: TaskBundle, view: View | None = None, **more: float) -> Policy:
+    """`sim.runtime.policies.load` with the module of the checkpoint's algorithm."""
+    from dextera_build.sim.runtime import policies
+
+    return policies.load(runner(checkpoint.contract.algorithm), checkpoint, bundle, view, **more)
 
 
 def contract(
@@ -34,9 +51,9 @@ def contract(
 
 def checkpoint(made: PolicyContract, seed: int = 0) -> Checkpoint:
     """Untrained weights for a contract."""
-    from dextera_build.learning import act, weights
+    from dextera_build.learning import weights
 
-    data = weights.to_bytes(act.of_contract(made, seed).state_dict())
+    data = weights.to_bytes(runner().network.of_contract(made, seed).state_dict())
     return Checkpoint(
         weights=data,
         contract=made,

@@ -14,9 +14,9 @@ from dextera_build.policy import layout
 from dextera_build.policy.features import Fields
 from dextera_build.policy.observation import DeployableObservation, PrivilegedObservation
 from dextera_build.policy.running import Ensemble, Policy, PolicyFault
-from dextera_build.sim.runtime.policies import load
 from tests import episodes
 from tests.policy import policies
+from tests.policy.policies import load
 
 BUNDLE = episodes.bundle()
 

@@ -32,7 +32,7 @@ def backend(**functions: Any) -> Any:
     module = ModuleType("say_mine")
     module.__file__ = "rules/toy/say_mine.py"
     vars(module).update(functions)
-    return Chosen(module, SayBackend, "`mine` of toy.say")
+    return Chosen(module, SayBackend, "backend `mine` of toy.say")
 
 
 def say(ctx: Any, word: File, options: Any) -> File:

@@ -1,8 +1,9 @@
-"""Every backend beside the `Protocol` of its rule, for mypy; `test_contract.py` checks that none is left out.
+"""Every backend beside the `Protocol` of its rule, and every `policy.py` beside `Runner`, for mypy.
 
-Nothing imports this file: rules are found, not imported.
+`test_contract.py` checks that none is left out. Nothing imports this file: rules are found, not imported.
 """
 
+import dextera_build.policy.running
 import rules.align.calibration.camera_motion
 import rules.align.calibration.camera_motion_opencv
 import rules.align.calibration.camera_motion_stub
@@ -154,12 +155,14 @@ import rules.factorize.shapes.mesh_primitives
 import rules.factorize.shapes.mesh_sam3d_objects
 import rules.factorize.shapes.mesh_stub
 import rules.factorize.shapes.mesh_trellis2
-import rules.learn.act
-import rules.learn.act_stub
-import rules.learn.act_torch
-import rules.learn.ppo
-import rules.learn.ppo_sb3
-import rules.learn.ppo_stub
+import rules.learn.act.act
+import rules.learn.act.act_stub
+import rules.learn.act.act_torch
+import rules.learn.act.policy
+import rules.learn.ppo.policy
+import rules.learn.ppo.ppo
+import rules.learn.ppo.ppo_sb3
+import rules.learn.ppo.ppo_stub
 import rules.simulate.mesh_robot
 import rules.simulate.mesh_robot_mujoco
 import rules.simulate.mesh_robot_stub
@@ -279,10 +282,12 @@ factorize_segment_depth: rules.factorize.masks.segment.SegmentBackend = rules.fa
 factorize_segment_grabcut: rules.factorize.masks.segment.SegmentBackend = rules.factorize.masks.segment_grabcut
 factorize_segment_sam3: rules.factorize.masks.segment.SegmentBackend = rules.factorize.masks.segment_sam3
 factorize_segment_stub: rules.factorize.masks.segment.SegmentBackend = rules.factorize.masks.segment_stub
-learn_act_stub: rules.learn.act.ActBackend = rules.learn.act_stub
-learn_act_torch: rules.learn.act.ActBackend = rules.learn.act_torch
-learn_ppo_sb3: rules.learn.ppo.PpoBackend = rules.learn.ppo_sb3
-learn_ppo_stub: rules.learn.ppo.PpoBackend = rules.learn.ppo_stub
+learn_act_stub: rules.learn.act.act.ActBackend = rules.learn.act.act_stub
+learn_act_torch: rules.learn.act.act.ActBackend = rules.learn.act.act_torch
+learn_act_policy: dextera_build.policy.running.Runner = rules.learn.act.policy
+learn_ppo_policy: dextera_build.policy.running.Runner = rules.learn.ppo.policy
+learn_ppo_sb3: rules.learn.ppo.ppo.PpoBackend = rules.learn.ppo.ppo_sb3
+learn_ppo_stub: rules.learn.ppo.ppo.PpoBackend = rules.learn.ppo.ppo_stub
 simulate_mesh_robot_mujoco: rules.simulate.mesh_robot.MeshRobotBackend = rules.simulate.mesh_robot_mujoco
 simulate_mesh_robot_stub: rules.simulate.mesh_robot.MeshRobotBackend = rules.simulate.mesh_robot_stub
 simulate_perturbed_mujoco: rules.simulate.perturbed.PerturbedBackend = rules.simulate.perturbed_mujoco

@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from dextera_build.artifacts.meanings import bounds, meanings
+from dextera_build.code.companions import beside
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.project.project import Project
 from dextera_build.recipe import limits, profiles
@@ -215,8 +216,15 @@ def test_mypy_compares_every_backend_with_its_protocol():
         for backend in found.backends.values()
         if found.rule.protocol
     }
+    runners = {f"Runner = {_dotted(found, beside(found, 'policy').file)}\n" for found in RULES if _is_run(found)}
     assert len(wanted) > 50
+    assert len(runners) > 1
+    wanted |= runners
     assert not [line for line in wanted if line not in listed]
+
+
+def _is_run(found: RuleFile) -> bool:
+    return beside(found, "policy").file.is_file()
 
 
 def _dotted(found: RuleFile, file: Path) -> str:

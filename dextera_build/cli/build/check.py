@@ -117,6 +117,7 @@ def _repeat(session: Session, node: str) -> str:
         "backend": document["backend"],
         "options": document["options"],
         "inputs": dict(document["inputs"]),
+        "companions": document.get("companions", {}),
         "store": str(project.cache),
         "project": str(project.root),
     }

@@ -9,10 +9,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.artifacts.policy import Channel, PolicyContract
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.geometry import quaternions
-from dextera_build.learning.ppo import flat, raw
 from dextera_build.policy.features import Fields
 from dextera_build.sim.model import robot as robots
 
@@ -63,14 +62,14 @@ class Steering:
 
     def numbers(self, inputs: Fields) -> np.ndarray:
         """The network's input for one sample of every channel, (1, N) float32."""
-        plain = flat(inputs, self._channels)
+        plain = _flat(inputs, self._channels)
         if self._palm is None:
             return plain
-        return np.concatenate([plain, self._palm.places(raw(inputs, self._channels, "joints"))[None]], axis=1)
+        return np.concatenate([plain, self._palm.places(_raw(inputs, self._channels, "joints"))[None]], axis=1)
 
     def steered(self, decision: np.ndarray, inputs: Fields) -> np.ndarray:
         """`targets` with the joints and last targets of `inputs`."""
-        sent, joints = (raw(inputs, self._channels, name) for name in ("previous_action", "joints"))
+        sent, joints = (_raw(inputs, self._channels, name) for name in ("previous_action", "joints"))
         return self.targets(decision, sent, joints)
 
     def targets(self, decision: np.ndarray, sent: np.ndarray, joints: np.ndarray) -> np.ndarray:
@@ -95,6 +94,19 @@ class Steering:
         found = np.tile(goal, (self.every, 1))
         found[:, moved] = sent[moved] + (goal[moved] - sent[moved]) * shares
         return found
+
+
+def _flat(inputs: Fields, channels: tuple[Channel, ...]) -> np.ndarray:
+    """Concatenate the channels of inputs for the network, (B, N) float32."""
+    parts = [inputs[channel.name].reshape(len(inputs[channel.name]), -1) for channel in channels]
+    return np.concatenate(parts, axis=1, dtype=np.float32)
+
+
+def _raw(inputs: Fields, channels: tuple[Channel, ...], name: str) -> np.ndarray:
+    """The single sample of a plain channel as observed, (K,) float64."""
+    channel = next(channel for channel in channels if channel.name == name)
+    sample = inputs[name].reshape(-1).astype(np.float64)
+    return sample * np.array(channel.scale) + np.array(channel.mean) if channel.scale else sample
 
 
 class _Palm:

@@ -19,7 +19,7 @@ from tests.sim.runtime import cells
 
 @pytest.fixture
 def runner(tmp_path):
-    return RuleRunner(tmp_path)
+    return RuleRunner(tmp_path, made_by={"checkpoint": "learn.act"})
 
 
 def saying(goal: float, bundle: TaskBundle, inputs: tuple[str, ...] = policies.INPUTS, view=None) -> Checkpoint:

@@ -19,9 +19,9 @@ from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable
 from dextera_build.rule import Context
-from dextera_build.sim.runtime.policies import load
 from dextera_build.testing import RuleRunner
 from tests import episodes
+from tests.policy.policies import load
 
 BUNDLE = episodes.bundle()
 SMALL = {"steps": 30, "width": 16, "heads": 2, "chunk": 5, "batch": 16, "held_out": 0.25}

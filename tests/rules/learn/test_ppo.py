@@ -18,10 +18,10 @@ from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.rule import Context
 from dextera_build.sim.runtime.environment import Environment
-from dextera_build.sim.runtime.policies import load
 from dextera_build.sim.training.practice import Practice
 from dextera_build.testing import RuleRunner
 from tests import episodes, task_bundles
+from tests.policy.policies import load, runner
 
 WIDE = Reset(position_m=0.01, joint_rad=0.1, robot_rad=0.005)
 BUNDLE = task_bundles.close(reset=WIDE)
@@ -167,10 +167,9 @@ def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
     """The targets that a loaded policy sends are those that its decisions led to in training, bit for bit."""
     import torch
 
-    from dextera_build.learning import ppo
-
     made = learn(tmp_path)
     practice = Practice(BUNDLE, made.contract)
+    ppo = runner("ppo").network
     network = ppo.of_contract(made.contract)
     weights.fill(network, weights.from_bytes(made.weights))
     seen, _ = practice.reset()

@@ -190,7 +190,7 @@ class Watch(BaseCallback):
 
 
 def actor_tensors(policy: Any) -> dict[str, torch.Tensor]:
-    """The actor of a policy, with the names of `dextera_build.learning.ppo.Actor`."""
+    """The actor of a policy, with the names of `network.Actor`."""
     tensors = {f"body.{name}": tensor for name, tensor in policy.mlp_extractor.actor.state_dict().items()}
     return tensors | {f"head.{name}": tensor for name, tensor in policy.action_net.state_dict().items()}
 

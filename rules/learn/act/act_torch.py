@@ -14,16 +14,18 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from dextera_build import digest
-from dextera_build.learning import act, reproducible, weights
+from dextera_build.learning import reproducible, weights
 from dextera_build.learning.sampling import Deck
+from dextera_build.learning.training_state import Kept, restore, save
 from dextera_build.rule import Backend, Context, Options
 
+from . import network
 from .trained import Trained
-from .training_state import Kept, restore, save
 
 if TYPE_CHECKING:
+    from dextera_build.learning.demonstrations import Demonstrations
+
     from .act_options import ActOptions
-    from .demonstrations import Demonstrations
 
 BACKEND = Backend(
     summary="torch on one core, deterministic; goes on after an interruption",
@@ -56,7 +58,7 @@ class Training:
 
     def __init__(self, ctx: Context, data: Demonstrations, options: ActOptions) -> None:
         self._ctx, self._data, self._options = ctx, data, options
-        self._network = act.of_contract(data.contract, options.seed)
+        self._network = network.of_contract(data.contract, options.seed)
         self._optimiser = torch.optim.AdamW(
             self._network.parameters(), lr=options.rate, weight_decay=options.decay, fused=True
         )
@@ -105,7 +107,7 @@ class Training:
         if "rgb" in inputs and options.shift:
             inputs["rgb"] = shifted(inputs["rgb"], options.shift, random)
         noise = torch.randn(len(rows), options.latent, generator=random)
-        loss, error = act.loss_of(self._network, replace(batch, inputs=inputs), noise, options.kl_weight)
+        loss, error = network.loss_of(self._network, replace(batch, inputs=inputs), noise, options.kl_weight)
         self._optimiser.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(self._network.parameters(), 1.0)
@@ -113,14 +115,14 @@ class Training:
         self._optimiser.step()
         return float(error.detach())
 
-    def _samples(self, rows: Tensor) -> act.Batch:
+    def _samples(self, rows: Tensor) -> network.Batch:
         ahead = rows[:, None] + torch.arange(self._options.chunk)
         last = self._last[rows][:, None]
         inputs = {name: field[rows] for name, field in self._inputs.items()}
         if self._frames is not None:
-            inputs["rgb"] = act.pixels(self._frames[rows])
+            inputs["rgb"] = network.pixels(self._frames[rows])
         places = self._places[rows] if self._places is not None else None
-        return act.Batch(inputs, self._actions[torch.minimum(ahead, last)], ahead <= last, places)
+        return network.Batch(inputs, self._actions[torch.minimum(ahead, last)], ahead <= last, places)
 
     def _measure(self) -> None:
         kept = self._kept

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Literal
 
 import numpy as np
 
@@ -11,16 +12,26 @@ from dextera_build import digest
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.artifacts.policy import Channel, PolicyContract
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.errors import RuleError
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import features, normalisation
 from dextera_build.policy.layout import Layout, of_bundle, of_episodes
-from dextera_build.rule import Context
 
-if TYPE_CHECKING:
-    from .act_options import ActOptions
+Settings = Mapping[str, float | int | str | bool]
 
-SETTINGS = ("chunk", "width", "heads", "style_layers", "encoder_layers", "decoder_layers", "latent", "every", "forget")
-"""Options that define the network and its use at run time; stored in the contract."""
+
+@dataclass(frozen=True)
+class Selection:
+    """The part of the recorded data that an algorithm learns from."""
+
+    inputs: tuple[str, ...]
+    """Input channels of the deployable observation."""
+    objects: Literal["task", "all"] = "task"
+    """Objects with poses and joints in the input: the task's object only, or all."""
+    held_out: float = 0.0
+    """Fraction of the episodes held out for validation."""
+    seed: int = 0
+    """Seed of the split."""
 
 
 @dataclass(frozen=True)
@@ -50,31 +61,51 @@ class Demonstrations:
 
 
 def prepare(
-    ctx: Context, bundle: TaskBundle, episodes: Episodes, film: Film | None, options: ActOptions
+    bundle: TaskBundle,
+    episodes: Episodes,
+    film: Film | None,
+    selection: Selection,
+    *,
+    algorithm: str,
+    settings: Settings,
 ) -> Demonstrations:
-    """Check and normalise the data; the normalisation comes only from the training episodes."""
-    _check(ctx, episodes, film, options)
+    """Check and normalise the data; the normalisation comes only from the training episodes.
+
+    Args:
+        bundle: The task.
+        episodes: Its demonstrations.
+        film: Their pictures, for the input `rgb`.
+        selection: What to learn from.
+        algorithm: Name of the algorithm, for the contract.
+        settings: What the algorithm needs to run the policy, for the contract.
+
+    Raises:
+        RuleError: The data do not fit the task or the selection.
+    """
+    contracts.check_data(bundle, episodes)
+    _check(episodes, film, selection)
     layout = of_episodes(episodes, of_bundle(bundle).goal, film)
-    train, held_out = split(tuple(episodes.items), options.held_out, options.seed)
+    train, held_out = split(tuple(episodes.items), selection.held_out, selection.seed)
     lengths = [len(episode.action) for episode in episodes.items.values()]
     chosen = np.repeat([name in train for name in episodes.items], lengths)
     recorded = [features.recorded(episode) for episode in episodes.items.values()]
     fields = {name: np.concatenate([part[name] for part in recorded]) for name in recorded[0]}
     actions = np.concatenate([episode.action for episode in episodes.items.values()])
-    channels = _channels(bundle, layout, options)
-    if not channels:
-        ctx.fail(f"none of the inputs has a component: {', '.join(options.inputs)}", hint="objects: all")
-    reader = features.Reader(channels, layout)
-    channels = tuple(
-        normalisation.fitted(one, [reader.encoded(one, fields)[chosen]]) if one.encoding != "picture" else one
-        for one in channels
-    )
+    channels = _fitted(_channels(bundle, layout, selection), layout, fields, chosen)
     action = Channel(name="action", shape=(actions.shape[1],), names=episodes.joint_names)
     action = normalisation.fitted(action, [actions[chosen]])
     rows = np.arange(len(actions))
-    places = _places(bundle, layout, fields, chosen) if film else None
     return Demonstrations(
-        contract=_contract(episodes, film, channels, action, options, 0 if places is None else places.shape[1]),
+        contract=PolicyContract(
+            algorithm=algorithm,
+            task=episodes.task,
+            embodiment=episodes.embodiment,
+            inputs=channels,
+            action=action,
+            rate_hz=episodes.rate_hz,
+            dataset=_digest(episodes, film),
+            settings=dict(settings),
+        ),
         inputs=features.Reader(channels, layout).read(fields),
         actions=features.normalised(action, actions),
         last=np.repeat(np.cumsum(lengths) - 1, lengths),
@@ -83,7 +114,7 @@ def prepare(
         train_rows=rows[chosen],
         held_out_rows=rows[~chosen],
         frames=np.concatenate([film.pixels(name) for name in episodes.items]) if film else None,
-        places=places,
+        places=_places(bundle, layout, fields, chosen) if film else None,
     )
 
 
@@ -108,47 +139,55 @@ def _places(bundle: TaskBundle, layout: Layout, fields: features.Fields, chosen:
     return np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
 
 
-def _check(ctx: Context, episodes: Episodes, film: Film | None, options: ActOptions) -> None:
+def _check(episodes: Episodes, film: Film | None, selection: Selection) -> None:
     if not episodes.items:
-        ctx.fail("no episode succeeded, so there is nothing to learn from", attempts=episodes.attempts)
+        raise RuleError(
+            "no episode succeeded, so there is nothing to learn from",
+            code="DXB-B516",
+            facts={"attempts": episodes.attempts},
+        )
     if film is None:
         return
-    if "rgb" not in options.inputs:
-        ctx.fail("a film is given, but `rgb` is not among the inputs", hint="inputs: [joints, goal, rgb]")
+    if "rgb" not in selection.inputs:
+        raise RuleError(
+            "a film is given, but `rgb` is not among the inputs", code="DXB-B516", hint="inputs: [joints, goal, rgb]"
+        )
     lost = [name for name in episodes.items if name not in film.frames]
     if lost:
-        ctx.fail(f"the film lacks {len(lost)} of {len(episodes.items)} episodes", first=lost[0])
+        raise RuleError(
+            f"the film lacks {len(lost)} of {len(episodes.items)} episodes", code="DXB-B516", facts={"first": lost[0]}
+        )
     for name, episode in episodes.items.items():
         steps = len(film.pixels(name))
         if steps != len(episode.action):
-            ctx.fail(f"episode `{name}` has {len(episode.action)} steps, but {steps} frames")
+            raise RuleError(f"episode `{name}` has {len(episode.action)} steps, but {steps} frames", code="DXB-B516")
 
 
-def _channels(bundle: TaskBundle, layout: Layout, options: ActOptions) -> tuple[Channel, ...]:
+def _fitted(
+    channels: tuple[Channel, ...], layout: Layout, fields: features.Fields, chosen: np.ndarray
+) -> tuple[Channel, ...]:
+    """The channels with the normalisation of the chosen rows."""
+    reader = features.Reader(channels, layout)
+    return tuple(
+        normalisation.fitted(one, [reader.encoded(one, fields)[chosen]]) if one.encoding != "picture" else one
+        for one in channels
+    )
+
+
+def _channels(bundle: TaskBundle, layout: Layout, selection: Selection) -> tuple[Channel, ...]:
     only: dict[str, tuple[str, ...]] = {}
-    if options.objects == "task":
+    if selection.objects == "task":
         name = bundle.task.object
         only = {"objects": (name,), "displacement": bundle.objects[name].joints}
-    made = [contracts.channel(layout, name, only.get(name)) for name in contracts.CHANNELS if name in options.inputs]
-    return tuple(one for one in made if one.shape[0])
+    made = [contracts.channel(layout, name, only.get(name)) for name in contracts.CHANNELS if name in selection.inputs]
+    found = tuple(one for one in made if one.shape[0])
+    if not found:
+        raise RuleError(
+            f"none of the inputs has a component: {', '.join(selection.inputs)}", code="DXB-B516", hint="objects: all"
+        )
+    return found
 
 
-def _contract(
-    episodes: Episodes,
-    film: Film | None,
-    inputs: tuple[Channel, ...],
-    action: Channel,
-    options: ActOptions,
-    located: int,
-) -> PolicyContract:
-    parts = [episodes.encode(digest.of_bytes), film.encode(digest.of_bytes) if film else None]
-    return PolicyContract(
-        algorithm="act",
-        task=episodes.task,
-        embodiment=episodes.embodiment,
-        inputs=inputs,
-        action=action,
-        rate_hz=episodes.rate_hz,
-        dataset=digest.of_value(parts),
-        settings={name: getattr(options, name) for name in SETTINGS} | {"located": located},
-    )
+def _digest(episodes: Episodes, film: Film | None) -> str:
+    """The digest of the data set."""
+    return digest.of_value([episodes.encode(digest.of_bytes), film.encode(digest.of_bytes) if film else None])

@@ -15,11 +15,11 @@ from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.learning import reproducible
-from dextera_build.learning.ppo import Actor
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.control.mechanism import Mechanism
 from dextera_build.sim.runtime.environment import Environment
 
+from .network import Actor
 from .ppo_state import Watch, own_generators
 from .ppo_worlds import Worlds
 from .practised import Practised

@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from dextera_build.artifacts.policy import Channel, PolicyContract
-from dextera_build.policy.features import Fields, tokens
+from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.policy.features import tokens
 
 
 class Actor(nn.Module):
@@ -46,19 +46,6 @@ def of_contract(contract: PolicyContract) -> Actor:
         int(settings["layers"]),
         int(settings["decisions"]),
     )
-
-
-def flat(inputs: Fields, channels: tuple[Channel, ...]) -> np.ndarray:
-    """Concatenate the channels of inputs for the network, (B, N) float32."""
-    parts = [inputs[channel.name].reshape(len(inputs[channel.name]), -1) for channel in channels]
-    return np.concatenate(parts, axis=1, dtype=np.float32)
-
-
-def raw(inputs: Fields, channels: tuple[Channel, ...], name: str) -> np.ndarray:
-    """The single sample of a plain channel as observed, (K,) float64."""
-    channel = next(channel for channel in channels if channel.name == name)
-    sample = inputs[name].reshape(-1).astype(np.float64)
-    return sample * np.array(channel.scale) + np.array(channel.mean) if channel.scale else sample
 
 
 def decide(network: Actor, numbers: np.ndarray) -> np.ndarray:

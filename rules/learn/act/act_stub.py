@@ -11,8 +11,9 @@ from dextera_build.rule import Backend, Context, Options
 from .trained import Trained
 
 if TYPE_CHECKING:
+    from dextera_build.learning.demonstrations import Demonstrations
+
     from .act_options import ActOptions
-    from .demonstrations import Demonstrations
 
 BACKEND = Backend(summary="no training: weights that no network takes", profiles=("stub",))
 

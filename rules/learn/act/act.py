@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Protocol
 
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.policy import contract as contracts
+from dextera_build.learning import curve_picture
+from dextera_build.learning.demonstrations import Demonstrations, Selection, prepare
 from dextera_build.rule import Context, rule
 
-from . import curve_picture
 from .act_options import ActOptions
-from .demonstrations import Demonstrations, prepare
 from .trained import Trained
+
+SETTINGS = ("chunk", "width", "heads", "style_layers", "encoder_layers", "decoder_layers", "latent", "every", "forget")
+"""Options that define the network and its use at run time; stored in the contract."""
 
 
 class ActBackend(Protocol):
@@ -34,8 +37,7 @@ def act(
     """
     if options.width % options.heads:
         ctx.fail(f"width {options.width} is not a multiple of {options.heads} heads")
-    contracts.check_data(bundle, episodes)
-    data = prepare(ctx, bundle, episodes, film, options)
+    data = _data(bundle, episodes, film, options)
     trained = ctx.backend.train(ctx, data, options, ctx.backend_options)
     ctx.check(len(trained.steps) == len(trained.curve) > 0, "the training has no loss curve")
     ctx.preview(
@@ -50,6 +52,14 @@ def act(
         curve=trained.curve,
         curve_name="L1 loss",
     )
+
+
+def _data(bundle: TaskBundle, episodes: Episodes, film: Film | None, options: ActOptions) -> Demonstrations:
+    selection = Selection(options.inputs, options.objects, options.held_out, options.seed)
+    settings = {name: getattr(options, name) for name in SETTINGS}
+    data = prepare(bundle, episodes, film, selection, algorithm="act", settings=settings)
+    located = {"located": 0 if data.places is None else data.places.shape[1]}
+    return replace(data, contract=data.contract.model_copy(update={"settings": settings | located}))
 
 
 def _report(ctx: Context, data: Demonstrations, error_rad: float, loss: float, steps: int) -> None:

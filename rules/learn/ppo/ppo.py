@@ -7,9 +7,9 @@ from typing import Any, Protocol
 from dextera_build.artifacts.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import listing
+from dextera_build.learning import curve_picture
 from dextera_build.rule import Context, rule
 
-from . import curve_picture
 from .ppo_options import PpoOptions
 from .practised import Practised
 from .reinforcement import contract_of, limb_of

@@ -1,0 +1,148 @@
+"""Finds the code that runs an input: companions of the rules that made it, through the whole graph."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any, get_args
+
+from dextera_build.code.companions import Companion, Companions, beside, of_rules
+from dextera_build.code.loader import Library
+from dextera_build.engine.graph import (
+    Call,
+    Fixed,
+    Gather,
+    Graph,
+    Group,
+    Input,
+    Item,
+    Names,
+    Output,
+    RuleFacts,
+    parts_of,
+)
+from dextera_build.errors import RecipeError, listing
+from dextera_build.recipe.kinds import overlap, parameters
+
+
+def joined(graph: Graph, library: Library, join: Callable[[RuleFacts, Companions], RuleFacts]) -> Graph:
+    """The graph whose calls know the code that runs their inputs.
+
+    Args:
+        graph: Every call, without cycles.
+        library: Provides rules.
+        join: Adds companions to the facts of a rule.
+
+    Raises:
+        RecipeError: A rule that made such an input has no companion, or two folders with one have the same name.
+    """
+    trace = _Trace(graph, library)
+
+    def of_call(path: Names, call: Call, label: str | None = None) -> Call:
+        found = trace.companions(path, call, label)
+        return replace(call, rule=join(call.rule, found)) if found else call
+
+    def of_member(path: Names, member: Call | Group) -> Call | Group:
+        if isinstance(member, Call):
+            return of_call(path, member)
+        overrides = {
+            label: {name: of_call((*path, name), call, label) for name, call in calls.items()}
+            for label, calls in member.overrides.items()
+        }
+        return replace(member, members=of_members(path, member.members), overrides=overrides)
+
+    def of_members(path: Names, members: Mapping[str, Call | Group]) -> dict[str, Call | Group]:
+        return {name: of_member((*path, name), member) for name, member in members.items()}
+
+    return replace(graph, members=of_members((), graph.members))
+
+
+class _Trace:
+    """Follows inputs to the rules that made them.
+
+    Args:
+        graph: Every call, without cycles.
+        library: Provides rules.
+    """
+
+    def __init__(self, graph: Graph, library: Library) -> None:
+        self._graph, self._library = graph, library
+
+    def runs(self, call: Call) -> dict[str, str]:
+        """Slot -> file name without suffix, for the inputs of a call that are run."""
+        declared = self._library.find(call.rule.path).rule.runs
+        return {slot: stem for slot, stem in declared.items() if slot in call.inputs}
+
+    def companions(self, path: Names, call: Call, label: str | None) -> Companions:
+        """The companions of the inputs of a call at `path`; `label` is that of its copy if there is only one."""
+        stems: dict[str, dict[str, str]] = {}
+        named: dict[str, Companion] = {}
+        for slot, stem in self.runs(call).items():
+            for each in self._beside(path, call, label, slot, stem):
+                known = named.setdefault(each.name, each)
+                if known.file != each.file:
+                    raise RecipeError(
+                        f"two folders called `{each.name}` hold what runs the inputs of `{call.rule.path}`",
+                        code="DXB-R215",
+                        where=call.where,
+                        facts={"files": listing(sorted(map(str, (known.file, each.file))))},
+                        hint="rename one of the folders, and what its rules name after it",
+                    )
+                stems.setdefault(slot, {})[known.rule] = stem
+        return of_rules(self._library, stems)
+
+    def _beside(self, path: Names, call: Call, label: str | None, slot: str, stem: str) -> Iterator[Companion]:
+        """The companions of the rules that may have made what a slot carries, in the order of the rules."""
+        kind = self._library.find(call.rule.path).rule.slots[slot].annotation
+        kind = (*parameters(kind), kind)[0]
+        found: dict[str, Companion] = {}
+        seen: set[int] = set()
+        stack = [(path, label, call.inputs[slot])]
+        while stack:
+            for place, copy, maker in self._makers(*stack.pop()):
+                if id(maker) in seen:
+                    continue
+                seen.add(id(maker))
+                rule = self._library.find(maker.rule.path)
+                slots = rule.rule.slots
+                passed = [given for name, given in maker.inputs.items() if holds(slots[name].annotation, kind)]
+                companion = beside(rule, stem)
+                self._library.asked.add(str(companion.file))
+                if companion.file.is_file():
+                    found[rule.path] = companion
+                elif not passed:
+                    raise _nothing_runs(call, slot, companion)
+                stack += [(place, copy, given) for given in passed]
+        return iter(found[rule_path] for rule_path in sorted(found))
+
+    def _makers(self, place: Names, label: str | None, source: Input) -> Iterator[tuple[Names, str | None, Call]]:
+        """The calls that make an input of the call or group at `place`, with their address and label."""
+        for part in parts_of(source):
+            if isinstance(part, Item):
+                over = self._graph.group(part.group).over
+                yield from () if isinstance(over, Fixed) else self._makers(part.group, None, over)
+            elif isinstance(part, Output) and label is not None and part.call[:-1] == place[:-1]:
+                yield part.call, label, self._graph.copy(part.call, (label,))
+            elif isinstance(part, Output | Gather):
+                yield from ((part.call, None, call) for call in self._graph.variants(part.call))
+
+
+def holds(kind: Any, wanted: Any, seen: set[Any] | None = None) -> bool:
+    """Whether a value of type `kind` is, or may hold, an artifact of type `wanted`."""
+    seen = set() if seen is None else seen
+    if not isinstance(kind, type) or not hasattr(kind, "model_fields"):
+        return any(holds(inner, wanted, seen) for inner in get_args(kind))
+    if kind in seen:
+        return False
+    seen.add(kind)
+    return overlap(kind, wanted) or any(holds(field.annotation, wanted, seen) for field in kind.model_fields.values())
+
+
+def _nothing_runs(call: Call, slot: str, companion: Companion) -> RecipeError:
+    return RecipeError(
+        f"`{call.rule.path}` runs what `{companion.rule}` makes, which has no `{companion.file.name}` beside it",
+        code="DXB-R216",
+        where=call.where,
+        facts={"input": slot, "looked for": str(companion.file)},
+        hint=f"write `{companion.file.name}` there",
+    )
