@@ -1,0 +1,107 @@
+"""The page about policy algorithms: its files add an algorithm to a project, and nothing else becomes stale."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dextera_build
+from dextera_build.code.loader import bundled
+from dextera_build.project.project import Project
+from dextera_build.recipe.plan import Plan, Request, plan
+from dextera_build.recipe.profiles import Profile
+from dextera_build.testing import RuleRunner
+from tests import gate
+from tests.e2e.space import Space
+from tests.policy import policies
+
+PAGE = (Path(dextera_build.__file__).parent / "docs" / "policies.md").read_text()
+TRIALS = {"act_twin", "act_reference", "act_cell", "act_image_twin", "act_image_reference"}
+"""Nodes of task/close_laptop that run a policy of learn.act."""
+
+
+def blocks(kind: str) -> list[str]:
+    return re.findall(rf"^```{kind}\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture
+def space(tmp_path: Path) -> Space:
+    made = Space(tmp_path)
+    made.write("dxb.toml", "")
+    return made
+
+
+def add_nearest(space: Space) -> None:
+    """Write the files of the page."""
+    space.write("rules/learn/nearest/nearest.py", blocks("python")[0])
+    space.write("rules/learn/nearest/policy.py", blocks("python")[1])
+    space.write("recipes/task/nearest.yaml", blocks("yaml")[0])
+
+
+def planned(space: Space, address: str) -> Plan:
+    project = Project(space.root)
+    return plan(address, project.recipe, project.library, project.root, Request(Profile("stub", {})))
+
+
+def stale(before: Plan, after: Plan) -> set[str]:
+    """Calls of which the key holds something else."""
+    old = {path: (call.rule, call.options, call.inputs) for path, call in before.graph.calls()}
+    new = {path: (call.rule, call.options, call.inputs) for path, call in after.graph.calls()}
+    return {".".join(path) for path in old.keys() | new.keys() if old.get(path) != new.get(path)}
+
+
+def test_adding_and_editing_an_algorithm_makes_its_own_nodes_stale_alone(space: Space) -> None:
+    first = planned(space, "task/close_laptop")
+    add_nearest(space)
+    added = planned(space, "task/nearest")
+    assert stale(first, added) == {"nearest", "nearest_twin"}
+    space.edit("rules/learn/nearest/policy.py", "np.square(", "np.abs(")
+    assert stale(added, planned(space, "task/nearest")) == {"nearest_twin"}
+    # A copy in the project takes the place of the one that comes with dxb, and what it trains is what that trained.
+    shutil.copytree(bundled("rules") / "learn" / "act", space.root / "rules/learn/act")
+    copied = planned(space, "task/close_laptop")
+    assert stale(first, copied) == TRIALS
+    space.edit("rules/learn/act/policy.py", "* scale + mean", "* scale + mean + 0.0")
+    assert stale(copied, planned(space, "task/close_laptop")) == TRIALS
+
+
+def test_the_policy_of_the_page_does_what_was_shown(space: Space, tmp_path: Path) -> None:
+    add_nearest(space)
+    bundle = gate.bundle()
+    contract = policies.contract(bundle)
+    action = contract.action.model_copy(update={"mean": (gate.target(gate.PUSHES),), "scale": (0.0,)})
+    shown = policies.checkpoint(contract.model_copy(update={"action": action}))
+    runner = RuleRunner(tmp_path / "act", made_by={"checkpoint": "learn.act"})
+    episodes = runner.run("evaluate.rollouts", bundle=bundle, checkpoint=shown, options={"trials": 2}).examples
+    runner = RuleRunner(tmp_path / "nearest", space.root, made_by={"checkpoint": "learn.nearest"})
+    made = runner.run("learn.nearest", bundle=bundle, episodes=episodes)
+    assert made.contract.algorithm == "nearest"
+    found = runner.run("evaluate.rollouts", bundle=bundle, checkpoint=made, options={"trials": 3})
+    assert (found.successes, found.label, found.algorithm) == (3, "NEAREST", "nearest")
+    again = runner.run("learn.nearest", bundle=bundle, episodes=episodes)
+    assert again.weights == made.weights
+    assert np.array_equal(again.contract.action.mean, made.contract.action.mean)
+
+
+@pytest.mark.slow
+def test_the_commands_of_the_page_run_and_only_what_was_added_runs(space: Space) -> None:
+    before = space.build("task/close_laptop", "--profile", "stub")
+    assert before.code == 0, before.err[-3000:]
+    add_nearest(space)
+    commands = [line[2:] for block in blocks("console") for line in block.splitlines() if line.startswith("$ ")]
+    assert any(command.startswith("dxb build") for command in commands)
+    for command in commands:
+        words = shlex.split(command)[1:]
+        done = space.build(*words[1:]) if words[0] == "build" else space.dxb(*words)
+        assert done.code == 0, done.err[-3000:]
+        if words[0] == "build":
+            assert done.nodes("ran") == {"nearest", "nearest_twin"}
+    space.edit("rules/learn/nearest/policy.py", "np.square(", "np.abs(")
+    why = space.dxb("why", "task/nearest:nearest_twin", "--profile", "stub")
+    assert "`predict` of rules+2/learn/nearest/policy.py" in why.out, why.out
+    assert space.build("task/nearest", "--profile", "stub").nodes("ran") == {"nearest_twin"}
