@@ -106,6 +106,7 @@ class Session:
         self.recipe = recipe
         self.added = added or Added()
         self._makes, self._last, self._node, self._names = makes, last, node, names
+        self._recalled: Kept | None = None
 
     @cached_property
     def store(self) -> Store:
@@ -184,6 +185,11 @@ class Session:
         request = (str(project.root), self.recipe, self.added, project.profile, project.model_folders, self.names)
         return Plans(Store(project.cache, make=False).state, request)
 
+    def recall(self, watch: Watch | None = None) -> bool:
+        """Take the plan of an earlier command if planning would give it again; the next `plan` returns it."""
+        self._recalled = self.kept.find(watch, reads=self._makes) if self.kept is not None else None
+        return self._recalled is not None
+
     def plan(self, *, incomplete: bool = False, watch: Watch | None = None) -> Plan:
         """Resolve the recipe with the additions of the request, or take the plan of an earlier command.
 
@@ -194,8 +200,9 @@ class Session:
         Raises:
             UsageError: There is no such recipe, or a required input is not given.
         """
-        kept = self.kept.find(watch, reads=self._makes) if self.kept is not None else None
-        made, told = kept or self._plan(incomplete, watch)
+        if self._recalled is None:
+            self.recall(watch)
+        (made, told), self._recalled = self._recalled or self._plan(incomplete, watch), None
         if self.project.console != "jsonl":
             warnings.update(dict.fromkeys(told))
             warnings.update(dict.fromkeys(self._unbound(made.graph)))
@@ -216,6 +223,7 @@ class Session:
         names = {node.removeprefix(f"{self.recipe}:"): bound for node, bound in self.names.items()}
         lock = Place(project.shown(project.root / LOCK))
         request = Request(project.preferences, added.inputs, tuple(texts), added.backends, incomplete, names, lock)
+        project.library.warnings.clear()  # those of other recipes
         with project.library.code.kept_in(Store(project.cache, make=False).state):
             made = plan(self.recipe, project.recipe, project.library, project.root, request)
         project.forget_recipes()

@@ -197,6 +197,16 @@ def test_a_cluster_gets_the_code_of_this_command(space: Space, monkeypatch: pyte
     assert session(space).kept is None
 
 
+def test_warnings_are_those_of_the_recipe(planned: Space) -> None:
+    planned.write("site-packages/unknown_thing.py", "")
+    planned.write("rules/toy/start.py", f"import unknown_thing\n{(planned.root / 'rules/toy/start.py').read_text()}")
+    project = planned.project()
+    assert [Session(project, name)._plan(False, None).warnings != [] for name in ("say/words", "say/read")] == [
+        True,
+        False,
+    ]
+
+
 def test_only_so_many_are_kept(planned: Space, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kept, "_MOST", 2)
     for count in range(3):
