@@ -92,7 +92,7 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, wa
         from dextera_build.code.distributions import note_packages
 
         note_packages(watch)
-    warm = not session.recall(watch)  # planning takes as long as a worker needs to load
+    warm = not session.planning.recall(watch)  # planning takes as long as a worker needs to load
     # Protects the results from garbage collection until they are exported.
     with executor(session, idle=order.bring_from is not None, warm=warm) as ready, store.running.announced():
         plan = session.plan(watch=watch)
