@@ -21,7 +21,7 @@ from dextera_build.explain import error_codes
 REPO = Path(__file__).parent.parent
 DOCS = REPO / "dextera_build" / "docs"
 EXAMPLES = sorted((REPO / "examples").glob("*/README.md"))
-PAGES = [REPO / "README.md", REPO / "cache" / "README.md", *sorted(DOCS.glob("*.md")), *EXAMPLES]
+PAGES = [REPO / "README.md", REPO / "cache" / "README.md", *sorted(DOCS.rglob("*.md")), *EXAMPLES]
 
 
 def name(path: Path) -> str:
