@@ -17,6 +17,11 @@ P = ParamSpec("P")
 R = TypeVar("R", bound=Artifact)
 
 
+ROUNDING = 1e-9
+"""Tolerance of numbers that only rounding sets apart, in any unit: processors add in another order, or without rounding
+the product in between. docs/benchmarks.md has the differences that were measured."""
+
+
 @dataclass(frozen=True)
 class Tolerance:
     """Allowed differences of numbers if a rule runs again on the same inputs; everything else must be equal.
