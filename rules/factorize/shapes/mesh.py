@@ -40,10 +40,7 @@ class MeshBackend(Protocol):
 @rule(
     version=4,
     packages=("numpy",),
-    tolerance=Tolerance(
-        {"": ROUNDING, "mesh.faces": math.inf, "mesh.uv": math.inf, "mesh.texture": math.inf},
-        metrics={"mask IoU": ROUNDING},
-    ),
+    tolerance=Tolerance({"": ROUNDING, "mesh.faces": math.inf, "mesh.uv": math.inf, "mesh.texture": math.inf}),
 )
 def mesh(
     ctx: Context[MeshBackend],
