@@ -51,10 +51,17 @@ def executor(session: Session, *, idle: bool = False, warm: bool = True) -> Iter
     with ExitStack() as stack:
         if kind == "ray" and not idle:
             yield lambda rules: stack.enter_context(_ray(session, address, rules))
-            return
-        from dextera_build.code.modules import shared
-        from dextera_build.workers.pool import LocalExecutor
+        else:
+            yield stack.enter_context(local(project, idle=idle))
 
+
+@contextmanager
+def local(project: Project, *, idle: bool = False) -> Iterator[Ready]:
+    """The executor of this machine, whichever one is configured; see `executor`."""
+    from dextera_build.code.modules import shared
+    from dextera_build.workers.pool import LocalExecutor
+
+    with ExitStack() as stack:
         more, share = stack.enter_context(shared())
         environment, capacity = {**_environment(project), **more}, project.capacity(gpus=False)
         with suppress(OSError):  # few rules need a temporary folder
