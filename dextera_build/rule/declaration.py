@@ -19,7 +19,7 @@ R = TypeVar("R", bound=Artifact)
 
 ROUNDING = 1e-9
 """Tolerance of numbers that only rounding sets apart, in any unit: processors add in another order, or without rounding
-the product in between. docs/benchmarks.md has the differences that were measured."""
+the product in between. docs/benchmarks/processors.md has the differences that were measured."""
 
 
 @dataclass(frozen=True)
