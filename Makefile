@@ -32,7 +32,7 @@ demo: setup ## Build twin/laptop_scene and write its report
 test: setup ## Run the tests that take less than four seconds each
 	$(BIN)/python -m pytest -n 2 -m 'not slow' $(ARGS)
 
-test-all: setup servers $(VENV)/.robots $(VENV)/.repair ## Run every test, those in a browser and those on published robot meshes included
+test-all: setup servers meshes $(VENV)/.robots $(VENV)/.repair ## Run every test, those in a browser and on published meshes included
 	@.ci/system browser
 	PYTHONPATH=$(VENV)/robots:$(CURDIR)/$(VENV)/repair:$(CURDIR)/$(VENV)/ray $(BIN)/python -m pytest -n 2 $(ARGS)
 
