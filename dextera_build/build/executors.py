@@ -52,11 +52,11 @@ def executor(session: Session, *, idle: bool = False, warm: bool = True) -> Iter
         if kind == "ray" and not idle:
             yield lambda rules: stack.enter_context(_ray(session, address, rules))
         else:
-            yield stack.enter_context(local(project, idle=idle))
+            yield stack.enter_context(local(project, idle=idle, warm=warm))
 
 
 @contextmanager
-def local(project: Project, *, idle: bool = False) -> Iterator[Ready]:
+def local(project: Project, *, idle: bool = False, warm: bool = False) -> Iterator[Ready]:
     """The executor of this machine, whichever one is configured; see `executor`."""
     from dextera_build.code.modules import shared
     from dextera_build.workers.pool import LocalExecutor
