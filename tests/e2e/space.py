@@ -87,7 +87,10 @@ class Space:
         return self.run(*words, env=env, timeout_s=timeout_s)
 
     def _called(self, words: Sequence[str], environment: Mapping[str, str]) -> Answer:
-        out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8", write_through=True) for _ in range(2))
+        out, err = (
+            io.TextIOWrapper(io.BytesIO(), "utf-8", errors, write_through=True)
+            for errors in ("strict", "backslashreplace")
+        )
         here, path, known = os.getcwd(), list(sys.path), dict(os.environ)
         try:
             os.chdir(self.root)
