@@ -157,7 +157,7 @@ def _inertial(solid: massprops.MassProperties, density: float, sigma: float, sou
 
 
 def _encloses(material: Material) -> bool:
-    """Whether products of the material consist mostly of other substances: boxes, bottles and cans with their contents."""
+    """Whether products of the material are mostly something else: boxes, bottles and cans with their contents."""
     return material.bulk_density < ENCLOSING * material.wall_density
 
 

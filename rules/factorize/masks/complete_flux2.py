@@ -40,7 +40,7 @@ class Flux2Options(Options):
 
 
 def complete(ctx: Context, view: ObjectView, options: Flux2Options) -> tuple[np.ndarray, np.ndarray]:
-    """The occluder's pixels inpainted by FLUX.2 (Black Forest Labs, 2025), given the phrase and the object's visible pixels."""
+    """The occluder's pixels inpainted by FLUX.2 (Black Forest Labs, 2025), given phrase and visible pixels."""
     prompt = options.prompt.replace("{phrase}", view.phrase)
     alone = np.where(view.mask[..., None], view.rgb.pixels, np.uint8(255))
     pipeline, hidden = ctx.load(load, "flux2_klein"), view.occluder & ~view.mask

@@ -105,7 +105,7 @@ def _painted(
 
 
 def _relabelled(objects: Segmentation, found: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The map (H, W) int32 of the objects with the painted masks (H, W) bool; the earlier object keeps shared pixels."""
+    """The map (H, W) int32 of the objects with painted masks (H, W) bool; the earlier object keeps shared pixels."""
     labels = objects.map.labels.copy()
     numbers = {name: number for number, name in _numbered(objects) if name in found}
     labels[np.isin(labels, list(numbers.values()))] = 0

@@ -23,7 +23,7 @@ COVERED = 0.8
 
 
 def why_no_body(instance: Instance) -> str:
-    """Reason why an object cannot be reconstructed: `only 103 of its 216 pixels have trusted depth`; empty if it can."""
+    """Why an object cannot be reconstructed: `only 103 of its 216 pixels have trusted depth`; empty if it can."""
     if instance.measured is None:
         return ""
     seen = evidence.gather(Seen(instance.view, instance.measured).upright())

@@ -47,7 +47,7 @@ def _inference(request: Any) -> Any:
         os.environ.setdefault("CONDA_PREFIX", os.environ.get("CUDA_HOME", sys.prefix))
         hub: Any = importlib.import_module("huggingface_hub")
         points = str(Path(str(request.weights["moge_vitl"]), "model.pt"))
-        hub.hf_hub_download = lambda *given, **more: points  # MoGe would download its weights from the hub; local ones are used
+        hub.hf_hub_download = lambda *given, **more: points  # MoGe asks the hub for its weights
         importlib.import_module("torch").hub.download_url_to_file = _no_download
         config = Path(str(request.weights["sam3d_objects"]), "checkpoints", "pipeline.yaml")
         _loaded.append(importlib.import_module("inference").Inference(str(config), compile=False))

@@ -1,4 +1,4 @@
-"""Rectangular vessels: a box open at the top with rounded corners and slanted walls, such as baskets, trays and bins."""
+"""Rectangular vessels: boxes open at the top with rounded corners and slanted walls: baskets, trays, bins, cartons."""
 
 from __future__ import annotations
 

@@ -159,7 +159,7 @@ def _descended(points: np.ndarray, start: np.ndarray, near_m: float) -> np.ndarr
 
 
 def _residuals(points: np.ndarray, p: np.ndarray, start: np.ndarray, near_m: float) -> np.ndarray:
-    """Radial distance of points to the surface over `near_m`, and the prior on sizes that the points do not determine."""
+    """Radial distances of points to the surface over `near_m`, and the prior on undetermined sizes."""
     own, half = points - p[:3], np.exp(p[3:6])
     root = np.sqrt(_implicit(own / half, p[6:8]))
     distance = np.linalg.norm(own, axis=1) * (1.0 - 1.0 / np.maximum(root, 1e-6)) / near_m
