@@ -25,7 +25,7 @@ CORNER_M = 0.4
 
 
 def broad(mask: np.ndarray) -> np.ndarray:
-    """The largest part of a mask (H, W) without parts attached by a neck, which are other objects that cross its height."""
+    """The largest part of a mask (H, W) without parts attached by a neck, which belong to other objects."""
     ones = _square(mask.shape[1])
     count, labels, facts, _ = cv2.connectedComponentsWithStats(
         cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, ones), connectivity=4
