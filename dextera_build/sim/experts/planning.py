@@ -41,7 +41,7 @@ class Practised:
         self._now = rehearsed[0].candidate.operator
 
     def begin(self, state: State) -> None:
-        """Choose the first free path from `state`, or a new one; if none is free, the best candidate gives the reason."""
+        """Choose the first free path from `state`, or a new one; if none is free, the best candidate raises."""
         for one in self.rehearsed:
             if one.candidate.operator.comfort(self._search.room, state) is not None:
                 self._now = one.candidate.operator

@@ -149,7 +149,7 @@ def _side(hand: Pushed, touch: np.ndarray, facing: np.ndarray, pitch: float) -> 
 
 
 def _ends(points: np.ndarray, height: float, across: np.ndarray) -> Sequence[np.ndarray] | None:
-    """Both intersections (3,) of a line through the object's centre along `across` with its surface, at a height [m]."""
+    """Both intersections (3,) of a line through the object's centre along `across` with its surface at a height [m]."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     local = points - np.array([middle[0], middle[1], height])
     strip = np.abs(local @ np.cross(UP, across)) < BESIDE_M
