@@ -41,7 +41,7 @@ class Parameters(base.Parameters):
         return self
 
     def goal(self, setting: Setting) -> ArticulateGoal:
-        """The commands with the model's names [rad]; joints must belong to the object, commands be within their limits."""
+        """The commands in the names of the model [rad]; joints must be the object's, and commands within limits."""
         known, tolerance = setting.joints, float(np.radians(self.tolerance_deg))
         joints = listing(known, most=20) or "none"
         goals = {}
