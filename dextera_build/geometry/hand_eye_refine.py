@@ -28,7 +28,7 @@ class Refined:
     """A refined calibration."""
 
     solution: Solution
-    covariance: np.ndarray  # (12, 12) covariance of X and Y: translation [m], rotation vector [rad] in the parent frame, each
+    covariance: np.ndarray  # (12, 12) of X and Y: translation [m], rotation vector [rad] in the parent frame, each
     sigmas: np.ndarray  # (3,) of a corner [px], of the robot's position [m] and rotation [rad] per axis
 
     @property

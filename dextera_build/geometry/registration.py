@@ -53,7 +53,7 @@ class Search:
     scale_sigma: float  # its relative standard deviation
     iterations: int = 30
     keep: float = 0.98  # fraction of the pairs that remain after trimming
-    point_weight: float = 0.15  # relative weight of point-to-point to point-to-plane; constrains flat faces in their plane
+    point_weight: float = 0.15  # relative weight of point-to-point; constrains flat faces in their plane
     noise_m: float = 0.002  # standard deviation of a pair [m]
     samples: float = 50.0  # effective number of independent measurements of all pairs
 

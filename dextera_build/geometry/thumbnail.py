@@ -67,7 +67,7 @@ def _viewpoint(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def _dotted(picture: np.ndarray, places: np.ndarray, colours: np.ndarray, wide: int) -> np.ndarray:
-    """The picture with squares of `wide` pixels at positions (N, 3): right, down and forward, within 1 of the centre."""
+    """The picture with squares of `wide` pixels at (N, 3): right, down and forward, within 1 of the centre."""
     order = np.argsort(-places[:, 2], kind="stable")  # the nearest point is written last
     scaled = places[order, :2] * (0.48 * min(_SIZE))
     column, row = (np.round(scaled[:, axis] + _SIZE[1 - axis] / 2).astype(int) for axis in (0, 1))
