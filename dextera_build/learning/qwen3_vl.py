@@ -22,7 +22,7 @@ _PICTURE = "<|image_pad|>"
 
 @dataclass(frozen=True)
 class Speaker:
-    """The model with its tokenizer and image settings, because the processor class of transformers needs torchvision."""
+    """The model with tokenizer and image settings, because the processor class of transformers needs torchvision."""
 
     model: Any
     tokenizer: Any
