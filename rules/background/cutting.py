@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 SOFT = 9
-"""Half width over which an outline is averaged [px]."""
+"""Length over which an outline is averaged, in half pixels."""
 FINE = 4
 """Raster cells per pixel with which triangles are tested."""
 

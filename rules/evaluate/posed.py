@@ -18,7 +18,7 @@ from dextera_build.rule import Context
 NAME = "views.json"
 CAPTURE = "capture.json"
 _LARGEST = 65535
-"""Depth count that many drivers write for missing returns."""
+"""Depth that many drivers write for missing returns [counts]."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dextera_build.geometry.registration import rotation
 from .sphere import warped
 
 COARSE_PX, FINE_PX = 96, 256
-"""Panorama heights of the coarse and the fine search [rows]."""
+"""Panorama heights of the coarse and the fine search [px]."""
 PITCH_DEG, YAW_DEG = 75.0, 24.0
 """Range of the search in both directions [deg]."""
 ROUNDS = (6.0, 2.0, 0.5)
