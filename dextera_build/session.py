@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
-from dextera_build.calls import secrets
-from dextera_build.errors import DxbError, Place, RuleError, UsageError, did_you_mean, listing
+from dextera_build.errors import DxbError, RuleError, UsageError, did_you_mean, listing
+from dextera_build.project.planning import Added, Planning
 from dextera_build.project.project import LOCK, Project
 from dextera_build.redact import redact
 from dextera_build.runs.snapshot import LAST
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from dextera_build.artifacts.base import Artifact
     from dextera_build.engine.graph import Address, Graph
     from dextera_build.project.lockfile import Bindings
-    from dextera_build.recipe.kept import Kept, Plans
     from dextera_build.recipe.plan import Plan
     from dextera_build.runs.history import Entry, History
     from dextera_build.store.signature import Watch
@@ -51,30 +49,6 @@ _BUILT = "built"
 """Kind of state rows: a request that was built successfully."""
 _LONGEST = 40
 """Maximum length [characters] of the readable part of a variant's name."""
-
-
-@dataclass(frozen=True)
-class Added:
-    """Additions of a request to a recipe, as written."""
-
-    inputs: Mapping[str, str] = field(default_factory=dict)
-    """Input of the recipe -> path, or target of another recipe."""
-    settings: tuple[str, ...] = ()
-    """`body[mug].mesh.primitives.wall_m=0.004`."""
-    backends: Mapping[str, str] = field(default_factory=dict)
-    """Rule -> backend."""
-
-    def __post_init__(self) -> None:
-        """Refuse secrets, because options enter keys.
-
-        Raises:
-            RecipeError: A setting holds one.
-        """
-        for setting in self.settings:
-            secrets.refuse_written(setting, f"--set {setting.partition('=')[0]}")
-
-    def __bool__(self) -> bool:
-        return bool(self.inputs or self.settings or self.backends)
 
 
 class Session:
@@ -173,16 +147,9 @@ class Session:
         return found.decode(errors="replace") if found else ""
 
     @cached_property
-    def kept(self) -> Plans | None:
-        """The plans that earlier commands kept of this request; None if machines of a cluster need the code."""
-        from dextera_build.recipe.kept import Plans
-        from dextera_build.store.store import Store
-
-        if self.project.executor.startswith("ray"):
-            return None
-        project = self.project
-        request = (str(project.root), self.recipe, self.added, project.profile, project.model_folders, self.names)
-        return Plans(Store(project.cache, make=False).state, request)
+    def planning(self) -> Planning:
+        """Plans the request."""
+        return Planning(self.project, self.recipe, self.added, self.names, reads=self._makes)
 
     def plan(self, *, incomplete: bool = False, watch: Watch | None = None) -> Plan:
         """Resolve the recipe with the additions of the request, or take the plan of an earlier command.
@@ -194,40 +161,11 @@ class Session:
         Raises:
             UsageError: There is no such recipe, or a required input is not given.
         """
-        kept = self.kept.find(watch, reads=self._makes) if self.kept is not None else None
-        made, told = kept or self._plan(incomplete, watch)
+        made, told = self.planning.plan(incomplete=incomplete, watch=watch)
         if self.project.console != "jsonl":
             warnings.update(dict.fromkeys(told))
             warnings.update(dict.fromkeys(self._unbound(made.graph)))
         return made
-
-    def _plan(self, incomplete: bool, watch: Watch | None) -> Kept:
-        from dextera_build.code.distributions import note_packages
-        from dextera_build.recipe import settings
-        from dextera_build.recipe.kept import Kept, is_lasting
-        from dextera_build.recipe.plan import Request, plan
-        from dextera_build.store.signature import Watch
-        from dextera_build.store.store import Store
-
-        project, added, own = self.project, self.added, Watch()
-        if project.recipe(self.recipe) is None:
-            raise no_recipe(project, self.recipe)
-        texts = map(settings.parse, added.settings)
-        names = {node.removeprefix(f"{self.recipe}:"): bound for node, bound in self.names.items()}
-        lock = Place(project.shown(project.root / LOCK))
-        request = Request(project.preferences, added.inputs, tuple(texts), added.backends, incomplete, names, lock)
-        with project.library.code.kept_in(Store(project.cache, make=False).state):
-            made = plan(self.recipe, project.recipe, project.library, project.root, request)
-        project.forget_recipes()
-        found = Kept(made, list(project.library.warnings.values()))
-        if watch is not None:
-            project.note_read(watch, made)
-        if self.kept is not None and is_lasting(made) and not project.looked_for_gpus:
-            own.started_ns = min(own.started_ns, project.library.since_ns)
-            note_packages(own, doubts=True)
-            project.note_read(own, made)
-            self.kept.keep(found, own)
-        return found
 
     def _unbound(self, graph: Graph) -> Iterator[str]:
         """Warnings about names in `dxb.lock` that the plan does not use."""
@@ -368,17 +306,6 @@ def variant_of(profile: str, added: Added) -> str:
     text = "+".join(redact(word) for word in words if word)
     readable = re.sub(r"[^A-Za-z0-9._=+]+", "-", text)[:_LONGEST].strip("-.")
     return f"@{readable}-{digests.of_value(said)[:8]}"
-
-
-def no_recipe(project: Project, name: str) -> UsageError:
-    """The error for a recipe that does not exist."""
-    known = [address for address, _ in project.recipes()]
-    return UsageError(
-        f"no recipe is called `{name}`",
-        code="DXB-U108",
-        facts={"recipes": listing(known, most=30)},
-        hint=did_you_mean(name, known) or "`dxb ls` shows all of them",
-    )
 
 
 def addresses(graph: Graph, target: str) -> list[Address]:

@@ -21,7 +21,7 @@ from dextera_build.explain import error_codes
 REPO = Path(__file__).parent.parent
 DOCS = REPO / "dextera_build" / "docs"
 EXAMPLES = sorted((REPO / "examples").glob("*/README.md"))
-PAGES = [REPO / "README.md", REPO / "cache" / "README.md", *sorted(DOCS.glob("*.md")), *EXAMPLES]
+PAGES = [REPO / "README.md", REPO / "cache" / "README.md", *sorted(DOCS.rglob("*.md")), *EXAMPLES]
 
 
 def name(path: Path) -> str:
@@ -77,6 +77,13 @@ def test_an_example_runs_as_its_page_says(page, tmp_path):
     work.mkdir()
     done = subprocess.run(["bash", "-c", script], cwd=work, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_architecture_lists_every_room():
+    layers = re.findall(r"^layers =\n((?: +.*\n)+)", (REPO / ".importlinter").read_text(), re.MULTILINE)[0]
+    block = (DOCS / "architecture.md").read_text().partition("## Rooms")[2].split("```")[1]
+    listed = [room for line in block.split("\n")[1:] for room in line[:25].split()]
+    assert sorted(listed) == sorted(set(re.findall(r"\w+", layers)) - {"__main__"})
 
 
 def test_there_is_an_example():

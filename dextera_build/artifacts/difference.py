@@ -56,19 +56,25 @@ class Difference:
         return f"{self.old}: {self.changed:,} of {self.total:,} differ, by {self.largest:.3g} at most"
 
 
-def differences(old: str, new: str, get: Get) -> list[Difference]:
-    """Every field that differs between the artifacts whose headers have these digests, in the order of the fields."""
+def differences(old: str, new: str, get: Get, *, motions: bool = True) -> list[Difference]:
+    """Every field that differs between the artifacts whose headers have these digests, in the order of the fields.
+
+    Args:
+        old: Digest of one header.
+        new: Digest of the other.
+        get: Returns the bytes of a blob.
+        motions: Tell by the motion between them how matrix and covariance of two poses differ; False: by the numbers.
+    """
     found: list[Difference] = []
     stack: list[tuple[str, Any, Any]] = [("", {"$ref": old}, {"$ref": new})]
     while stack:
         path, before, after = stack.pop()
         if before == after and _spelled(before) == _spelled(after):
             continue
-        motion = _motion(before, after, get)
+        motion, inner = _motion(before, after, get) if motions else None, _inside(path, before, after, get)
         if motion is not None:
             found.append(Difference(path, "pose", "", "", motion.distance_m, 1, 1, motion))
-            continue
-        inner = _inside(path, before, after, get)
+            inner = [part for part in inner or () if part[0].rpartition(".")[2] not in _MOVED]
         if inner is None:
             found.append(_differ(path, before, after, get))
         else:
@@ -90,6 +96,8 @@ def _motion(old: Any, new: Any, get: Get) -> Motion | None:
 
 
 _POSES = ("Pose", "Similarity")
+_MOVED = ("matrix", "covariance")
+"""Fields of poses that a motion tells of."""
 _GONE = object()
 _Triples: TypeAlias = list[tuple[str, Any, Any]]
 

@@ -88,12 +88,13 @@ def build(session: Session, order: Order, locking: Locking, listen: Listener, wa
     store = session.store
     _name_missing_locks(store)
     store.leaves.watch = watch
-    # Protects the results from garbage collection until they are exported.
-    with executor(session, idle=order.bring_from is not None) as ready, store.running.announced():
-        if watch is not None:
-            from dextera_build.code.distributions import note_packages
+    if watch is not None:
+        from dextera_build.code.distributions import note_packages
 
-            note_packages(watch)
+        note_packages(watch)
+    warm = not session.planning.recall(watch)  # planning takes as long as a worker needs to load
+    # Protects the results from garbage collection until they are exported.
+    with executor(session, idle=order.bring_from is not None, warm=warm) as ready, store.running.announced():
         plan = session.plan(watch=watch)
         wanted = [address for target in order.targets for address in addresses(plan.graph, target)]
         _refuse_unknown_force(order, plan)

@@ -13,8 +13,9 @@ from dextera_build.build import build as building
 from dextera_build.build.lock import Locking
 from dextera_build.code.loader import RuleFile
 from dextera_build.errors import DxbError, UsageError
+from dextera_build.project.planning import Added
 from dextera_build.project.project import Project
-from dextera_build.session import Added, Session
+from dextera_build.session import Session
 
 _UNPINNED = Added(backends={"": "stub"})
 """A build with additions leaves the project's lock file alone."""

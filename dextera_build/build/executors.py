@@ -38,29 +38,37 @@ Ready: TypeAlias = "Callable[[Sequence[RuleFacts]], Executor]"
 
 
 @contextmanager
-def executor(session: Session, *, idle: bool = False) -> Iterator[Ready]:
-    """The configured executor of one build; a first worker loads while a new recipe is being planned.
+def executor(session: Session, *, idle: bool = False, warm: bool = True) -> Iterator[Ready]:
+    """The configured executor of one build.
 
     Args:
         session: The recipe to build.
         idle: Nothing will run: start no worker, and look for no cluster or device.
+        warm: Let a first worker load while the recipe is being planned.
     """
     project = session.project
     kind, _, address = project.executor.partition(":")
     with ExitStack() as stack:
         if kind == "ray" and not idle:
             yield lambda rules: stack.enter_context(_ray(session, address, rules))
-            return
-        from dextera_build.code.modules import shared
-        from dextera_build.workers.pool import LocalExecutor
+        else:
+            yield stack.enter_context(local(project, idle=idle, warm=warm))
 
+
+@contextmanager
+def local(project: Project, *, idle: bool = False, warm: bool = False) -> Iterator[Ready]:
+    """The executor of this machine, whichever one is configured; see `executor`."""
+    from dextera_build.code.modules import shared
+    from dextera_build.workers.pool import LocalExecutor
+
+    with ExitStack() as stack:
         more, share = stack.enter_context(shared())
         environment, capacity = {**_environment(project), **more}, project.capacity(gpus=False)
         with suppress(OSError):  # few rules need a temporary folder
             environment["TMPDIR"] = stack.enter_context(scratch())
         workers = stack.enter_context(LocalExecutor(RUNNER, capacity, environment, project.root))
-        if not idle and not (session.kept and session.kept.is_known):
-            workers.warm()  # planning takes as long as a worker needs to load
+        if warm and not idle:
+            workers.warm()
 
         def ready(rules: Sequence[RuleFacts]) -> Executor:
             share()

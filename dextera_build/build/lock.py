@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from dextera_build.engine.run import RunResult
     from dextera_build.explain.causes import Cause, Causes
     from dextera_build.project.lockfile import Lock, Name, Pin, Pins
+    from dextera_build.project.planning import Added
     from dextera_build.project.project import Project
     from dextera_build.recipe.plan import Plan
-    from dextera_build.session import Added, Session
+    from dextera_build.session import Session
     from dextera_build.store.store import Store
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import json
 import os
 import sys
 import tempfile
@@ -117,10 +116,11 @@ def parted(found: RuleFile, backend: str | None, given: Mapping[str, Any]) -> tu
     """
     kind = (found.backends[backend].options if backend else None) or Options
     common = {name: value for name, value in given.items() if name not in found.backends}
-    # JSON mode accepts a list for a tuple, and the engine passes options as JSON.
+    # JSON mode accepts a list for a tuple, and the engine passes options as JSON. Canonical JSON, because the key does
+    # not hold the order in which a recipe gives the items of a mapping, so no result may depend on it.
     return (
-        found.rule.options.model_validate_json(json.dumps(common)),
-        kind.model_validate_json(json.dumps(given.get(backend or "", {}))),
+        found.rule.options.model_validate_json(digests.canonical(common)),
+        kind.model_validate_json(digests.canonical(given.get(backend or "", {}))),
     )
 
 

@@ -66,7 +66,8 @@ def rows(project: Project, args: argparse.Namespace) -> Iterator[Row]:
     """
     from dextera_build.cli import options
     from dextera_build.explain.upstream import Upstream
-    from dextera_build.session import Session, no_recipe
+    from dextera_build.project.planning import no_recipe
+    from dextera_build.session import Session
 
     recipe, _, glob = args.what.partition(":")
     chosen = [address for address, _ in project.recipes() if _pattern(recipe).fullmatch(address)]

@@ -10,8 +10,9 @@ from dextera_build.errors import UsageError
 from dextera_build.recipe.addresses import parse_target
 
 if TYPE_CHECKING:
+    from dextera_build.project.planning import Added
     from dextera_build.project.project import Project
-    from dextera_build.session import Added, Session
+    from dextera_build.session import Session
 
 
 def by_recipe(texts: Iterable[str]) -> dict[str, list[str]]:
@@ -95,7 +96,7 @@ def session(
 
 def added(args: argparse.Namespace) -> Added:
     """The changes to a recipe that the arguments ask for."""
-    from dextera_build.session import Added
+    from dextera_build.project.planning import Added
 
     inputs = dict(_pair(text, "--input NAME=PATH") for text in args.input)
     return Added(inputs, tuple(args.settings), dict(_pair(text, "--backend RULE=NAME") for text in args.backends))

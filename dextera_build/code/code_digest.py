@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,10 +97,16 @@ class CodeIndex:
         """The source files that were read so far."""
         return list(self._parsed)
 
-    def find(self, name: str, definition: str) -> tuple[Path, int] | None:
-        """The file and line of a definition in a named source, or None if the source is gone."""
+    def find(self, name: str, definition: str, roots: Sequence[Path]) -> tuple[Path, int] | None:
+        """The file and line of a definition in a named source, or None if the source is gone.
+
+        Args:
+            name: The source.
+            definition: Name of a top-level definition in it.
+            roots: Folders of rule stages, in order.
+        """
         head, _, rest = name.partition("/")
-        folders = {RULES: list(self._roots.values()), DXB: [PACKAGE]}.get(head, [])
+        folders = {RULES: roots, DXB: [PACKAGE]}.get(head, [])
         known = [self._named[name]] if name in self._named else []
         if not (known or folders):  # the plan is that of an earlier command
             module = self._modules.find(module_of(name))

@@ -296,8 +296,7 @@ class Library:
 
     def place_of(self, source: str, definition: str) -> tuple[Path, int] | None:
         """The file and line of a definition in a named source, or None if the source is gone."""
-        _ = self.roots  # finds the sources of rules there
-        return self.code.find(source, definition)
+        return self.code.find(source, definition, [root.path for root in self.roots])
 
     def looked_at(self) -> set[str]:
         """Files and folders, including missing ones, that determine the code of the rules found so far."""

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from dextera_build.errors import UsageError
+from dextera_build.project.planning import Added
 from dextera_build.project.project import Project
-from dextera_build.session import Added, Session, notices, reading
+from dextera_build.session import Session, notices, reading
 
 Events = list[dict[str, Any]]
 

@@ -22,10 +22,8 @@ if TYPE_CHECKING:
     from dextera_build.code.machine import Machine
     from dextera_build.models.model import Model
     from dextera_build.project.lockfile import Lock
-    from dextera_build.recipe.plan import Plan
     from dextera_build.recipe.profiles import Profile
     from dextera_build.recipe.schema import Recipe
-    from dextera_build.store.signature import Watch
     from dextera_build.workers.capacity import Capacity
 
 MARKER = "dxb.toml"
@@ -328,21 +326,6 @@ class Project:
         """Files and folders that determined the meaning of its recipes, including ones that do not exist."""
         configuration = (settings.PYPROJECT, MARKER, "dxb.local.toml")
         return {*(str(self.root / name) for name in configuration), *self._looked_at, *self.library.looked_at()}
-
-    def note_read(self, watch: Watch, plan: Plan) -> None:
-        """Add what planning read: recipes, code, configuration, and folders in which new files may appear."""
-        from dextera_build.code.modules import was_read
-
-        recipes = {str(path) for path in plan.recipes}
-        for path in (*recipes, *self.looked_at()):
-            if os.path.isdir(path):
-                watch.folder(path)
-            else:
-                watch.file(path)
-            watch.doubt(path, was_read=path in recipes or was_read(path))
-        for path, kind in plan.kinds.items():
-            if not kind:
-                watch.file(path)
 
     def forget_recipes(self) -> None:
         """Free the recipes read: a plan holds everything that a build needs, and large recipes take much memory."""

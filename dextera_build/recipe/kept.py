@@ -11,7 +11,6 @@ import json
 import os
 import time
 from contextlib import suppress
-from functools import cached_property
 from typing import NamedTuple
 
 from dextera_build import digest as digests
@@ -52,15 +51,6 @@ class Plans:
         text = repr((*snapshot.here(), said, request))
         self._name = digests.of_bytes(text.encode(errors="surrogatepass"))
 
-    @property
-    def is_known(self) -> bool:
-        """Whether a plan of the request was kept, be it as planning would give it now or not."""
-        return self._row is not None
-
-    @cached_property
-    def _row(self) -> bytes | None:
-        return self._state.get(_KIND, self._name)
-
     def find(self, watch: Watch | None = None, *, reads: bool = False) -> Kept | None:
         """The plan of the request if planning would give it again.
 
@@ -69,7 +59,7 @@ class Plans:
             reads: Read the sources, too, because workers may need them as they are now.
         """
         with suppress(ValueError, IndexError, TypeError, KeyError, AttributeError):  # none, or malformed
-            rows = (self._row or b"").decode(errors="surrogateescape").split(seen.MARK)
+            rows = (self._state.get(_KIND, self._name) or b"").decode(errors="surrogateescape").split(seen.MARK)
             warnings, kinds, plan = rows[seen.end(rows) :]
             known = json.loads(kinds)
             if watch is not None:

@@ -11,6 +11,7 @@ from dextera_build.rule.backend import Backend as Backend
 from dextera_build.rule.context import Context as Context
 from dextera_build.rule.context import Outcome as Outcome
 from dextera_build.rule.context import Reads as Reads
+from dextera_build.rule.declaration import ROUNDING as ROUNDING
 from dextera_build.rule.declaration import Rule as Rule
 from dextera_build.rule.declaration import Slot as Slot
 from dextera_build.rule.declaration import Tolerance as Tolerance

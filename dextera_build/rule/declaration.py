@@ -17,17 +17,32 @@ P = ParamSpec("P")
 R = TypeVar("R", bound=Artifact)
 
 
+ROUNDING = 1e-9
+"""Tolerance of numbers that only rounding sets apart, in any unit: processors add in another order, or without rounding
+the product in between. docs/benchmarks/processors.md has the differences that were measured."""
+
+
 @dataclass(frozen=True)
 class Tolerance:
     """Allowed differences of numbers if a rule runs again on the same inputs; everything else must be equal.
 
-    `Tolerance({"vertices": 1e-6, "parts.mesh.vertices": 1e-6}, metrics={"volume": 1e-9})`
+    `Tolerance({"": 1e-9, "mesh.vertices": 1e-6, "weights": math.inf}, metrics={"volume": 1e-9})`
     """
 
     fields: Mapping[str, float] = field(default_factory=dict)
-    """Field of the result, without labels and indices -> maximum absolute difference, in the unit of the field."""
+    """Field of the result, without labels and indices -> maximum absolute difference, in the unit of the field.
+
+    It holds for all fields inside, unless they have their own; "" is the whole result. A field of infinite tolerance is
+    not compared, whatever its type and shape.
+    """
     metrics: Mapping[str, float] = field(default_factory=dict)
     """Name of a metric -> maximum absolute difference, in the unit of the metric. Other metrics are not compared."""
+
+    def of(self, name: str) -> float:
+        """The maximum difference of a field: its own, or that of the closest field around it."""
+        while name and name not in self.fields:
+            name = name.rpartition(".")[0]
+        return self.fields.get(name, 0.0)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Protocol
 
 import numpy as np
@@ -9,7 +10,7 @@ from pydantic import Field
 
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.matches import Matches
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, Options, Tolerance, rule
 
 
 class MatchesOptions(Options):
@@ -27,7 +28,12 @@ class MatchesBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy",))
+# Pairs of nearly equal confidence change places, and one at the threshold comes or goes.
+@rule(
+    version=1,
+    packages=("numpy",),
+    tolerance=Tolerance(dict.fromkeys(("first", "second", "confidence"), math.inf), metrics={"pairs": 10}),
+)
 def matches(
     ctx: Context[MatchesBackend], first: Image, second: Image, *, options: MatchesOptions | None = None
 ) -> Matches:

@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.image import DepthImage
 from dextera_build.artifacts.object import Body, Placement, Support
 from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
-from dextera_build.rule import Context, Fraction, Options, rule
+from dextera_build.rule import ROUNDING, Context, Fraction, Options, Tolerance, rule
 
 from .placed import Placed
 
@@ -35,7 +35,7 @@ class PlacementBackend(Protocol):
         ...
 
 
-@rule(version=3)
+@rule(version=3, tolerance=Tolerance({"": ROUNDING}))
 def object(
     ctx: Context[PlacementBackend],
     body: Body,

@@ -11,7 +11,7 @@ from dextera_build.artifacts.camera import Camera, Measured, Photograph
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import cameras, planes, regions, transforms, upright
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from . import uneven, unmeasured
 from .surfaces import Surface, carries, choose, find, quarter_turns
@@ -47,7 +47,7 @@ class SupportOptions(Options):
     """Extent of an unmeasured support, in heights of the camera above it."""
 
 
-@rule(version=5)
+@rule(version=5, tolerance=Tolerance({"": ROUNDING}))
 def support(
     ctx: Context,
     photograph: Photograph,

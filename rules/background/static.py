@@ -12,7 +12,7 @@ from dextera_build.artifacts.image import LabelImage
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.view import InstanceMap
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 
 class StaticOptions(Options):
@@ -45,7 +45,11 @@ class BackgroundBackend(Protocol):
         ...
 
 
-@rule(version=5)
+# A colour between two values of 8 bits may be rounded to either.
+@rule(
+    version=5,
+    tolerance=Tolerance({"": ROUNDING, "image.pixels": 1, "mesh.texture.pixels": 1, "invented.texture.pixels": 1}),
+)
 def static(
     ctx: Context[BackgroundBackend],
     photograph: Photograph,

@@ -14,7 +14,7 @@ from dextera_build.artifacts.object import Body, Placement, Support
 from dextera_build.artifacts.scene import Truth
 from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.geometry import metrics
-from dextera_build.rule import Context, Fraction, Options, rule
+from dextera_build.rule import ROUNDING, Context, Fraction, Options, Tolerance, rule
 
 from .sight import Seen, counted, placed_bodies, render, true_objects
 
@@ -73,7 +73,7 @@ class ObjectsOptions(Options):
     """Distance threshold of the F-score [m]."""
 
 
-@rule(version=2, packages=("numpy", "scipy", "open3d"))
+@rule(version=2, packages=("numpy", "scipy", "open3d"), tolerance=Tolerance({"": ROUNDING}))
 def objects(
     ctx: Context,
     truth: Truth,

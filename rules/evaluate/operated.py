@@ -16,7 +16,7 @@ from dextera_build.artifacts.trials import Attempt, Operated
 from dextera_build.rule import Context, Options, rule
 
 from .attempts import resumed
-from .protocol import Record, close, same_task, seeds
+from .protocol import TOLERANCE, Record, close, same_task, seeds
 from .strip import show
 
 
@@ -59,7 +59,7 @@ class OperatedBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy",), memory_gb=2.0)
+@rule(version=1, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE)
 def operated(
     ctx: Context[OperatedBackend],
     twin: TaskBundle,

@@ -17,7 +17,7 @@ from dextera_build.policy.layout import embodiment
 from dextera_build.rule import Context, Options, rule
 
 from .attempts import resumed
-from .protocol import Record, close, seeds
+from .protocol import TOLERANCE, Record, close, seeds
 from .strip import moments, strip
 
 
@@ -72,7 +72,7 @@ class ReplayBackend(Protocol):
         ...
 
 
-@rule(version=2, packages=("numpy",), memory_gb=2.0)
+@rule(version=2, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE)
 def replay(
     ctx: Context[ReplayBackend],
     twin: TaskBundle,

@@ -17,7 +17,7 @@ from dextera_build.policy import contract as contracts
 from dextera_build.rule import Context, Options, rule
 
 from .attempts import resumed
-from .protocol import Record, close, same_task, seeds
+from .protocol import TOLERANCE, Record, close, same_task, seeds
 from .strip import show
 
 
@@ -58,7 +58,7 @@ class RolloutsBackend(Protocol):
         ...
 
 
-@rule(version=3, packages=("numpy",), memory_gb=2.0)
+@rule(version=3, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE)
 def rollouts(
     ctx: Context[RolloutsBackend],
     bundle: TaskBundle,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,7 +11,7 @@ from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.world import World
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 
 class ReferenceOptions(Options):
@@ -50,7 +51,10 @@ class ReferenceBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy", "scipy", "manifold3d"))
+# The files hold numbers as text, and text says not by how much it differs.
+@rule(
+    version=1, packages=("numpy", "scipy", "manifold3d"), tolerance=Tolerance({"": ROUNDING, "model.files": math.inf})
+)
 def reference(
     ctx: Context[ReferenceBackend],
     bundle: TaskBundle,

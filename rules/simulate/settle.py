@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from pydantic import PositiveFloat
 
 from dextera_build.artifacts.scene import Scene, SettleReport
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from .curves import settle_picture
 
@@ -41,7 +41,7 @@ class SettleBackend(Protocol):
         ...
 
 
-@rule(version=4)
+@rule(version=4, tolerance=Tolerance({"": ROUNDING}))
 def settle(ctx: Context[SettleBackend], scene: Scene, *, options: SettleOptions) -> SettleReport:
     """Return how far each body of `scene` moved [m, rad, world frame] within `options.seconds` of free simulation.
 

@@ -12,7 +12,7 @@ from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Scene
 from dextera_build.artifacts.task import View
 from dextera_build.geometry import cameras, transforms
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 Point = tuple[float, float, float]
 
@@ -34,7 +34,7 @@ class ViewOptions(Options):
     """Additional translation in the world [m], as of a bumped camera."""
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=1, packages=("numpy",), tolerance=Tolerance({"": ROUNDING}))
 def view(ctx: Context, scene: Scene, measured: Pose | None = None, *, options: ViewOptions) -> View:
     """Return the photograph's camera, cropped evenly and scaled to the new size, or one at another position.
 

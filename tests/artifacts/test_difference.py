@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as arrays
 from dextera_build import digest
 from dextera_build.artifacts.base import Array, Artifact, Collection, File, Value
 from dextera_build.artifacts.difference import by_field, differences
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.pose import Pose, Similarity
 from dextera_build.artifacts.table import Column, Table
 from dextera_build.geometry import transforms
 
@@ -162,6 +162,15 @@ def test_a_pose_that_moved_is_told_by_distance_and_angle_with_their_intervals(co
     assert motion.distance_interval_m == pytest.approx((0.02 - 1.96 * 2**0.5 * 1e-3, 0.02 + 1.96 * 2**0.5 * 1e-3))
     assert np.subtract(*motion.angle_interval_deg[::-1]) == pytest.approx(2 * 1.96 * 2**0.5 * np.degrees(2e-4))
     assert str(found) == "T_base_camera moved by 20 mm [17.2, 22.8] and 1 deg [0.968, 1.03]"
+
+
+def test_what_else_changed_of_a_pose_that_moved_is_told_too_and_so_are_its_numbers(compare, store):
+    old = Similarity(parent="world", child="scene", matrix=np.eye(4), scale=2.0)
+    far = transforms.rigid(np.eye(3), np.array([0.0, 0.0, 0.5]))
+    new = old.model_copy(update={"matrix": far, "scale": 2.5})
+    assert [(each.kind, each.path) for each in compare(old, new)] == [("pose", ""), ("number", "scale")]
+    digests = [each.encode(store.writer) for each in (old, new)]
+    assert by_field(differences(*digests, store.blobs.get, motions=False)) == {"matrix": 0.5, "scale": 0.5}
 
 
 def test_poses_that_did_not_move_or_changed_their_frames_are_compared_field_by_field(compare):

@@ -1,6 +1,6 @@
 """The rasteriser on the CPU: 50,000 Gaussians at 640 x 480, kernels compiled, from the cache, and warm.
 
-`make bench ARGS='-k rasteriser'` prints the table in docs/benchmarks.md.
+`make bench ARGS='-k rasteriser'` prints the table in docs/benchmarks/gaussians.md.
 """
 
 from __future__ import annotations

@@ -128,3 +128,27 @@ def test_a_result_can_be_read_whatever_mask_its_rule_set(project: Path) -> None:
     folders = [path for path in (project.parent / "store/cas").iterdir() if path.is_dir()]
     assert folders
     assert all(folder.stat().st_mode & 0o700 == 0o700 for folder in folders)
+
+
+ORDER = '''
+"""toy.order: the names of a mapping, in its order."""
+from dextera_build.artifacts.base import File
+from dextera_build.rule import Context, Options, rule
+
+class OrderOptions(Options):
+    """Options."""
+    sizes: dict[str, int]
+    """Sizes by name."""
+
+@rule(version=1)
+def order(ctx: Context, *, options: OrderOptions) -> File:
+    """Return the names."""
+    return File(data=" ".join(options.sizes).encode())
+'''
+
+
+def test_no_result_depends_on_the_order_of_a_mapping_because_no_key_does(project: Path) -> None:
+    (project / "rules/toy/order.py").write_text(ORDER.lstrip())
+    runner = RuleRunner(project.parent / "scratch", project)
+    made = [runner.run("toy.order", options={"sizes": sizes}).data for sizes in ({"b": 1, "a": 2}, {"a": 2, "b": 1})]
+    assert made == [b"a b", b"a b"]

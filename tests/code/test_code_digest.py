@@ -310,5 +310,5 @@ def test_a_module_of_no_distribution_is_named(stage, monkeypatch):
 def test_a_definition_is_found_again(stage):
     index = Library(stage.parents[1]).code
     index.of(stage / "mesh.py")
-    assert index.find("rules/toy/mesh.py", "mesh") == (stage / "mesh.py", 11)
-    assert index.find("rules/toy/gone.py", "mesh") is None
+    assert index.find("rules/toy/mesh.py", "mesh", [stage.parent]) == (stage / "mesh.py", 11)
+    assert index.find("rules/toy/gone.py", "mesh", [stage.parent]) is None

@@ -14,10 +14,11 @@ import pytest
 
 from dextera_build.engine.plan_json import read, write
 from dextera_build.errors import UsageError
+from dextera_build.project.planning import Added
 from dextera_build.project.project import Project
 from dextera_build.recipe import kept
 from dextera_build.recipe.kept import Kept
-from dextera_build.session import Added, Session, warnings
+from dextera_build.session import Session, warnings
 from dextera_build.store.signature import Watch
 from dextera_build.store.state import State
 from dextera_build.store.store import Store
@@ -56,7 +57,7 @@ def session(space: Space, recipe: str = "say/read", added: Added | None = None) 
 
 
 def found(space: Space, recipe: str = "say/read") -> Kept | None:
-    plans = session(space, recipe).kept
+    plans = session(space, recipe).planning._kept
     assert plans is not None
     return plans.find()
 
@@ -145,16 +146,15 @@ def test_the_environment_and_the_request_are_part_of_it(planned: Space, monkeypa
     assert found(planned) is None
     monkeypatch.delenv("SIZE_OF_A_WORD")
     other = session(planned, added=Added(settings=("said.times=3",)))
-    assert other.kept is not None
-    assert other.kept.find() is None
+    assert not other.planning.recall()
     assert [call.options for _, call in other.plan().graph.calls()] == [{"times": 3}]
 
 
 def test_a_build_notes_what_planning_read(planned: Space) -> None:
     """So that its snapshot, and `dxb watch`, know of it."""
     fresh, repeated = Watch(), Watch()
-    Session(planned.project(), "say/read")._plan(False, fresh)
-    plans = session(planned).kept
+    session(planned).planning.resolve(watch=fresh)
+    plans = session(planned).planning._kept
     assert plans is not None
     assert plans.find(repeated) is not None
     assert fresh.files.items() <= repeated.files.items()
@@ -194,7 +194,17 @@ def test_what_depends_on_more_than_files_is_not_kept(space: Space, recipe: str) 
 
 def test_a_cluster_gets_the_code_of_this_command(space: Space, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DXB_EXECUTOR", "ray")
-    assert session(space).kept is None
+    assert session(space).planning._kept is None
+
+
+def test_warnings_are_those_of_the_recipe(planned: Space) -> None:
+    planned.write("site-packages/unknown_thing.py", "")
+    planned.write("rules/toy/start.py", f"import unknown_thing\n{(planned.root / 'rules/toy/start.py').read_text()}")
+    project = planned.project()
+    assert [Session(project, name).planning.resolve().warnings != [] for name in ("say/words", "say/read")] == [
+        True,
+        False,
+    ]
 
 
 def test_only_so_many_are_kept(planned: Space, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -213,7 +223,7 @@ def test_an_error_is_not_kept(planned: Space) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("recipe", ["twin/laptop_scene", "task/close_laptop", "benchmark/first_policies"])
 def test_a_plan_comes_back_as_it_was(tmp_path: Path, recipe: str) -> None:
-    made = Session(Project(tmp_path), recipe)._plan(True, None).plan
+    made = Session(Project(tmp_path), recipe).planning.resolve(incomplete=True).plan
     again = read(write(replace(made, absent=())))
     assert again == replace(made, absent=())
     assert [list(call.options.items()) for _, call in again.graph.calls()] == [

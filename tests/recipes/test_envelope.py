@@ -1,4 +1,4 @@
-"""What the benchmarks page says of the envelope, on a few drawn scenes; `make meshes` fetches their meshes."""
+"""The envelope of docs/benchmarks/drawn_scenes.md, on a few drawn scenes; `make meshes` fetches their meshes."""
 
 from __future__ import annotations
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dextera_build.cli import options, table
 from dextera_build.cli.build import expected
@@ -108,18 +109,10 @@ def _resolved(plan: Plan) -> str:
 
 def _repeat(session: Session, node: str) -> str:
     """Run one node on the inputs of its last build, bypassing the cache, and compare within its rule's tolerance."""
-    from dextera_build.build.runner import run_task
+    from dextera_build.build.again import again
 
-    project, recipe = session.project, session.recipe
+    recipe = session.recipe
     before, document, key = session.output(node), session.document(node), session.past(node).key
-    task = {
-        "rule": document["rule"],
-        "backend": document["backend"],
-        "options": document["options"],
-        "inputs": dict(document["inputs"]),
-        "store": str(project.cache),
-        "project": str(project.root),
-    }
     absent = [slot for slot, digest in document["inputs"] if not session.store.actions.references.are_here(digest)]
     if absent:
         raise RuleError(
@@ -128,45 +121,56 @@ def _repeat(session: Session, node: str) -> str:
             facts={"inputs": listing(absent)},
             hint=f"`dxb build --whole '{recipe}:{node}'`",
         )
-    reply = run_task(task, lambda kind, data: None)
+    reply = again(session.project, document)
     if reply.get("reads", []) != document.get("read", []):
         raise StaleError(
             f"`{recipe}:{node}` cannot be compared: the files that it reads have changed since it was built",
             code="DXB-C104",
             hint=f"`dxb why '{recipe}:{node}'`; `dxb build '{recipe}:{node}'`, then check again",
         )
-    after = reply["output"]
-    told, is_beyond = {}, False
-    for name, apart, allowed in _rows(session, str(document["rule"]), key, before, reply):
-        what = "another form or value" if apart is None else f"{apart:.3g} apart"
-        told[name] = f"{what}, {allowed:.3g} allowed"
-        is_beyond |= apart is None or not apart <= allowed
+    after, rows = reply["output"], list(_rows(session, str(document["rule"]), key, before, reply))
     if after != before:
         session.store.divergent.note(key, f"{recipe}:{node}", before, after, time.time())
-    if is_beyond or (after != before and not told):
+    if any(row.is_beyond for row in rows) or (after != before and not rows):
         raise RuleError(
             f"`{recipe}:{node}` is not deterministic: rebuilding it gave another output",
             code="DXB-B402",
-            facts=told | {"first": before, "again": after},
+            facts={row.name: str(row) for row in rows} | {"first": before, "again": after},
             hint=f"`dxb diff {before[:12]} {after[:12]}`; look for random numbers, threads or time in the rule",
         )
     if after == before:
         return f"same output again: {after}"
-    return f"same within the tolerance of its rule: {'; '.join(f'{name} {text}' for name, text in told.items())}"
+    return f"same within the tolerance of its rule: {'; '.join(f'{row.name} {row}' for row in rows)}"
 
 
-def _rows(
-    session: Session, rule: str, key: str, before: str, reply: Mapping[str, Any]
-) -> Iterator[tuple[str, float | None, float]]:
-    """(name, difference, tolerance) of each field or metric that differs; difference None: not numeric."""
+class _Row(NamedTuple):
+    """A field or a metric that differs."""
+
+    name: str
+    apart: float | None
+    """None if it is no number, or of another form."""
+    allowed: float
+
+    @property
+    def is_beyond(self) -> bool:
+        return self.allowed < math.inf and (self.apart is None or not self.apart <= self.allowed)
+
+    def __str__(self) -> str:
+        what = "another form or value" if self.apart is None else f"{self.apart:.3g} apart"
+        return f"{what}, {'not compared' if self.allowed == math.inf else f'{self.allowed:.3g} allowed'}"
+
+
+def _rows(session: Session, rule: str, key: str, before: str, reply: Mapping[str, Any]) -> Iterator[_Row]:
+    """The fields and the metrics with a tolerance that differ."""
     from dextera_build.artifacts.difference import by_field, differences
 
     tolerance = session.project.library.find(rule).rule.tolerance
-    for field, largest in by_field(differences(before, reply["output"], session.store.blobs.get)).items():
-        yield field or "type", largest, tolerance.fields.get(field, 0.0)
+    found = differences(before, reply["output"], session.store.blobs.get, motions=False)
+    for field, largest in by_field(found).items():
+        yield _Row(field or "type", largest, tolerance.of(field))
     known = session.store.actions.known(key)
     for name, allowed in tolerance.metrics.items():
         old, new = (known.metrics if known else {}).get(name), reply["metrics"].get(name)
         apart = None if old is None or new is None else abs(old[0] - new[0])
         if apart or (apart is None and (old, new) != (None, None)):
-            yield f"metric {name}", apart, allowed
+            yield _Row(f"metric {name}", apart, allowed)

@@ -79,10 +79,11 @@ def keygen(args: argparse.Namespace) -> int:
 
 def _remember(project: Project, store: Store, build: Build, bundle: Opened) -> None:
     """Record an import as a run that fetched its nodes, which makes it visible to every verb."""
+    from dextera_build.project.planning import Added
     from dextera_build.runs import events, workspaces
     from dextera_build.runs.history import Entry, History
     from dextera_build.runs.log import EventLog
-    from dextera_build.session import Added, Session, variant_of
+    from dextera_build.session import Session, variant_of
 
     session = Session(project, build.recipe, makes=True)
     variant = variant_of(build.profile if build.profile != project.own_profile else "", Added())

@@ -6,14 +6,14 @@ import numpy as np
 
 from dextera_build.artifacts.calibration import Calibration
 from dextera_build.artifacts.pose import Pose
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 
 class CameraBaseOptions(Options):
     """align.camera_base has no options."""
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=1, packages=("numpy",), tolerance=Tolerance({"": ROUNDING}))
 def camera_base(ctx: Context, calibration: Calibration, *, options: CameraBaseOptions | None = None) -> Pose:
     """Return T_camera_base [m] with its covariance, which `align.base` and `background.robot` need.
 

@@ -12,7 +12,7 @@ from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.geometry import moved, transforms
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 STATES = ("unmoved", "moved", "unsure")
 """Names of the values 0 to 2 of the metric `verdict`."""
@@ -46,7 +46,7 @@ class MotionBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy", "scipy"))
+@rule(version=1, packages=("numpy", "scipy"), tolerance=Tolerance({"": ROUNDING}))
 def camera_motion(
     ctx: Context[MotionBackend],
     views: RobotViews,

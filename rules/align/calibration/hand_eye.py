@@ -10,7 +10,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 from dextera_build.artifacts.calibration import Board, Calibration
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 
 class HandEyeOptions(Options):
@@ -56,7 +56,7 @@ class HandEyeBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy", "scipy"))
+@rule(version=1, packages=("numpy", "scipy"), tolerance=Tolerance({"": ROUNDING}))
 def hand_eye(
     ctx: Context[HandEyeBackend],
     views: RobotViews,

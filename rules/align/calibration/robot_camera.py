@@ -12,7 +12,7 @@ from dextera_build.artifacts.calibration import Calibration
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.geometry import transforms
-from dextera_build.rule import Context, Fraction, Options, rule
+from dextera_build.rule import ROUNDING, Context, Fraction, Options, Tolerance, rule
 
 
 class RobotCameraOptions(Options):
@@ -70,7 +70,7 @@ class RefinementBackend(Protocol):
         ...
 
 
-@rule(version=2, packages=("numpy", "scipy"), memory_gb=2.0)
+@rule(version=2, packages=("numpy", "scipy"), memory_gb=2.0, tolerance=Tolerance({"": ROUNDING}))
 def robot_camera(
     ctx: Context[RefinementBackend],
     views: RobotViews,

@@ -14,7 +14,7 @@ from dextera_build.artifacts.pose import Pose, Similarity
 from dextera_build.artifacts.scene_fit import SceneFit
 from dextera_build.artifacts.splats import Splats
 from dextera_build.artifacts.view import InstanceMap
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from .doubts import Limits, doubts
 from .fitted import Fitted, Given
@@ -59,7 +59,14 @@ class SceneBackend(Protocol):
         ...
 
 
-@rule(version=2, packages=("numpy",))
+# The fit iterates to convergence, and the matches that it begins with differ in their last digits.
+@rule(
+    version=2,
+    packages=("numpy",),
+    tolerance=Tolerance(
+        {"": ROUNDING, "motion.matrix": 1e-5, "motion.scale": 1e-6, "motion.covariance": 1e-8, "evidence": 0.01}
+    ),
+)
 def scene(
     ctx: Context[SceneBackend],
     capture: Capture,

@@ -16,7 +16,7 @@ from dextera_build.artifacts.rgbd_video import RgbdFrame, RgbdVideo
 from dextera_build.artifacts.tracking import Tracking
 from dextera_build.geometry import transforms
 from dextera_build.geometry.tracking.thing import Tracked
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from . import overlay
 from .reported import reported
@@ -69,7 +69,12 @@ class TrackBackend(Protocol):
         ...
 
 
-@rule(version=2, packages=("numpy", "opencv-python-headless", "open3d"))
+# A filter passes on from frame to frame what rounding differs by, and pixels at a threshold come and go.
+@rule(
+    version=2,
+    packages=("numpy", "opencv-python-headless", "open3d"),
+    tolerance=Tolerance({"": ROUNDING, "tracks.poses": 0.01, "tracks.covariances": 1e-3}),
+)
 def track(
     ctx: Context[TrackBackend],
     video: RgbdVideo,

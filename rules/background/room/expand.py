@@ -13,7 +13,7 @@ from dextera_build.artifacts.panorama import Panorama
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.trajectory import Trajectory
 from dextera_build.artifacts.views import Views
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 
 class ExpandOptions(Options):
@@ -42,7 +42,7 @@ class ExpandBackend(Protocol):
         ...
 
 
-@rule(version=2, packages=("numpy", "pillow"))
+@rule(version=2, packages=("numpy", "pillow"), tolerance=Tolerance({"": ROUNDING}))
 def expand(
     ctx: Context[ExpandBackend],
     panorama: Panorama,

@@ -10,7 +10,7 @@ from dextera_build.artifacts.panorama import Panorama
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.trajectory import Trajectory
 from dextera_build.geometry.plot import COLOURS, Line, plot
-from dextera_build.rule import Context, rule
+from dextera_build.rule import ROUNDING, Context, Tolerance, rule
 
 
 class PathsBackend(Protocol):
@@ -23,7 +23,7 @@ class PathsBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=1, packages=("numpy",), tolerance=Tolerance({"": ROUNDING}))
 def paths(
     ctx: Context[PathsBackend], panorama: Panorama, background: Background, support: Support
 ) -> Collection[Trajectory]:

@@ -10,7 +10,7 @@ from dextera_build.artifacts.draw import Viewpoint
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.world import World
 from dextera_build.geometry import cameras, transforms
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 
 class AimOptions(Options):
@@ -22,7 +22,7 @@ class AimOptions(Options):
     """Largest angle between the heading and the normal view of the wall [deg]."""
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=1, packages=("numpy",), tolerance=Tolerance({"": ROUNDING}))
 def aim(ctx: Context, world: World, viewpoint: Viewpoint, *, options: AimOptions | None = None) -> World:
     """Return the world with a camera that looks at the centre of its objects; intrinsics [px], pose in `reference`."""
     options = options or AimOptions()

@@ -17,7 +17,7 @@ from dextera_build.artifacts.world import Matter, Part, Thing
 from dextera_build.errors import listing
 from dextera_build.geometry import convex
 from dextera_build.geometry.solids import Solid, join
-from dextera_build.rule import Context, Fraction, Options, rule
+from dextera_build.rule import ROUNDING, Context, Fraction, Options, Tolerance, rule
 
 UP = {
     "x": [[0, 1, 0], [0, 0, 1], [1, 0, 0]],
@@ -65,7 +65,7 @@ class CatalogueOptions(Options):
     """Largest width and height of a texture [px]."""
 
 
-@rule(version=1, packages=("mujoco", "numpy", "pillow", "scipy"))
+@rule(version=1, packages=("mujoco", "numpy", "pillow", "scipy"), tolerance=Tolerance({"": ROUNDING}))
 def catalogue(ctx: Context, folder: Folder, *, options: CatalogueOptions) -> Collection[Thing]:
     """Return the objects [m], each in its own frame: z up as it stands, the centre of its base at the origin.
 

@@ -11,7 +11,7 @@ from pydantic import NonNegativeFloat, PositiveFloat
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.object import Body, Joint, Link, Shape
 from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen, State, Traits
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from ..measured import Measurements, of_view
 from . import hinted
@@ -63,7 +63,7 @@ class ArticulateBackend(Protocol):
         ...
 
 
-@rule(version=4)
+@rule(version=4, tolerance=Tolerance({"": ROUNDING}))
 def articulate(
     ctx: Context[ArticulateBackend],
     shape: Shape,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Protocol
 
 from pydantic import PositiveInt
 
 from dextera_build.artifacts.object import Shape
 from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from ..measured import Measurements, of_view
 from .evidence import LEAST_POINTS
@@ -34,7 +35,13 @@ class MeshBackend(Protocol):
         ...
 
 
-@rule(version=4, packages=("numpy",))
+# Corners that rounding moves by less than anything measurable can be joined by other triangles, each with its own place
+# in the texture.
+@rule(
+    version=4,
+    packages=("numpy",),
+    tolerance=Tolerance({"": ROUNDING, "mesh.faces": math.inf, "mesh.uv": math.inf, "mesh.texture": math.inf}),
+)
 def mesh(
     ctx: Context[MeshBackend],
     view: ObjectView,

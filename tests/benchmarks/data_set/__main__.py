@@ -1,7 +1,7 @@
 """A data set of episodes with video, through the store, and what each step costs.
 
 `python -m tests.benchmarks.data_set` writes it, reads random batches of it and exports it, each step in a process of
-its own, and prints the rows of the table in `dextera_build/docs/benchmarks.md`.
+its own, and prints the rows of the table in `dextera_build/docs/benchmarks/data_set.md`.
 """
 
 from __future__ import annotations
