@@ -18,7 +18,7 @@ from .trained import Trained
 
 
 class ActBackend(Protocol):
-    """What a backend of learn.act defines."""
+    """Interface of a backend of learn.act."""
 
     def train(self, ctx: Context, data: Demonstrations, common: ActOptions, options: Any) -> Trained:
         """Train, or resume an interrupted training."""
