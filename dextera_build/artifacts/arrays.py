@@ -35,7 +35,7 @@ class Array:
         dtype: NumPy dtype name.
         unit: SI unit, or "" for a pure number.
         frame: The frame that coordinates are expressed in, or "".
-        finite: Refuse NaN and infinities.
+        finite: Whether NaN and infinities are refused.
     """
 
     shape: str
@@ -64,7 +64,7 @@ def array_bytes(value: np.ndarray) -> bytes:
 
 
 def stored_array(value: np.ndarray, put: Put) -> str:
-    """Store the numbers of an array; without a second copy if they lie as they are stored and `put` can."""
+    """Store the numbers of an array, without a copy if its memory layout is the stored one and `put` supports it."""
     import numpy as np
 
     view = getattr(put, "view", None)
@@ -78,7 +78,7 @@ def array_of(dtype: str, shape: list[int], data: bytes) -> np.ndarray:
     """The array that was stored as `data`.
 
     Raises:
-        ValueError: `dtype` names no numbers, or the bytes are not such an array.
+        ValueError: `dtype` is no numeric type, or the bytes are not such an array.
         TypeError: NumPy has no such dtype.
     """
     import numpy as np
@@ -87,10 +87,10 @@ def array_of(dtype: str, shape: list[int], data: bytes) -> np.ndarray:
 
 
 def mapped_array(dtype: str, shape: list[int], file: Path) -> np.ndarray:
-    """The array that is stored in `file`, memory-mapped: only the parts that are used are read.
+    """The array stored in `file`, memory-mapped, so that only the used parts are read.
 
     Raises:
-        ValueError: `dtype` names no numbers, or the file does not have the size of such an array.
+        ValueError: `dtype` is no numeric type, or the file does not have the size of such an array.
         TypeError: NumPy has no such dtype.
     """
     import numpy as np
@@ -105,7 +105,7 @@ def array_size(dtype: str, shape: list[int]) -> int:
     """Number of bytes of an array as stored.
 
     Raises:
-        ValueError: `dtype` names no numbers.
+        ValueError: `dtype` is no numeric type.
         TypeError: NumPy has no such dtype.
     """
     return _dtype(dtype).itemsize * math.prod(shape)
@@ -127,7 +127,7 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def check_array(place: str, name: str, value: np.ndarray, spec: Array, axes: dict[str, tuple[str, int]]) -> None:
-    """Refuse an array that does not have the declared form, and make it read-only.
+    """Raise for an array that does not have the declared form, and make it read-only.
 
     Args:
         place: The field as shown in messages.
@@ -160,7 +160,7 @@ def check_array(place: str, name: str, value: np.ndarray, spec: Array, axes: dic
 
 
 def _not_finite(value: np.ndarray) -> int:
-    """How many numbers are not finite; a large array is looked at in blocks, and mapped parts are let go again."""
+    """Number of non-finite numbers; a large array is checked in blocks, and memory-mapped pages are released again."""
     import numpy as np
 
     if value.nbytes <= _BLOCK or not value.flags.c_contiguous:
@@ -176,7 +176,7 @@ def _not_finite(value: np.ndarray) -> int:
 
 
 def _mapping(value: Any) -> mmap.mmap | None:
-    """The read-only map of a file that an array lies in; its pages can be read again."""
+    """The read-only memory map of a file that contains an array; its pages can be read again."""
     while value is not None and not isinstance(value, mmap.mmap):
         value = getattr(value, "base", None)
     return value if value is not None and memoryview(value).readonly else None

@@ -1,7 +1,7 @@
 """The base of all artifacts: frozen, validated values that are stored as a canonical JSON header and blobs.
 
-The header is `{"artifact": <type>, "fields": {...}}`: `identity.py` describes how types are named there, `fields.py`
-how values are written. The store and the engine thus follow references without knowing any type.
+The header is `{"artifact": <type>, "fields": {...}}`: `identity.py` describes the names of types, `fields.py` the
+encoding of values. The store and the engine can thus follow references without knowledge of any type.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ class Artifact(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
 
     type_version: ClassVar[int] = 1
-    """Incremented when the fields change, with a reader of the version before."""
+    """Incremented when the fields change, together with a reader of the previous version."""
     readers: ClassVar[Mapping[int, Callable[[dict[str, Any]], dict[str, Any]]]] = {}
-    """Version -> turns the fields of a value of that version into those of the next; see `former.py`."""
+    """Version -> function that converts the fields of a value of that version to those of the next; see `former.py`."""
     former_fields: ClassVar[Mapping[str, Any]] = {}
-    """Field that only former versions had -> its artifact type then."""
+    """Field that exists only in former versions -> its artifact type then."""
     saves: ClassVar[tuple[str, ...]] = ()
-    """Suffixes of the file formats that `save` writes, the usual one first."""
+    """Suffixes of the file formats that `save` writes, the preferred one first."""
 
     def __init__(self, **fields: Any) -> None:
         try:
@@ -56,7 +56,7 @@ class Artifact(BaseModel):
 
     @classmethod
     def name(cls) -> str:
-        """The type's name in messages; a generic's parameters are left out. Headers hold its `identity`."""
+        """The type's name in messages, without parameters of a generic. Headers contain its `identity`."""
         return cls.__name__.split("[")[0]
 
     @classmethod
@@ -98,7 +98,7 @@ class Artifact(BaseModel):
         """Load the value whose header has digest `key` through `get(digest) -> bytes`.
 
         Raises:
-            ArtifactError: The header holds another type, or its content is not valid.
+            ArtifactError: The header has another type, or its content is not valid.
         """
         return cls._from_header(json.loads(get(key)), get)
 
@@ -122,7 +122,7 @@ class Artifact(BaseModel):
     def restore(cls, key: str, get: Get, folder: Path, stem: str) -> list[Path]:
         """Write the value whose header has digest `key` to `folder`, as `export` does.
 
-        Types that can be written without being in memory override it.
+        Types that can be written without being loaded into memory override it.
         """
         return cls.decode(key, get).export(folder, stem)
 
@@ -185,7 +185,7 @@ class Collection(Artifact, Generic[T]):
     """Labelled artifacts of one type; the input of `each`, and the output of a group of nodes."""
 
     items: dict[str, T]
-    """Label -> artifact. The label is not part of the item: renaming an item does not change its digest."""
+    """Label -> artifact. The label is not part of the item, so renaming an item does not change its digest."""
 
     def __init__(self, **fields: Any) -> None:
         super().__init__(**fields)
@@ -198,7 +198,7 @@ class Collection(Artifact, Generic[T]):
 
     @classmethod
     def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
-        """The value; from a store, each item is loaded when it is first used."""
+        """The value; from a store, each item is loaded at its first use."""
         if not hasattr(get, "place"):
             return super()._from_header(header, get)
         check(cls, header["artifact"])
@@ -211,7 +211,7 @@ class Collection(Artifact, Generic[T]):
 _FILE = re.compile(
     rb'\{"artifact":"File","fields":\{"data":\{"\$bytes":\["([0-9a-f]{64})",(0|[1-9][0-9]{0,17})\]\}\}\}'
 )
-"""The spelled header of a `File`, the type that nodes read most often."""
+"""The encoded header of a `File`, the type that nodes read most often."""
 
 
 class File(Artifact):
@@ -227,7 +227,7 @@ class File(Artifact):
 
     @classmethod
     def of(cls, path: str | Path) -> Self:
-        """The content of a file that no longer changes; it is read when the value is stored."""
+        """The content of a file that must no longer change; it is read when the value is stored."""
         return cls._behind(OnDisk(Path(path)))
 
     @classmethod
@@ -257,7 +257,7 @@ class File(Artifact):
         return hash(self.data)
 
     def path(self, scratch: str | Path) -> Path:
-        """A read-only file with this content; content that is only in memory is written to `scratch`."""
+        """A read-only file with this content; content in memory is written to `scratch`."""
         if self._content is not None:
             return self._content.path()
         path = Path(scratch) / digest.of_bytes(self.data)[:16]
@@ -304,7 +304,7 @@ class File(Artifact):
 
     @classmethod
     def _holding(cls, data: bytes) -> Self:
-        """The value with this content, not validated: validation would take longer than the read."""
+        """The value with this content without validation, which would take longer than the read."""
         made, note = cls.__new__(cls), object.__setattr__
         made.__dict__["data"] = data
         note(made, "__pydantic_fields_set__", {"data"})
@@ -336,7 +336,7 @@ class Folder(Artifact):
 
     @classmethod
     def of(cls, folder: str | Path) -> Self:
-        """All files below a folder that no longer changes; each is read when it is used or stored."""
+        """All files below a folder that must no longer change; each is read when it is used or stored."""
         paths = sorted(path for path in Path(folder).rglob("*") if path.is_file())
         found = {path.relative_to(folder).as_posix(): OnDisk(path) for path in paths}
         check_paths(cls.name(), found)

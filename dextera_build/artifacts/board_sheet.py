@@ -1,4 +1,4 @@
-"""A calibration board as a sheet to print, with a bar to measure and what the board is."""
+"""A printable sheet with a calibration board, a bar to measure the printed scale, and a description."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from dextera_build.artifacts.pdf import PAPERS_MM, Rectangle, Text, page
 from dextera_build.errors import ArtifactError, listing
 
 EDGE_MM = 10.0
-"""Margin that printers leave white."""
+"""Margin that printers leave blank [mm]."""
 FOOT_MM = 22.0
-"""Height of the bar and the text below the board."""
+"""Height of the bar and the text below the board [mm]."""
 BAR_MM = 100.0
-"""Length of the bar."""
+"""Length of the bar [mm]."""
 QUIET = 0.5
-"""White around the board, in squares; detectors need it."""
+"""Width of the white border around the board, in squares, as detectors require."""
 
 
 def target(board: Board) -> dict[str, object]:
@@ -50,10 +50,10 @@ def size_mm(board: Board) -> tuple[float, float]:
 
 
 def pdf(board: Board, paper: str = "a4") -> bytes:
-    """The sheet; the pattern is in the middle above its foot.
+    """The sheet; the pattern is centred above the bar.
 
     Args:
-        board: What to print.
+        board: The board.
         paper: `a4`, `a3` or `letter`, upright or across as the board needs.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Limits on what a file expands to: a few lines with instances of instances can stand for billions of parts."""
+"""Limits on the expanded size of a file: a few lines with nested instances can represent billions of parts."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from pathlib import Path
 from dextera_build.errors import ArtifactError
 
 MOST_TRIANGLES = 20_000_000
-"""Most triangles of a mesh file with all its instances."""
+"""Maximum number of triangles of a mesh file with all its instances."""
 MOST_VERTICES = 100_000_000
-"""Most vertices; those of a mesh count once for each of its materials."""
+"""Maximum number of vertices; those of a mesh count once for each of its materials."""
 MOST_PARTS = 50_000
-"""Most parts of a scene: nodes, prims or elements, with all their instances."""
+"""Maximum number of parts of a scene: nodes, prims or elements, with all their instances."""
 _REDUCE = "reduce it in a modelling program; a part that has instances counts once for each of them"
 
 
 def check(path: str | Path, things: str, count: int, most: int, hint: str = _REDUCE) -> None:
-    """Refuse a file that holds too many `things`.
+    """Raise for a file that contains too many `things`.
 
     Args:
         path: The file.
         things: Plural noun.
-        count: How many were found, at least.
-        most: How many are allowed.
+        count: Lower bound of their number.
+        most: Maximum allowed number.
         hint: Next step.
 
     Raises:

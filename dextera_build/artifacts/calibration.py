@@ -1,4 +1,4 @@
-"""Where a camera is on or beside a robot, how well that is known, and from what; easy_handeye's YAML as file format."""
+"""Hand-eye calibrations: pose of a camera relative to a robot, its uncertainty and evidence; easy_handeye's YAML."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _KINDS = ("chessboard", "charuco", "aruco", "apriltag")
 
 
 class Board(Value):
-    """What the camera saw."""
+    """The calibration board."""
 
     kind: Literal["chessboard", "charuco", "aruco", "apriltag"]
     """Pattern; `aruco` and `apriltag` are single markers or grids of them."""
@@ -35,10 +35,10 @@ class Board(Value):
     rows: PositiveInt = 1
     """The same along y."""
     square_m: PositiveFloat
-    """Side of a square; of a marker where there is only one; of a marker and one gap in a grid of markers [m]."""
+    """Side of a square, or of a single marker, or of a marker and one gap in a grid of markers [m]."""
     marker_m: float = 0.0
-    """Side of the markers of a ChArUco board, or of a grid, whose `square_m` is a marker with a gap [m]; 0 for a single
-    marker, whose side is `square_m`."""
+    """Side of the markers of a ChArUco board, or of a grid, whose `square_m` is a marker with a gap [m]; 0 for a
+    single marker, whose side is `square_m`."""
     dictionary: str = ""
     """Family of the markers: `DICT_5X5_100`, `36h11`."""
 
@@ -49,9 +49,9 @@ class Calibration(Artifact):
     saves: ClassVar[tuple[str, ...]] = (".yaml",)
 
     mount: Literal["eye_on_base", "eye_in_hand"]
-    """`eye_on_base`: the camera watches the robot from a fixed place; `eye_in_hand`: it is on the hand."""
+    """`eye_on_base`: the camera watches the robot from a fixed position; `eye_in_hand`: it is on the hand."""
     pose: Annotated[Pose, Frames(None, None)]
-    """T_base_camera for `eye_on_base`, T_effector_camera for `eye_in_hand`; with its covariance where known."""
+    """T_base_camera for `eye_on_base`, T_effector_camera for `eye_in_hand`; with its covariance if known."""
     base_frame: str = "base"
     """The robot's base."""
     effector_frame: str = "effector"
@@ -61,15 +61,15 @@ class Calibration(Artifact):
     camera: Camera | BrownConrady | KannalaBrandt | None = None
     """Intrinsics; None: not stated."""
     method: str = ""
-    """What computed it: `Park`, `Tsai, refined`."""
+    """Method: `Park`, `Tsai, refined`."""
     board: Board | None = None
-    """What was seen; None: not stated."""
+    """The board; None: not stated."""
     board_pose: Pose | None = None
     """T_effector_board for `eye_on_base`, T_base_board for `eye_in_hand`: the other unknown of the problem."""
     residuals: Annotated[np.ndarray, Array("K 2", "float64")] | None = None
-    """Per observation: by how much the chain of poses does not close, translation [m] and rotation [rad]."""
+    """Per observation: closing error of the chain of poses, translation [m] and rotation [rad]."""
     leave_one_out: Annotated[np.ndarray, Array("K 2", "float64")] | None = None
-    """Per observation: by how much `pose` moves without it, translation [m] and rotation [rad]."""
+    """Per observation: change of `pose` without it, translation [m] and rotation [rad]."""
     reprojection_px: Annotated[np.ndarray, Array("K", "float64")] | None = None
     """Per observation: root mean square distance of the board's corners in the picture [px]."""
 
@@ -93,7 +93,7 @@ class Calibration(Artifact):
         return self
 
     def observations(self) -> int:
-        """Number of observations that something is known of."""
+        """Number of observations with at least one of these."""
         return next((len(series) for name in _SERIES if (series := getattr(self, name)) is not None), 0)
 
     def sigma(self) -> tuple[float, float] | None:
@@ -131,7 +131,7 @@ class Calibration(Artifact):
         return png(np.hstack(sides))
 
     def yaml(self) -> str:
-        """easy_handeye's YAML; what it has no place for follows in further fields, which it does not read."""
+        """easy_handeye's YAML, with additional fields that easy_handeye ignores."""
         more: dict[str, Any] = {"calibration_method": self.method} if self.method else {}
         if self.pose.covariance is not None:
             more["covariance"] = self.pose.covariance.tolist()
@@ -160,7 +160,7 @@ class Calibration(Artifact):
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
-        """Read a file of easy_handeye or easy_handeye2; a `STEM.camera_info.yaml` beside it gives missing intrinsics.
+        """Read a file of easy_handeye or easy_handeye2, with intrinsics from `STEM.camera_info.yaml` if missing.
 
         Raises:
             ArtifactError: It is no such file.

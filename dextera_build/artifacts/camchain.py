@@ -1,6 +1,6 @@
 """Kalibr's `camchain.yaml`, cameras that are fixed to one another (https://github.com/ethz-asl/kalibr/wiki/yaml-formats).
 
-Poses are `T_cam_imu`, camera from rig, or `T_cn_cnm1`, camera from the camera before it; pixel centres are integers.
+Poses are `T_cam_imu`, camera from rig, or `T_cn_cnm1`, camera from the previous camera; pixel centres are integers.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Mounted:
 
 
 def written(cameras: list[Mounted]) -> str:
-    """The YAML text; labels are in the names of the topics, and covariances of T_rig_camera are an additional field.
+    """The YAML text; topics contain the labels, and covariances of T_rig_camera are an additional field.
 
     Raises:
         ValueError: Kalibr has no model for a lens.

@@ -1,4 +1,4 @@
-"""Cameras, photographs and what was measured beside them."""
+"""Cameras, photographs, and depth measured together with them."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class Camera(Artifact):
 
 
 class Photograph(Artifact):
-    """One RGB picture and the camera that took it; assets are made from nothing else."""
+    """One RGB picture and its camera; the only input from which assets are made."""
 
     rgb: Image
     """The picture."""
@@ -107,14 +107,14 @@ class Photograph(Artifact):
 
 
 class Measured(Artifact):
-    """What a depth camera measured from the place of the photograph; for alignment, and for backends that say so."""
+    """Measurements of a depth camera at the photograph's pose; for alignment, and for backends that declare it."""
 
     depth: DepthImage
     """Depth registered to the photograph, same size and intrinsics."""
 
 
 def _measured_apart(fields: dict[str, Any]) -> dict[str, Any]:
-    """Version 1 held the picture, its depth and the camera side by side."""
+    """Version 1 stored the picture, its depth and the camera in one structure."""
     return {
         "photograph": Photograph(rgb=fields["rgb"], camera=fields["camera"]),
         "measured": Measured(depth=fields["depth"]),
@@ -122,7 +122,7 @@ def _measured_apart(fields: dict[str, Any]) -> dict[str, Any]:
 
 
 class Capture(Artifact):
-    """A photograph of a workspace, with what was measured at the same time."""
+    """A photograph of a workspace, with simultaneous measurements."""
 
     type_version: ClassVar[int] = 2
     readers: ClassVar[former.Readers] = {1: _measured_apart}
@@ -131,7 +131,7 @@ class Capture(Artifact):
     photograph: Photograph
     """The picture with its camera."""
     measured: Measured | None = None
-    """Depth; None if there is nothing but the photograph."""
+    """Depth; None if there is only the photograph."""
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write the files that `capture.folder` reads: `rgb.png`, `depth.png` in millimetres, `capture.json`."""

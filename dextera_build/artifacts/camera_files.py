@@ -33,7 +33,7 @@ def parse(data: bytes, path: Path) -> Intrinsics:
     """The camera in the content of a file that is named `path`.
 
     Raises:
-        ArtifactError: The content is not of the format of the suffix, or holds several cameras.
+        ArtifactError: The content is not of the format of the suffix, or contains several cameras.
     """
     form = "COLMAP cameras.txt" if _is_colmap(path) else "ROS camera_info"
     try:

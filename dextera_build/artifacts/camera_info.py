@@ -24,7 +24,7 @@ _MODELS: dict[str, tuple[Model, int]] = {
 _LONGEST = 1 << 18
 """Longest text that is read [characters]; a rig of ten cameras with covariances has 8,000."""
 _MOST_VALUES = 100_000
-"""Most values, those that aliases and merge keys stand for included: a few lines can stand for billions."""
+"""Maximum number of values after expansion of aliases and merge keys, because a few lines can expand to billions."""
 
 
 def written(lens: Intrinsics, name: str) -> str:
@@ -55,7 +55,7 @@ def written(lens: Intrinsics, name: str) -> str:
 
 
 def read(text: str) -> Intrinsics:
-    """The camera in a camera_info file or message; rectification and projection are left out.
+    """The camera in a camera_info file or message; rectification and projection are ignored.
 
     Raises:
         ValueError: It is not such a file, or its numbers make no camera.
@@ -67,7 +67,7 @@ def parsed(text: str) -> Mapping[str, Any]:
     """The mapping in a YAML text.
 
     Raises:
-        ValueError: It is not YAML, holds no mapping, is too long, or has aliases that stand for too many values.
+        ValueError: It is not YAML, contains no mapping, is too long, or has aliases that expand to too many values.
     """
     if len(text) > _LONGEST:
         raise ValueError(f"it has {len(text):,} characters, but at most {_LONGEST:,} are read")
@@ -112,9 +112,9 @@ def numbers(value: object, name: str, count: int | None = None) -> tuple[float, 
     """Numbers in a list, in a list of rows, or in a mapping with `data`.
 
     Args:
-        value: What the file holds.
+        value: Content of the file.
         name: The field, for messages.
-        count: How many there must be; None: any number.
+        count: Required number; None: any number.
 
     Raises:
         ValueError: They are not that many finite numbers.
@@ -133,9 +133,9 @@ def numbers(value: object, name: str, count: int | None = None) -> tuple[float, 
 
 
 def _check_aliases(node: Any, known: dict[Any, int]) -> int:
-    """The number of values in a node; `known` has those of other nodes."""
+    """The number of values in a node; `known` contains those of other nodes."""
     if node not in known:
-        known[node] = _MOST_VALUES  # counts if the node holds itself
+        known[node] = _MOST_VALUES  # recursion guard: the node may contain itself
         inner = node.value if isinstance(node, yaml.CollectionNode) else ()
         parts = [part for each in inner for part in (each if isinstance(each, tuple) else (each,))]
         known[node] = 1 + sum(_check_aliases(part, known) for part in parts)

@@ -1,4 +1,4 @@
-"""The frame in which an object is described: which way up it stands, where its front is, and what stays open."""
+"""The canonical frame of an object: its up and front directions, and undetermined choices."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.pose import Pose, Similarity
 
 Open: TypeAlias = Literal["up", "front"]
-"""A choice of the canonical frame."""
+"""A choice of the canonical frame that can remain undetermined."""
 
 
 class SymmetryAxis(Value):
@@ -20,27 +20,27 @@ class SymmetryAxis(Value):
     axis: tuple[float, float, float]
     """Unit direction in the object's frame."""
     order: int
-    """Turns by one over this part of a circle are symmetries; 0: every turn is."""
+    """Rotations by 1 / order of a full turn are symmetries; 0: all are."""
 
 
 class CanonicalFrame(Artifact):
-    """Canonical axes of an object: functional up is +z, its front is +x, the origin is in the middle of its base."""
+    """Canonical axes of an object: functional up is +z, its front is +x, the origin is at the centre of its base."""
 
     type_version: ClassVar[int] = 1
 
     pose: Annotated[Pose, Frames("canonical", "object")]
     """T_canonical_object, without scale."""
     undecided: tuple[Open, ...] = ()
-    """What nothing told clearly; `pose` then has the likeliest choice."""
+    """Choices that were not clearly determined; `pose` then has the likeliest one."""
     symmetry: tuple[SymmetryAxis, ...] = ()
     """Rotational symmetries of the shape."""
     up_lead: float | None = None
-    """Score of the chosen up minus that of the next; None if the method gives no scores."""
+    """Score of the chosen up direction minus that of the next; None if the method has no scores."""
     front_lead: float | None = None
-    """Score of the chosen front minus that of the next; None if the method gives no scores."""
+    """Score of the chosen front minus that of the next; None if the method has no scores."""
     method: str
-    """What decided: `holds, picture`."""
+    """Criteria that decided: `holds, picture`."""
 
     def motion(self) -> Similarity:
-        """What `artifacts.similar` applies to body, asset, or pieces to bring them into this frame."""
+        """The similarity with which `artifacts.similar` transforms a body, asset, or pieces into this frame."""
         return Similarity(parent="object", child="object", matrix=np.array(self.pose.matrix), scale=1.0)

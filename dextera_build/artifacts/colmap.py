@@ -44,7 +44,7 @@ _FORMS = {
     "OPENCV_FISHEYE": _Form(8, "kannala_brandt", lambda p: (p[:4], p[4:])),
     "EQUIRECTANGULAR": _Form(2, "equirectangular", lambda p: ((0.0, 0.0, 0.0, 0.0), ())),
 }
-"""COLMAP's models that dxb has lenses for."""
+"""COLMAP's models with an equivalent lens."""
 
 
 def cameras_written(cameras: Mapping[int, Intrinsics]) -> str:
@@ -62,7 +62,7 @@ def cameras_read(text: str) -> dict[int, Intrinsics]:
     """Cameras by number in a `cameras.txt`.
 
     Raises:
-        ValueError: A line is not a camera, or of a model that dxb has no lens for.
+        ValueError: A line is not a camera, or its model has no equivalent lens.
     """
     found: dict[int, Intrinsics] = {}
     for row in rows(text):
@@ -84,7 +84,7 @@ def whole(row: Row, index: int) -> int:
     """A whole number in a line.
 
     Raises:
-        ValueError: It is none.
+        ValueError: It is no whole number.
     """
     try:
         return int(row[1][index])
@@ -96,7 +96,7 @@ def numbers(row: Row, first: int, count: int) -> tuple[float, ...]:
     """Finite numbers in a line.
 
     Raises:
-        ValueError: There are fewer, or they are none.
+        ValueError: There are fewer, or they are not finite numbers.
     """
     words = row[1][first : first + count]
     try:

@@ -39,7 +39,7 @@ def images_written(images: Sequence[Posed], world: str) -> str:
         world: Name of the frame of their poses, for a comment.
 
     Raises:
-        ValueError: A name holds a space, at which COLMAP's readers cut it off.
+        ValueError: A name contains a space, at which COLMAP's readers truncate it.
     """
     lines = [
         f"{_FRAME}{world}",

@@ -1,8 +1,8 @@
 """Bytes that are read on demand: a file on disk, or a blob of the store.
 
 A `put` or `get` function may have further methods: `put.file(path)` stores a file without reading it whole,
-`put.view(memoryview)` stores bytes that may change later, `put.has(digest, size)` tells whether a blob is already
-stored, `get.path(digest)` names a file with the bytes of a blob, and `get.place(digest, target)` writes them. Plain
+`put.view(memoryview)` stores bytes that may change later, `put.has(digest, size)` returns whether a blob is already
+stored, `get.path(digest)` returns a file with the bytes of a blob, and `get.place(digest, target)` writes them. Plain
 functions, as in tests of rules, pass bytes.
 """
 
@@ -47,7 +47,7 @@ class Content(Protocol):
 
 @dataclass(frozen=True)
 class OnDisk:
-    """The bytes of a file that no longer changes."""
+    """The bytes of a file that must no longer change."""
 
     file: Path
 
@@ -68,7 +68,7 @@ class OnDisk:
         shutil.copyfile(self.file, target)
 
     def store(self, put: Put) -> tuple[str, int]:
-        """Store it in pieces, if `put` can."""
+        """Store it in pieces, if `put` supports it."""
         stream = getattr(put, "file", None)
         if stream is None:
             data = self.read()

@@ -1,4 +1,4 @@
-"""A value in one line and as a picture, for notebooks and the Python prompt."""
+"""A value as one line of text and as a picture, for notebooks and the Python prompt."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 _LONGEST = 110
 """Maximum length of the facts in one line [characters]; further facts are left out."""
 _MOST_NAMES = 6
-"""Labels that are listed; more are only counted."""
+"""Maximum number of labels listed; beyond it only their number is given."""
 _DIGEST = re.compile("[0-9a-f]{64}")
 _UNITS = {"m": "m", "kg": "kg", "rad": "rad", "deg": "deg", "s": "s", "hz": "Hz", "iou": "IoU"}
 
@@ -48,7 +48,7 @@ def facts(fields: Mapping[str, Any], specs: Mapping[str, Array]) -> Iterator[str
 def _of_array(name: str, value: np.ndarray, spec: Array) -> Iterator[str]:
     axes = spec.shape.split()
     if axes == ["4", "4"]:
-        return  # sixteen numbers of a pose say nothing in one line
+        return  # sixteen numbers of a pose are unreadable in one line
     if axes[:2] == ["H", "W"]:
         yield f"{value.shape[1]} x {value.shape[0]} px"
         if spec.unit and (value > 0).any():
@@ -109,7 +109,7 @@ def page(said: str, picture: bytes | None, more: str = "") -> str:
         picture: PNG bytes, or None.
         more: HTML to add below.
     """
-    import base64  # local imports: rules import this module, and show no pages
+    import base64  # imported here, because rules import this module without showing pages
     import html
 
     shown = ""

@@ -1,7 +1,7 @@
-"""Differences between two stored artifacts, found in their headers and blobs without knowing a type.
+"""Differences between two stored artifacts, from their headers and blobs, without knowledge of any type.
 
-Both are walked side by side, skipping parts with equal digests. A difference of arrays gives their forms, how many
-numbers differ and by how much at most; tables are compared by rows and columns.
+Both are traversed in parallel, skipping parts with equal digests. A difference of arrays gives their forms, the number
+of differing values and the largest difference; tables are compared by rows and columns.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ class Difference:
     largest: float | None = None
     """Largest absolute difference of two numbers, infinite if one of them is not finite; None if forms differ."""
     changed: int = 0
-    """How many numbers differ."""
+    """Number of values that differ."""
     total: int = 0
     motion: Motion | None = None
-    """Of two poses."""
+    """Motion between two poses."""
 
     @property
     def field(self) -> str:
@@ -108,7 +108,7 @@ def _spelled(value: Any) -> str:
 
 
 def _inside(path: str, old: Any, new: Any, get: Get) -> _Triples | None:
-    """The parts of two values of one form, or None if they are compared as a whole."""
+    """The parts of two values of the same form, or None if they are compared as a whole."""
     tag = _tag(old)
     if _GONE in (old, new) or tag != _tag(new):
         return None
@@ -177,7 +177,7 @@ def _arrays(path: str, old: Sequence[Any], new: Sequence[Any], get: Get) -> Diff
         shown = [form + _bounds(side) for form, side in zip(forms, (one, two), strict=True)]
         return Difference(path, "array", shown[0], shown[1])
     apart = distance(one, two)
-    # Equal numbers in other bytes: a negative zero, another NaN.
+    # Equal numbers with different bytes: a negative zero, another NaN.
     changed = int(np.count_nonzero(apart)) or _other_bytes(one, two)
     largest = float(apart.max()) if apart.size else 0.0
     return Difference(path, "array", forms[0], forms[1], largest, changed, int(apart.size))
@@ -187,7 +187,7 @@ def distance(one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """Absolute difference of each number; infinite if only one is NaN, zero if both are."""
     with np.errstate(invalid="ignore", over="ignore"):
         apart = np.abs(one.astype(np.float64) - two.astype(np.float64))
-    # Also equal infinities, and long integers that a float cannot tell apart.
+    # Includes equal infinities, and long integers that are equal as floats.
     apart[one == two] = 0.0
     apart[(one != two) & (apart == 0.0)] = np.finfo(np.float64).tiny
     if one.dtype.kind == "f":
@@ -203,7 +203,7 @@ def _other_bytes(one: np.ndarray, two: np.ndarray) -> int:
 
 
 def _bounds(points: np.ndarray) -> str:
-    """Bounds of an array that looks like points."""
+    """Bounds of an array that resembles points."""
     if points.ndim != 2 or points.shape[1] not in (2, 3) or points.dtype.kind != "f" or not len(points):
         return ""
     low, high = (", ".join(f"{value:.4g}" for value in edge) for edge in (points.min(axis=0), points.max(axis=0)))

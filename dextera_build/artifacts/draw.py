@@ -1,6 +1,6 @@
-"""Reference scenes that are drawn by index: what is on the table, from where a camera sees it, how good its depth is.
+"""Random reference scenes by index: objects on the table, the viewpoint of the camera, the quality of its depth.
 
-The three parts are values of their own, so that a camera that moved settles nothing again.
+The three parts are separate values, so that another viewpoint does not repeat the settling of the objects.
 """
 
 from __future__ import annotations
@@ -12,27 +12,27 @@ import numpy as np
 from dextera_build.artifacts.base import Artifact
 
 Contact: TypeAlias = Literal["apart", "touching", "piled"]
-"""How close objects lie: with gaps, side by side, or dropped onto and into one another."""
+"""Degree of contact between objects: with gaps, side by side, or dropped onto and into one another."""
 
 
 class Arrangement(Artifact):
-    """Which things are on which table."""
+    """The objects on a table."""
 
     seed: int
-    """Seed of everything that is drawn for the table: things, places, surfaces, lights."""
+    """Seed of everything random about the table: objects, positions, surfaces, lights."""
     count: int
-    """Number of things that are let fall."""
+    """Number of objects that are dropped."""
     contact: Contact
-    """How close they lie."""
+    """Degree of contact."""
 
 
 class Viewpoint(Artifact):
-    """A camera that looks at the middle of the things."""
+    """A camera that looks at the centre of the objects."""
 
     seed: int
     """Seed of its heading."""
     distance_m: float
-    """From the optical centre to the middle of the things [m]."""
+    """Distance from the optical centre to the centre of the objects [m]."""
     pitch_deg: float
     """Angle of the line of sight below the horizon [deg]."""
     roll_deg: float
@@ -42,7 +42,7 @@ class Viewpoint(Artifact):
 
     @property
     def unit(self) -> float:
-        """Lengths per metre of a scene generated from its picture; drawn with `seed`, 0.2 to 5, uniform in log."""
+        """Units per metre of a scene generated from its picture; random from `seed`, 0.2 to 5, uniform in log."""
         return float(np.exp(np.random.default_rng((self.seed, 5)).uniform(-1, 1) * np.log(5.0)))
 
 
@@ -54,19 +54,19 @@ class Sensor(Artifact):
     noise: float
     """Factor on the noise of `capture.reference`."""
     dropout: float
-    """Part of the depth that is lost in patches, 0..1."""
+    """Fraction of the depth that is lost in patches, 0..1."""
 
 
 class Draw(Artifact):
     """One photograph of one drawn scene."""
 
     arrangement: Arrangement
-    """What is on the table."""
+    """The objects on the table."""
     viewpoint: Viewpoint
-    """From where it is seen."""
+    """The viewpoint."""
     sensor: Sensor
-    """How well its depth is measured."""
+    """The quality of the depth."""
     axis: str = ""
-    """The quantity that is swept, or empty."""
+    """The swept parameter, or empty."""
     value: str = ""
     """Its value in this draw, as in tables."""

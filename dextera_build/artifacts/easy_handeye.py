@@ -1,8 +1,8 @@
 """The YAML files of easy_handeye and easy_handeye2, ROS packages for hand-eye calibration.
 
 https://github.com/IFL-CAMP/easy_handeye: `parameters` and `transformation {x y z qx qy qz qw}`;
-https://github.com/marcoesposito1988/easy_handeye2: `calibration_type` and `transform {translation, rotation}`.
-The transformation is T_base_camera where the camera watches the robot, and T_effector_camera where it is on the hand.
+https://github.com/marcoesposito1988/easy_handeye2: `calibration_type` and `transform {translation, rotation}`. The
+transformation is T_base_camera if the camera watches the robot, and T_effector_camera if it is on the hand.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _KEYS = {
     "camera": "tracking_base_frame",
     "board": "tracking_marker_frame",
 }
-"""Our name of a frame -> theirs."""
+"""Name of a frame here -> in easy_handeye."""
 _TYPES = {"eye_in_hand": True, "eye_on_base": False}
 
 
@@ -33,7 +33,7 @@ class HandEye:
     """The content of such a file.
 
     Args:
-        in_hand: The camera is on the hand.
+        in_hand: Whether the camera is on the hand.
         frames: `base`, `effector`, `camera`, `board` -> name of the frame.
         pose: T_effector_camera or T_base_camera, (4, 4) [m].
         more: Further fields of the file, which easy_handeye does not read.
@@ -48,7 +48,7 @@ class HandEye:
 def written(found: HandEye) -> str:
     """The YAML text of easy_handeye, with the further fields at its end."""
     pose = poses.from_matrix(found.pose).tolist()
-    # easy_handeye refuses parameters that it does not know, and needs these.
+    # easy_handeye rejects unknown parameters, and requires these.
     parameters = {
         "namespace": "/dxb/",
         "move_group_namespace": "/",
@@ -69,7 +69,7 @@ def read(text: str) -> HandEye:
         ValueError: It is no such file.
     """
     facts = camera_info.parsed(text)
-    parameters = facts.get("parameters", facts)  # early versions of easy_handeye had them at the top
+    parameters = facts.get("parameters", facts)  # early versions of easy_handeye had them at the top level
     if not isinstance(parameters, Mapping):
         raise ValueError("its `parameters` hold no mapping")
     in_hand = parameters.get("eye_on_hand", _TYPES.get(str(parameters.get("calibration_type"))))

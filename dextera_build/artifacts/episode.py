@@ -31,7 +31,7 @@ Origin = Literal["operator", "synthesis", "policy", "replay"]
 
 
 class Start(Artifact):
-    """The complete state that an episode begins in, with the dynamics that were drawn for it."""
+    """The complete initial state of an episode, with its random dynamics."""
 
     type_version: ClassVar[int] = 4
     readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged, 3: former.unchanged}
@@ -45,16 +45,16 @@ class Start(Artifact):
     mass_scale: dict[str, float]
     """Root body -> factor on all its masses and, in addition to that of its size, on its inertias."""
     size_scale: dict[str, float] = Field(default_factory=dict)
-    """Root body -> factor on all its lengths, about its own origin; 1 for those that are not named."""
+    """Root body -> factor on all its lengths, about its own origin; 1 for other bodies."""
     friction: dict[str, float]
     """Root body -> sliding friction coefficient."""
     gain_scale: float
     """Factor on stiffness and damping of the robot's position controllers."""
     base_error: Twist = EXACT
-    """Error of the pose of the robot's base in the world. The robot acts where this puts it; objects and goals are told
-    to it by the bundle's own `base_pose`."""
+    """Pose error of the robot's base in the world. The robot acts from the displaced base; objects and goals are
+    expressed in the bundle's own `base_pose`."""
     variation: Variation = Variation()
-    """What else was drawn."""
+    """Further random changes."""
 
 
 class Segment(Value):
@@ -67,7 +67,7 @@ class Segment(Value):
     last: int
     """One past the last step."""
     frame: str
-    """The body that end-effector poses are kept relative to; empty: free motion that connects two segments."""
+    """The body relative to which palm poses are kept; empty: free motion that connects two segments."""
     contact: bool
     """Whether the hand should touch the task's object in this segment."""
     limbs: tuple[str, ...] = ()
@@ -75,12 +75,12 @@ class Segment(Value):
 
 
 def _one_hand(fields: former.Fields) -> former.Fields:
-    """Version 1 held the palm pose of one hand (T, 7)."""
+    """Version 1 stored the palm pose of one hand (T, 7)."""
     return {**fields, "hand": fields["hand"][:, None]}
 
 
 def _one_limb(fields: former.Fields) -> former.Fields:
-    """Version 1 knew robots with one hand only."""
+    """Version 1 supported only robots with one hand."""
     return {**fields, "limb_names": (ONLY,)}
 
 
@@ -95,20 +95,21 @@ class Episode(Artifact):
     origin: Origin
     """Source of the actions."""
     success: bool
-    """Verdict of the task's success predicate."""
+    """Result of the task's success predicate."""
     reason: str
-    """Why it failed; empty for a success."""
+    """Reason for the failure; empty for a success."""
     segments: tuple[Segment, ...] = ()
-    """Parts of a demonstration; they cover all steps."""
+    """Parts of a demonstration, which together cover all steps."""
     action: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
     """Intended joint targets: the label to learn from."""
     executed: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
-    """Joint targets that were sent: `action` with added noise."""
+    """Joint targets sent: `action` with added noise."""
     joints: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
     """Measured positions of the robot's joints."""
     hand: Annotated[np.ndarray, Array("T L 7", "float32", frame="base")]
-    """Palm pose of every limb that the targets in `action` were made for (operator, synthesis), or that was measured
-    (policy, replay, limbs that were not commanded): position [m] and unit quaternion w x y z, in the robot's base."""
+    """Palm pose of every limb: commanded, if the targets in `action` were computed from it (operator, synthesis),
+    otherwise measured (policy, replay, limbs without a command): position [m] and unit quaternion w x y z, in the
+    robot's base."""
     objects: Annotated[np.ndarray, Array("T O 7", "float32", frame="base")]
     """Poses of the bundle's objects in its order: position [m] and unit quaternion w x y z, in the robot's base."""
     displacement: Annotated[np.ndarray, Array("T K", "float32")]
@@ -116,7 +117,7 @@ class Episode(Artifact):
     contact: Annotated[np.ndarray, Array("T F 3", "float32", unit="N", frame="base")]
     """Force on each fingertip; privileged."""
     goal: Annotated[np.ndarray, Array("G", "float32")]
-    """The goal as policies see it, see `dextera_build.artifacts.goals`."""
+    """The goal in the observations of policies, see `dextera_build.artifacts.goals`."""
 
 
 class Episodes(Artifact):
@@ -159,12 +160,12 @@ class Episodes(Artifact):
 
 
 class Shard(Artifact):
-    """A part of a data set that one node makes: shards run in parallel, and a finished one is never remade."""
+    """A part of a data set that is one node: shards are built in parallel, and finished ones are reused."""
 
     first: int
     """Index of its first episode."""
     count: int
-    """Number of episodes to provide."""
+    """Number of episodes."""
     seed: int
     """Seed of the whole data set."""
 
@@ -181,7 +182,7 @@ class Film(Artifact):
 
     @classmethod
     def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
-        """The film; from a store, the frames of each episode are read when they are used."""
+        """The film; from a store, the frames of each episode are read at their use."""
         if not hasattr(get, "place"):
             return super()._from_header(header, get)
         check(cls, header["artifact"])
@@ -191,7 +192,7 @@ class Film(Artifact):
 
     @classmethod
     def of(cls, files: Mapping[str, Path], width: int, height: int) -> Film:
-        """A film of files with frames as `packed` by index, which no longer change; each is read when it is used."""
+        """A film of files with frames as `packed` by index, which must no longer change; each is read at its use."""
         return cls._behind({index: OnDisk(path) for index, path in files.items()}, width, height)
 
     @classmethod
@@ -204,8 +205,8 @@ class Film(Artifact):
     def packed(pixels: Iterable[np.ndarray]) -> bytes:
         """Frames (H, W, 3) uint8, all of one size, as a zlib stream of differences to the frame before, modulo 256.
 
-        Static regions cost almost nothing: a fifteenth of a PNG of the same frames, and faster both ways. Nothing is
-        lost, so that a policy learns from the very pixels that it is shown when it runs.
+        Static regions cost almost nothing: a fifteenth of a PNG of the same frames, and faster in both directions. The
+        encoding is lossless, so that a policy is trained on exactly the pixels that it gets at run time.
         """
         packer = zlib.compressobj(6)
         written, before = [], None

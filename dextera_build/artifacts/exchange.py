@@ -1,6 +1,6 @@
-"""Values as JSON and files in the formats of the field, for programs that do not know dxb.
+"""Values as JSON and files in standard formats, for programs without dxb.
 
-Plain JSON values stand for themselves, and
+Plain JSON values are unchanged, and
 
     {"type": "Image", "file": "photo.png"}       a type with a file format: PNG, GLB, PLY, NPZ, ZIP
     {"type": "Pose", "fields": {...}}              any other artifact, `Value`, dataclass or named tuple
@@ -8,8 +8,8 @@ Plain JSON values stand for themselves, and
     {"type": "bytes", "file": "data"}            bytes, and the content of a `File`
     {"type": "map", "items": {...}}                a dict
 
-Files are named relative to the folder of the message. `read` is given the type that must come: nothing in a message
-chooses a type that its reader did not declare.
+Files are named relative to the folder of the message. `read` is given the expected type, so that a message cannot
+select a type that its reader did not declare.
 """
 
 from __future__ import annotations
@@ -53,16 +53,16 @@ _PIXELS = 1 << 28
 
 
 def write(value: Any, folder: Path, name: str = "value") -> Any:
-    """A value as JSON; its files go into `folder`, named after `name`.
+    """A value as JSON; its files are written to `folder`, named after `name`.
 
     Raises:
-        ArtifactError: Its type has no form outside.
+        ArtifactError: Its type has no external form.
     """
     return _Writer(folder).put(value, name)
 
 
 def read(raw: Any, hint: Any, folder: Path) -> Any:
-    """The value of type `hint` that a message holds; its files are in `folder`.
+    """The value of type `hint` in a message; its files are in `folder`.
 
     Raises:
         ArtifactError: It is no such value, or one of its files is missing, damaged or outside the folder.
@@ -71,7 +71,7 @@ def read(raw: Any, hint: Any, folder: Path) -> Any:
 
 
 def has_form(hint: Any) -> bool:
-    """Whether values of a type can be written and read: data, not objects that do something."""
+    """Whether values of a type can be written and read: data, rather than objects with behaviour."""
     if hint in (Any, None, type(None), np.ndarray, bytes, Path, bool, int, float, str) or _is(hint, File | Folder):
         return True
     origin = get_origin(hint)
@@ -199,7 +199,7 @@ class _Reader:
         kind = raw.get("type") if isinstance(raw, dict) else None
         named = [hint for hint in choices if kind is not None and _type_name(hint) == kind]
         errors = []
-        # A number is read as it is spelled: 1.0 would fit `int`, too.
+        # A number is read as spelled: 1.0 would also fit `int`.
         for hint in named or sorted(choices, key=lambda hint: hint is not type(raw)):
             try:
                 return self.get(raw, hint, name)
@@ -250,7 +250,7 @@ class _Reader:
     def _array(self, raw: Any, spec: Array | None, name: str) -> np.ndarray:
         path = self._file(raw, ("array",), name)
         try:
-            # Mapping a file first compares its size with the shape that it claims.
+            # Mapping a file first compares its size with the declared shape.
             found = np.load(path, mmap_mode="r", allow_pickle=False)
             if not isinstance(found, np.ndarray):
                 raise ValueError("it holds several arrays")
@@ -287,7 +287,7 @@ class _Reader:
                 raise _wrong(name, "it is no plain file", path.relative_to(self._folder).as_posix())
 
     def _place(self, raw: Any, kinds: tuple[str, ...], part: str, name: str) -> Path:
-        """The path that a message names: inside its folder, and not through a link."""
+        """The path of a file named in a message: inside its folder, and not through a link."""
         if not isinstance(raw, dict) or raw.keys() != {"type", part} or raw["type"] not in kinds:
             raise _wrong(name, f'{{"type": "{kinds[0]}", "{part}": ...}} is needed here')
         said = str(raw[part])

@@ -23,7 +23,7 @@ _UNREADABLE = (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error)
 
 
 class FeatureMap(Artifact):
-    """What a network says about each cell of a grid that covers a picture."""
+    """Output of a network for each cell of a grid over a picture."""
 
     saves: ClassVar[tuple[str, ...]] = (".npz",)
 
@@ -45,14 +45,14 @@ class FeatureMap(Artifact):
         yield self.network
 
     def centres(self) -> np.ndarray:
-        """Column and row of each cell's middle in the picture, (R, C, 2) float64, integer pixel centres [px]."""
+        """Column and row of each cell's centre in the picture, (R, C, 2) float64, integer pixel centres [px]."""
         rows, columns, _ = self.features.shape
         row, column = np.indices((rows, columns), dtype=np.float64)
         across = (column + 0.5) * self.width / columns - 0.5
         return np.stack([across, (row + 0.5) * self.height / rows - 0.5], axis=-1)
 
     def at(self, pixels: np.ndarray) -> np.ndarray:
-        """Vectors (N, D) float64 at pixels (N, 2), column and row: bilinear between middles, constant beyond them."""
+        """Vectors (N, D) float64 at pixels (N, 2), column and row: bilinear between centres, constant beyond them."""
         rows, columns, _ = self.features.shape
         cells = (np.asarray(pixels, np.float64) + 0.5) / [self.width / columns, self.height / rows] - 0.5
         cells = cells.clip(0, [columns - 1, rows - 1])
@@ -74,7 +74,7 @@ class FeatureMap(Artifact):
         flat = self.features.reshape(-1, length).astype(np.float64)
         flat = (flat - flat.mean(axis=0)) / max(float(np.abs(flat).max()), 1e-300)
         axes = np.linalg.eigh(flat.T @ flat)[1][:, ::-1][:, :3]
-        # An eigenvector has no sign: its largest component becomes positive, which keeps the picture the same.
+        # The sign of an eigenvector is arbitrary: its largest component is made positive, for a deterministic picture.
         axes = axes * np.sign(axes[np.abs(axes).argmax(axis=0), np.arange(axes.shape[1])])
         values = np.pad(flat @ axes, ((0, 0), (0, 3 - axes.shape[1])))
         low, span = values.min(axis=0), np.ptp(values, axis=0)

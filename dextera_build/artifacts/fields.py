@@ -76,7 +76,7 @@ def encode(value: Any, form: Form, put: Put) -> Any:
 
 
 def _refuse_others(name: str, known: Mapping[str, Any]) -> None:
-    """Refuse a subclass of a declared type, which would be read back as that type or not at all."""
+    """Raise for a subclass of a declared type, which could be read back only as that type or not at all."""
     if known and name not in known:
         raise ArtifactError(f"a {name} cannot be stored where {' or '.join(known)} is declared", code="DXB-A107")
 
@@ -112,7 +112,7 @@ def decode(raw: Any, form: Form, get: Get) -> Any:
 
 
 def decode_item(raw: Any, form: Form, get: Get) -> Any:
-    """A value of a dict that is decoded when it is used, long after the header of the dict.
+    """A value of a dict that is decoded at its use, long after the header of the dict.
 
     Raises:
         ArtifactError: Its header is malformed, or its type is not among the declared ones.

@@ -1,4 +1,4 @@
-"""File formats of artifact types, told apart by the suffix of the file."""
+"""File formats of artifact types, selected by the suffix of the file."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _FRAME = "frame "
 def module(name: str) -> Any:
     """The module `artifacts.NAME`, which writes files with a heavy package.
 
-    It is loaded by name because exports are no part of results: neither its code nor its packages shall enter the keys
-    of all rules that use the type. A rule that reads files through such a module imports it.
+    It is loaded by name because exports are not part of results, so that neither its code nor its packages enter the
+    keys of all rules that use the type. A rule that reads files through such a module imports it.
     """
     return importlib.import_module(f"dextera_build.artifacts.{name}")
 
@@ -70,7 +70,7 @@ def unreadable(path: str | Path, form: str, why: object) -> ArtifactError:
 
 
 def unwritable(kind: str, form: str, why: object) -> ArtifactError:
-    """The error for a value that the format `form` cannot hold.
+    """The error for a value that the format `form` cannot represent.
 
     Args:
         kind: Name of the artifact type.

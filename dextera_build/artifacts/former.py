@@ -23,12 +23,12 @@ def pose(old: str, new: str, parent: str, child: str) -> Reader:
 
 
 def unchanged(fields: Fields) -> Fields:
-    """The next version only added fields, whose defaults are what held before, or allows more values in one."""
+    """The next version only added fields, whose defaults describe the former values, or allows more values in one."""
     return fields
 
 
 def from_depth(fields: Fields) -> Fields:
-    """Version 1 did not say what it was made from: then every rule read depth."""
+    """Version 1 did not record its source: all rules read depth then."""
     return {**fields, "asset_source": "rgbd"}
 
 
@@ -39,7 +39,7 @@ def source(fields: Fields) -> Fields:
 
 
 def both(*readers: Reader) -> Reader:
-    """Several changes of one version."""
+    """Several changes in one version."""
 
     def read(fields: Fields) -> Fields:
         for reader in readers:

@@ -1,7 +1,7 @@
-"""What a field of an artifact may hold, by the kinds of values that its header tells apart.
+"""Possible content of an artifact's field, by the kinds of values that its header distinguishes.
 
-A union is read back by these kinds: an artifact or a `Value` by the name of its type, an array, bytes, a dict and a
-sequence by their tags. A declaration with two choices of one kind is ambiguous and refused.
+A union is decoded by these kinds: an artifact or a `Value` by the name of its type; an array, bytes, a dict and a
+sequence by their tags. A declaration with two choices of one kind is ambiguous and is refused.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from dextera_build.errors import ArtifactError
 
 @dataclass(frozen=True)
 class Form:
-    """The choices of a declared type; plain JSON values are always among them, because pydantic checks those."""
+    """The choices of a declared type; plain JSON values are always included, because pydantic checks those."""
 
     array: Array | None = None
     artifacts: Mapping[str, type[Any]] = field(default_factory=dict)
@@ -32,15 +32,15 @@ class Form:
     values: Mapping[str, type[Value]] = field(default_factory=dict)
     """Type name -> type, for structures that are stored inline."""
     labelled: Form | None = None
-    """Of the values of a dict."""
+    """Form of the values of a dict."""
     parts: tuple[Form, ...] = ()
-    """Of the items of a sequence."""
+    """Forms of the items of a sequence."""
     repeats: bool = False
     """Whether all items of a sequence have the form `parts[0]`."""
 
     @property
     def holds_arrays(self) -> bool:
-        """Whether an array with a declared form can be in it, outside other artifacts."""
+        """Whether it can contain an array with a declared form, outside other artifacts."""
         inner = (*self.parts, *([self.labelled] if self.labelled else []))
         return self.array is not None or any(form.holds_arrays for form in inner)
 
@@ -66,13 +66,13 @@ NOTHING = Form()
 
 
 def unexpected(name: str, known: Iterable[str]) -> ArtifactError:
-    """The error for a stored type that a field may not hold."""
+    """The error for a stored type that is not allowed in a field."""
     return ArtifactError(f"a stored {name} stands where {' or '.join(known) or 'none'} is declared", code="DXB-A108")
 
 
 @cache
 def forms(kind: type[BaseModel]) -> dict[str, Form]:
-    """Field -> what it may hold.
+    """Field -> its possible content.
 
     Raises:
         ArtifactError: Stored values of a field could be read back in two ways.
@@ -85,7 +85,7 @@ def forms(kind: type[BaseModel]) -> dict[str, Form]:
 
 
 def form_of(hint: Any, name: str) -> Form:
-    """What a value of a declared type may hold.
+    """Possible content of a declared type.
 
     Args:
         hint: The type.
@@ -119,7 +119,7 @@ def _array_in(metadata: Iterable[object]) -> Array | None:
 
 
 class _AmbiguousError(Exception):
-    """Two choices are stored in the same way."""
+    """Two choices have the same stored form."""
 
 
 @cache
@@ -143,7 +143,7 @@ def _of(hint: Any) -> Form:
 
 
 def _either(one: Form, other: Form) -> Form:
-    """The choices of both."""
+    """Union of the choices of both."""
     both: dict[str, Any] = {}
     for slot in fields(Form):
         left, right = getattr(one, slot.name), getattr(other, slot.name)

@@ -15,8 +15,8 @@ class Frames:
     """The frames that a field's pose is between, used as `Annotated[Pose, Frames("world", "camera")]`.
 
     Args:
-        parent: Frame of the resulting coordinates; None where the value names it.
-        child: Frame of the given coordinates; None where the value names it.
+        parent: Frame of the resulting coordinates; None if the value names it.
+        child: Frame of the given coordinates; None if the value names it.
     """
 
     parent: str | None

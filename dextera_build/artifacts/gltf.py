@@ -1,4 +1,4 @@
-"""A check of a GLB before it is read: numbers that it does not hold, and pictures that a reader would leave out.
+"""Checks of a GLB before it is read: numbers missing in the file, and pictures that a reader would silently drop.
 
 https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 """
@@ -16,15 +16,15 @@ from dextera_build.artifacts.image import opened
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 """Type of an accessor -> numbers of an element."""
 _MOST_NUMBERS = 10 * bounds.MOST_TRIANGLES
-"""Largest total count of values in all accessors; one without a view holds zeros, and views may overlap."""
+"""Maximum total number of values in all accessors; one without a view is all zeros, and views may overlap."""
 
 
 def check(path: Path) -> set[str]:
-    """Refuse a GLB that expands to too much, or whose own pictures cannot be read; return the names of its buffers.
+    """Raise for a GLB that expands to too much or has unreadable pictures; return the names of its buffers.
 
     Raises:
         ValueError: It is damaged.
-        ArtifactError: Its accessors hold too many numbers, or its primitives too many vertices.
+        ArtifactError: Its accessors have too many numbers, or its primitives too many vertices.
     """
     data = path.read_bytes()
     end = 20 + int.from_bytes(data[12:16], "little")
@@ -51,7 +51,7 @@ def _vertices(header: Mapping[str, Any], primitive: Mapping[str, Any]) -> int:
 
 
 def _view(header: Mapping[str, Any], image: Mapping[str, Any], binary: bytes) -> bytes | None:
-    """Content of a picture that lies in the file itself; None for others, and for forms that are not read."""
+    """Content of an embedded picture; None for others, and for unsupported forms."""
     if "bufferView" not in image or image.get("mimeType") == "image/ktx2":
         return None
     view = header["bufferViews"][image["bufferView"]]

@@ -1,6 +1,7 @@
 """Goals of tasks: one type per primitive, in the world frame [m, rad].
 
-Policies see a goal as numbers with names, in the robot's base frame like everything else that they see.
+In the observations of policies a goal is a vector with named components, in the robot's base frame like all
+observations.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class ArticulateGoal(Value):
     joints: dict[str, float]
     """Joint in the model -> commanded position [rad or m]."""
     tolerance: float
-    """Largest distance of every joint from its command [rad or m]."""
+    """Maximum deviation of every joint from its command [rad or m]."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -53,36 +54,36 @@ class ArticulateGoal(Value):
 
 
 class Tolerance(Value):
-    """How near a pose must come."""
+    """Tolerance of a target pose."""
 
     position_m: float
-    """Largest distance of the object's origin [m]."""
+    """Maximum distance of the object's origin [m]."""
     rotation_rad: float
-    """Largest rotation between both orientations [rad]."""
+    """Maximum rotation between both orientations [rad]."""
     symmetry: int = 1
-    """Orientations that look alike when the object turns about its own z axis; 0: all."""
+    """Order of the object's rotational symmetry about its own z axis; 0: any rotation."""
 
     def met(self, position_m: float, rotation_rad: float) -> bool:
-        """Whether a distance and a rotation from the target are small enough; False on NaN."""
+        """Whether a distance and a rotation from the target are within tolerance; False on NaN."""
         return position_m <= self.position_m and rotation_rad <= self.rotation_rad
 
 
 class PushGoal(Value):
-    """The object stands at a place on its support, pushed there."""
+    """The object stands at a position on its support, to which it was pushed."""
 
     primitive: Literal["push"] = "push"
     place_m: tuple[float, float]
     """Target x and y of the object's origin [m]."""
     yaw_rad: float | None
-    """Target turn from the photograph's orientation about the vertical [rad]; None: any."""
+    """Target rotation from the photographed orientation about the vertical [rad]; None: any."""
     upright: Quaternion
-    """Orientation in the photograph, w x y z, that the turn refers to."""
+    """Photographed orientation, w x y z, relative to which the rotation is defined."""
     tolerance: Tolerance
-    """How near it must come."""
+    """Tolerance."""
 
     @property
     def turn(self) -> np.ndarray:
-        """Target rotation (3, 3); that of the photograph where any turn will do."""
+        """Target rotation (3, 3); the photographed one if any rotation is accepted."""
         about = registration.rotation(np.array([0.0, 0.0, self.yaw_rad or 0.0]))
         return np.asarray(about @ quaternions.to_matrix(np.array(self.upright)))
 
@@ -92,7 +93,7 @@ class PushGoal(Value):
         return ("x", "y", "heading_x", "heading_y")
 
     def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
-        """Target position on the support [m], and where the object's x axis points there; zeros for any turn."""
+        """Target position on the support [m], and direction of the object's x axis there; zeros for any rotation."""
         place = base_from_world @ [*self.place_m, 0.0, 1.0]
         ahead = base_from_world[:3, :3] @ self.turn[:, 0] * (self.yaw_rad is not None)
         return (*map(float, place[:2]), *map(float, ahead[:2]))
@@ -106,7 +107,7 @@ class PoseGoal(Value):
     quaternion: Quaternion | None = None
     """Target orientation, w x y z; None: any."""
     tolerance: Tolerance
-    """How near it must come."""
+    """Tolerance."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -114,7 +115,7 @@ class PoseGoal(Value):
         return tuple(f"target_{part}" for part in ("x", "y", "z", "qw", "qx", "qy", "qz"))
 
     def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
-        """Target position [m] and quaternion; zeros for what may be anything."""
+        """Target position [m] and quaternion; zeros for unconstrained parts."""
         place, turn = np.zeros(3), np.zeros(4)
         if self.place_m is not None:
             place = (base_from_world @ [*self.place_m, 1.0])[:3]
@@ -132,11 +133,11 @@ class ReorientGoal(PoseGoal):
 
 
 class PlaceGoal(PoseGoal):
-    """The object was picked, and rests released at a target pose, or inside a container."""
+    """The object was picked up, and rests released at a target pose, or inside a container."""
 
     primitive: Literal["pick_and_place"] = "pick_and_place"
     into: str = ""
-    """Body of the container whose cavity holds all of the object; empty: the target pose counts."""
+    """Body of the container whose cavity must contain the whole object; empty: the target pose applies."""
 
 
 class HandoverGoal(Value):
@@ -146,7 +147,7 @@ class HandoverGoal(Value):
     giver: str
     """Limb that holds it first."""
     receiver: str
-    """Limb that holds it in the end."""
+    """Limb that holds it at the end."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -159,7 +160,7 @@ class HandoverGoal(Value):
 
 
 Goal = LiftGoal | ArticulateGoal | PushGoal | ReorientGoal | PlaceGoal | HandoverGoal
-"""The goal of a task, which tells its primitive."""
+"""The goal of a task; its type identifies the primitive."""
 Primitive = Literal["lift", "articulate", "push", "pick_and_reorient", "pick_and_place", "handover"]
 """Kind of objective; each has a file in `dextera_build.sim.primitives`."""
 
@@ -167,7 +168,7 @@ Primitive = Literal["lift", "articulate", "push", "pick_and_reorient", "pick_and
 def former(
     primitive: str, height_m: float = 0.0, joints: dict[str, float] | None = None, tolerance: float = 0.0
 ) -> Goal:
-    """The goal of a task that was stored when lifting and articulating were all there was."""
+    """The goal of a task stored when lifting and articulating were the only primitives."""
     if primitive == "articulate":
         return ArticulateGoal(joints=joints or {}, tolerance=tolerance)
     return LiftGoal(height_m=height_m)

@@ -13,18 +13,18 @@ from typing import Any
 import numpy as np
 
 _CONSTANT = "cpu-independent=1:mbtree=0:aq-mode=0:weightp=0:rc-lookahead=0:scenecut=0"
-"""Options of x264 that quantise every block alike.
+"""Options of x264 with which all blocks have the same quantiser.
 
-Two encodings of the same pictures in one process once differed in the last blocks, which its adaptive quantisation
-(floating-point numbers, a look-ahead) had given finer steps. At a short key frame interval they cost nothing: a moving
-picture of 640 x 480 px with a key frame every 5 has the same PSNR with `qp` 22 (46.0 dB, 7.9 kB a frame) as with
-`crf` 18 and all of them on (45.9 dB, 8.7 kB).
+Adaptive quantisation (floating-point numbers, a look-ahead) is not deterministic: two encodings of the same pictures in
+one process differed in the last blocks. At a short key frame interval it has no benefit: a moving picture of 640 x 480
+px with a key frame every 5 has the same PSNR with `qp` 22 (46.0 dB, 7.9 kB a frame) as with `crf` 18 and all options on
+(45.9 dB, 8.7 kB).
 """
 
 
 @dataclass(frozen=True)
 class Clip:
-    """The coded frames of one episode; starts with a key frame and references no earlier frames."""
+    """The encoded frames of one episode; starts with a key frame and references no earlier frames."""
 
     packets: list[tuple[bytes, bool]]
     """Data of each frame in order, and whether it is a key frame."""

@@ -27,7 +27,7 @@ def identity(kind: type[Any]) -> str:
 
 
 def spelled(kind: type[Any]) -> str:
-    """Identity and version, as headers hold them."""
+    """Identity and version, as in headers."""
     version: int = kind.type_version
     return identity(kind) + (f"@{version}" if version > 1 else "")
 
@@ -46,7 +46,7 @@ def check(kind: type[Any], stored: str) -> int:
     """The version of a stored value of this type.
 
     Raises:
-        ArtifactError: The header names another type, or a version that is newer than the type.
+        ArtifactError: The header has another type, or a version that is newer than the type.
     """
     name, version = parse(stored)
     if name != identity(kind):
@@ -61,7 +61,7 @@ def check(kind: type[Any], stored: str) -> int:
 
 
 def unreadable(kind: type[Any], version: int) -> ArtifactError:
-    """The error for a former version that a type does not read."""
+    """The error for a former version without a reader."""
     return ArtifactError(
         f"a {identity(kind)} of version {version} was stored by an earlier dxb, and this one reads version "
         f"{kind.type_version} only",

@@ -11,7 +11,7 @@ import numpy as np
 from dextera_build.artifacts.base import Array, Artifact
 
 TEXTURES = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")
-"""Formats of pictures that surfaces have; Pillow knows others, some of which run programs."""
+"""Supported formats of textures; Pillow has others, some of which run programs."""
 
 
 class Image(Artifact):
@@ -23,7 +23,7 @@ class Image(Artifact):
     """Red, green, blue (never BGR), 0..255."""
 
     def picture(self) -> bytes:
-        """The picture itself; a large one with every second pixel only, every third, and so on."""
+        """The picture itself; a large one is subsampled by a whole factor."""
         return png(smaller(self.pixels))
 
     def _write(self, path: Path) -> list[Path]:
@@ -65,7 +65,7 @@ class LabelImage(Artifact):
 
 
 def faded(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """A copy of (H, W, 3) uint8 that is pale outside of a mask (H, W) bool."""
+    """A copy of (H, W, 3) uint8 that is pale outside a mask (H, W) bool."""
     pale = (pixels.astype(np.uint16) + 3 * 255) // 4
     return np.where(mask[..., None], pixels, pale).astype(np.uint8)
 
@@ -89,7 +89,7 @@ def png(pixels: np.ndarray) -> bytes:
 
 
 def opened(data: bytes, name: str) -> Any:
-    """The `PIL.Image` in the bytes of a texture that is called `name`; `rgb` decodes it.
+    """The `PIL.Image` in the bytes of a texture called `name`; `rgb` decodes it.
 
     Raises:
         ValueError: It is in none of the formats of `TEXTURES`, or too large.

@@ -1,4 +1,4 @@
-"""Numbers of a camera that every file format writes, whatever its lens."""
+"""Camera parameters common to all file formats, for any lens."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Model = Literal["pinhole", "brown_conrady", "kannala_brandt", "equirectangular"]
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """A camera as file formats know it; integer pixel centres, as in OpenCV and ROS.
+    """A camera in the terms of file formats; integer pixel centres, as in OpenCV and ROS.
 
     Args:
         model: Kind of lens.

@@ -1,4 +1,4 @@
-"""Which joints of a robot's MJCF carry a frame, and which lie beyond it: read from the text, without a simulator."""
+"""Joints of a robot's MJCF before and beyond a frame, read from the text without a simulator."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 
 
 def chain(model: Any, site: str, links: Mapping[str, str]) -> tuple[set[str], set[str]] | None:
-    """Joints on the way from the base to a site, and joints of the hand that it belongs to.
+    """Joints between the base and a site, and joints of the hand that the site belongs to.
 
-    The hand is everything below the first link of class `hand` on that way, or below the site's own link.
+    The hand consists of the descendants of the first link of class `hand` on that path, or of the site's own link.
 
     Args:
         model: Folder with `robot.xml`.
@@ -29,7 +29,7 @@ def chain(model: Any, site: str, links: Mapping[str, str]) -> tuple[set[str], se
 
 
 def _way(model: Any, site: str) -> list[ElementTree.Element] | None:
-    """Bodies from the base to the one with the site."""
+    """Bodies on the path from the base to the body of the site."""
     try:
         root = ElementTree.fromstring(model.files["robot.xml"])
     except (KeyError, ElementTree.ParseError, ValueError):

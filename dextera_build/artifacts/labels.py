@@ -10,13 +10,13 @@ from dextera_build.errors import ArtifactError
 _LONGEST, _LONGEST_PATH = 255, 2000
 """Maximum length of a file name and of a path on all common file systems [bytes]."""
 _ROOM = 55
-"""Length that exported files add to the label of a collection, with the node's name and a suffix [bytes]."""
+"""Length reserved for what exported files add to the label: the node's name and a suffix [bytes]."""
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
-"""Control characters, line separators and overrides of the text direction."""
+"""Control characters, line separators and text direction overrides."""
 
 
 def check_labels(kind: str, labels: Iterable[str]) -> None:
-    """Refuse labels of a collection that cannot be part of a file name.
+    """Raise for labels of a collection that cannot be part of a file name.
 
     Raises:
         ArtifactError: A label is invalid; the error names the label and the reason.
@@ -28,7 +28,7 @@ def check_labels(kind: str, labels: Iterable[str]) -> None:
 
 
 def check_paths(kind: str, paths: Iterable[str]) -> None:
-    """Refuse paths of a folder's files that cannot be written below one folder.
+    """Raise for paths of a folder's files that cannot be written below one folder.
 
     Raises:
         ArtifactError: A path is invalid; the error names the path and the reason.
@@ -45,7 +45,7 @@ def check_paths(kind: str, paths: Iterable[str]) -> None:
 
 
 def path_fault(path: str) -> str:
-    """Why a relative path cannot be written below a folder, or ""."""
+    """Reason why a relative path cannot be written below a folder, or ""."""
     found = next(filter(None, (_fault(part, _LONGEST) for part in path.split("/"))), "")
     return found or ("it is longer than 2,000 bytes" if len(path.encode()) > _LONGEST_PATH else "")
 

@@ -12,25 +12,25 @@ V = TypeVar("V")
 
 
 class Lazy(dict[str, V]):
-    """A dictionary that is read only and loads each value when it is asked for.
+    """A read-only dictionary that loads each value on access.
 
     Args:
-        sources: Key -> what `load` makes the value of.
+        sources: Key -> source from which `load` makes the value.
         load: Makes a value.
-        keep: Hold values that were loaded; otherwise they are loaded again with each use.
+        keep: Whether loaded values are cached; otherwise they are loaded at each access.
     """
 
     def __init__(self, sources: Mapping[str, Any], load: Callable[[Any], V], *, keep: bool) -> None:
-        super().__init__(sources)  # sources stand in for values until these are asked for
+        super().__init__(sources)  # sources are placeholders for values until these are accessed
         self._load, self._keep = load, keep
         self._loaded: dict[str, V] = {}
 
     def source(self, key: str) -> Any:
-        """What the value of a key is made of."""
+        """The source of a key's value."""
         return super().__getitem__(key)
 
     def __getitem__(self, key: str) -> V:
-        """The value, loaded now."""
+        """The value, loaded on access."""
         if key in self._loaded:
             return self._loaded[key]
         value = self._load(super().__getitem__(key))
@@ -94,12 +94,12 @@ class Lazy(dict[str, V]):
 
 
 def contents(sources: Mapping[str, Content]) -> Lazy[bytes]:
-    """Bytes by name, read from a file or a blob with each use."""
+    """Bytes by name, read from a file or a blob at each use."""
     return Lazy(sources, lambda content: content.read(), keep=False)
 
 
 def sizes(files: Mapping[str, bytes]) -> Iterator[int]:
-    """Sizes of files [bytes]; those that are not in memory are not read."""
+    """Sizes of files [bytes], without reading those that are not in memory."""
     for name in files:
         yield files.source(name).length() if isinstance(files, Lazy) else len(files[name])
 

@@ -72,7 +72,7 @@ class BrownConrady(Artifact):
         return _pixels(self, lenses.brown_conrady(np.where(inside, plane, np.nan), k))
 
     def unproject(self, pixels: np.ndarray) -> np.ndarray:
-        """Unit directions (N, 3) in the camera frame of pixels (N, 2); NaN where no direction falls."""
+        """Unit directions (N, 3) in the camera frame of pixels (N, 2); NaN outside the image of the lens."""
         plane = lenses.brown_conrady_inverse(_plane(self, pixels), self.coefficients())
         return lenses.directions(plane, np.arctan(np.hypot(*plane.T)))
 
@@ -94,7 +94,7 @@ class BrownConrady(Artifact):
 
 
 class KannalaBrandt(Artifact):
-    """A fisheye lens: OpenCV's fisheye model, which ROS calls `equidistant`; it may see behind itself."""
+    """A fisheye lens: OpenCV's fisheye model, `equidistant` in ROS; its field of view may exceed 180 degrees."""
 
     saves: ClassVar[tuple[str, ...]] = camera_files.SUFFIXES
 
@@ -133,7 +133,7 @@ class KannalaBrandt(Artifact):
         return _pixels(self, across * scale[:, None])
 
     def unproject(self, pixels: np.ndarray) -> np.ndarray:
-        """Unit directions (N, 3) in the camera frame of pixels (N, 2); NaN where no direction falls."""
+        """Unit directions (N, 3) in the camera frame of pixels (N, 2); NaN outside the image of the lens."""
         plane = _plane(self, pixels)
         return lenses.directions(plane, lenses.kannala_brandt_inverse(np.hypot(*plane.T), self.coefficients()))
 
@@ -196,7 +196,7 @@ Lens = Camera | BrownConrady | KannalaBrandt | Equirectangular
 
 
 class DepthNoise(Artifact):
-    """How a depth camera errs: noise that grows with depth, missing pixels, counts."""
+    """Errors of a depth camera: noise that grows with depth, missing pixels, quantisation."""
 
     constant_m: NonNegativeFloat = 0.0
     """Standard deviation at any depth [m]."""
@@ -237,7 +237,7 @@ def of(known: Intrinsics) -> Lens:
     """The lens with these numbers.
 
     Raises:
-        ArtifactError: They make no camera: a focal length is not above 0.
+        ArtifactError: They are no valid camera: a focal length is not above 0.
     """
     size = {"width": known.width, "height": known.height}
     if known.model == "equirectangular":
@@ -257,13 +257,13 @@ def load(path: str | Path) -> Lens:
     """Read a camera from a ROS camera_info (`.yaml`, `.yml`) or a COLMAP `cameras.txt` with one camera.
 
     Raises:
-        ArtifactError: The file is neither, or holds several cameras.
+        ArtifactError: The file is neither, or contains several cameras.
     """
     return of(camera_files.load(Path(path)))
 
 
 def _pixels(lens: BrownConrady | KannalaBrandt, plane: np.ndarray) -> np.ndarray:
-    """Pixels (N, 2) of places (N, 2) in focal lengths from the principal point."""
+    """Pixels (N, 2) of positions (N, 2) in focal lengths from the principal point."""
     return np.asarray(plane * [lens.fx, lens.fy] + [lens.cx, lens.cy])
 
 

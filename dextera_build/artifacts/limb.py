@@ -11,9 +11,9 @@ from dextera_build.artifacts import kinematic_tree
 from dextera_build.artifacts.value import Value
 
 Group = Literal["arm", "hand"]
-"""Morphology class of a link or joint; alignment weighs the two equally."""
+"""Morphology class of a link or joint; alignment weights the two equally."""
 ONLY = "arm"
-"""Name of the limb of a robot whose frames name no side."""
+"""Name of the limb of a robot whose frames have no side."""
 
 
 class RobotJoint(Value):
@@ -36,16 +36,16 @@ class RobotJoint(Value):
 
 
 class Grip(Value):
-    """A way to use the hand, as data: finger postures by joint, and directions of the hand in its frame `palm`."""
+    """A grip of the hand: finger postures by joint, and directions of the hand in its frame `palm`."""
 
     against: Literal["thumb", "palm", "nothing"]
     """The opposing side of the grip; `nothing`: the fingers push with their tips."""
     open: dict[str, float]
-    """Joint -> position at its widest [rad]; joints left out are at home."""
+    """Joint -> position when fully open [rad]; omitted joints are at home."""
     closed: dict[str, float] = Field(default_factory=dict)
-    """Joint -> position with nothing in the hand [rad]; joints left out stay as in `open`."""
+    """Joint -> position when closed without an object [rad]; omitted joints stay as in `open`."""
     facing: tuple[float, float, float] = (0.0, 0.0, -1.0)
-    """Unit direction out of the palm."""
+    """Unit direction normal to the palm, outwards."""
     pointing: tuple[float, float, float] = (1.0, 0.0, 0.0)
     """Unit direction along the straight fingers."""
     surface_m: float = 0.0
@@ -55,37 +55,37 @@ class Grip(Value):
 
 
 class Gripper(Value):
-    """A parallel gripper: one joint moves two fingertips apart."""
+    """A parallel gripper: one joint moves two opposing fingertips."""
 
     joint: str
     """Actuated joint; the other finger follows it."""
     open: float
-    """Its position at the widest opening [rad or m]."""
+    """Its position when fully open [rad or m]."""
     closed: float
-    """Its position with nothing between the fingers [rad or m]."""
+    """Its position when closed without an object [rad or m]."""
 
 
 class Limb(Value):
-    """An arm with its hand. A joint that carries several arms belongs to each of them."""
+    """An arm with its hand. A joint that moves several arms belongs to each of them."""
 
     arm: tuple[str, ...]
     """Actuated joints from the base to the palm, in the robot's order."""
     hand: tuple[str, ...]
     """Actuated joints of the hand, in the robot's order."""
     palm: str = ""
-    """Role of the palm among the robot's `frames`; empty: it has none."""
+    """Role of the palm among the robot's `frames`; empty if there is none."""
     tips: tuple[str, ...] = ()
     """Roles of the fingertips, in order; a parallel gripper has two."""
     tool: str = ""
-    """Role of the frame that carries the hand; empty: it has none."""
+    """Role of the frame that carries the hand; empty if there is none."""
     gripper: Gripper | None = None
-    """The parallel gripper that its hand is; None for a hand of fingers."""
+    """The parallel gripper of its hand; None for a hand with fingers."""
     grips: dict[str, Grip] = Field(default_factory=dict)
-    """Name -> a way to use the hand: `pinch`, `wrap`, `point`."""
+    """Name -> grip: `pinch`, `wrap`, `point`."""
 
     @property
     def thumb(self) -> str | None:
-        """Role of the fingertip that opposes the others: the thumb's, or the first of a parallel gripper's."""
+        """Role of the fingertip that opposes the others: the thumb's, or the first of a parallel gripper."""
         named = next((role for role in self.tips if role.endswith("tip_thumb")), None)
         return self.tips[0] if named is None and self.gripper is not None and self.tips else named
 
@@ -96,7 +96,7 @@ class Limb(Value):
 
 
 def limbs_of(fields: Mapping[str, Any]) -> dict[str, Limb]:
-    """The limbs of a robot by the roles of its frames: every `<limb>_palm` is one, else all joints are one.
+    """The limbs of a robot from the roles of its frames: one for every `<limb>_palm`, else one with all joints.
 
     Args:
         fields: `model`, `joints`, `links` and `frames` of a `RobotModel`.
@@ -111,13 +111,13 @@ def limbs_of(fields: Mapping[str, Any]) -> dict[str, Limb]:
 def limb_of(
     fields: Mapping[str, Any], prefix: str, *, palm: str = "", tips: tuple[str, ...] = (), tool: str = ""
 ) -> Limb:
-    """One limb of a robot, whose joints are those between the base and its palm, and below its hand.
+    """One limb of a robot, with the joints between the base and its palm, and below its hand.
 
     Args:
         fields: `model`, `joints`, `links` and `frames` of a `RobotModel`.
-        prefix: Begins the roles of its frames; empty for the only limb.
+        prefix: Prefix of the roles of its frames; empty for the only limb.
         palm: Role of the palm; empty: `palm` with the prefix, if there is one.
-        tips: Roles of the fingertips; empty: every role that begins with the prefix and `tip_`.
+        tips: Roles of the fingertips; empty: every role that starts with the prefix and `tip_`.
         tool: Role of the frame that carries the hand; empty: `flange` with the prefix, if there is one.
     """
     frames: Mapping[str, str] = fields.get("frames", {})
@@ -127,7 +127,7 @@ def limb_of(
     joints = [joint if isinstance(joint, RobotJoint) else RobotJoint(**joint) for joint in fields["joints"]]
     groups = {joint.name: joint.group for joint in joints}
     chain = kinematic_tree.chain(fields["model"], frames[palm], fields["links"]) if palm else None
-    if chain is None:  # no palm, or a description without bodies: by the names
+    if chain is None:  # no palm, or a description without bodies: use the names
         mine = {name for name in groups if name.startswith(prefix)}
         above, below = mine, mine
     else:

@@ -29,16 +29,17 @@ _Frame = tuple[np.ndarray, np.ndarray | None]
 
 
 class MaskTrack(Artifact):
-    """Which pixels of each frame of a video belong to which object ("masklets" of video object segmentation).
+    """The mask of each object in each frame of a video ("masklets" of video object segmentation).
 
-    An object that is not seen in a frame, because it is hidden, has left the picture or was lost, has no pixel there.
+    An object that is not visible in a frame, because it is hidden, outside the picture or lost, has an empty mask
+    there.
     """
 
     saves: ClassVar[tuple[str, ...]] = (".zip",)
 
     file: File
-    """ZIP archive of `00000.png`, `00001.png`, ..., one indexed PNG per frame as in DAVIS: index 0 is everything else,
-    index k is the k-th object. Frames are decoded when they are asked for."""
+    """ZIP archive of `00000.png`, `00001.png`, ..., one indexed PNG per frame as in DAVIS: index 0 is background,
+    index k is the k-th object. Frames are decoded on access."""
     names: tuple[str, ...] = Field(min_length=1, max_length=255)
     """Name of object 1, 2, ..."""
     width: PositiveInt
@@ -48,9 +49,9 @@ class MaskTrack(Artifact):
     stamps: Annotated[np.ndarray, Array("N", "float64", unit="s")]
     """Time of each frame, as in the video."""
     areas: Annotated[np.ndarray, Array("N K", "int32", unit="px")]
-    """Pixels of each object in each frame; 0 where it is not seen."""
+    """Pixels of each object in each frame; 0 where it is not visible."""
     scores: Annotated[np.ndarray, Array("N K", "float32")] | None = None
-    """How sure the method is that it sees the object, 0..1, if it says so."""
+    """Confidence of the method that the object is visible, 0..1; None if it has none."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -79,7 +80,7 @@ class MaskTrack(Artifact):
         Args:
             names: Name of label 1, 2, ...
             stamps: (N,) time of each frame [s].
-            frames: Of each frame, labels (H, W) uint8 and scores (K,), or None if the method gives no scores.
+            frames: For each frame, labels (H, W) uint8 and scores (K,), or None if the method has no scores.
 
         Raises:
             ArtifactError: There are more or fewer frames than stamps, of different sizes, or with unnamed labels.
@@ -116,7 +117,7 @@ class MaskTrack(Artifact):
 
     @property
     def seen(self) -> np.ndarray:
-        """Whether each object is seen in each frame, (N, K) bool."""
+        """Whether each object is visible in each frame, (N, K) bool."""
         return self.areas > 0
 
     def labels(self, number: int) -> np.ndarray:
@@ -141,7 +142,7 @@ class MaskTrack(Artifact):
                 raise unreadable("masks.zip", _FORM, error) from None
 
     def facts(self) -> Iterator[str]:
-        """Size, number of frames, duration, and in how many frames each object is seen."""
+        """Size, number of frames, duration, and number of frames in which each object is visible."""
         yield f"{self.width} x {self.height} px"
         yield f"{len(self.stamps):,} frames"
         yield f"{self.stamps[-1] - self.stamps[0]:.2f} s"
@@ -167,7 +168,7 @@ class MaskTrack(Artifact):
 
     @classmethod
     def load(cls, path: str | Path, stamps: np.ndarray | None = None) -> MaskTrack:
-        """Read an archive that `save` wrote, or another one of indexed PNGs whose names are in order of time.
+        """Read an archive written by `save`, or another one of indexed PNGs whose names are sorted by time.
 
         Args:
             path: The `.zip` file.
@@ -208,7 +209,7 @@ def _member(number: int) -> str:
 
 
 def _areas(labels: np.ndarray, most: int) -> np.ndarray | None:
-    """Pixels of label 1, 2, ..., `most`; None if the map is not (H, W) uint8 or holds others."""
+    """Pixels of label 1, 2, ..., `most`; None if the map is not (H, W) uint8 or has other labels."""
     if labels.dtype != np.uint8 or labels.ndim != 2 or labels.max(initial=0) > most:
         return None
     return np.bincount(labels.reshape(-1), minlength=most + 1)[1:]

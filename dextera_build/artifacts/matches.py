@@ -1,4 +1,4 @@
-"""Points of two pictures that show the same places."""
+"""Corresponding points of two pictures."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from dextera_build.artifacts.base import Array, Artifact
 
 
 class Matches(Artifact):
-    """Points of two pictures that show the same places, one pair per row, best first."""
+    """Corresponding points of two pictures, one pair per row, best first."""
 
     first: Annotated[np.ndarray, Array("N 2", "float64", unit="px")]
     """Column and row in the first picture, integer pixel centres."""
     second: Annotated[np.ndarray, Array("N 2", "float64", unit="px")]
     """Column and row in the second picture, integer pixel centres."""
     confidence: Annotated[np.ndarray, Array("N", "float32")]
-    """0 to 1, decreasing; its meaning is that of the method."""
+    """0 to 1, decreasing; its meaning depends on the method."""
     method: str
-    """What found and compared the points."""
+    """Detector and matcher."""
 
     def facts(self) -> Iterator[str]:
         """Number of pairs, and the method."""

@@ -1,6 +1,6 @@
 """The docstrings of fields, read from the source on demand.
 
-Pydantic can read them when a class is made, but that would slow down processes that run rules and never need them.
+Pydantic can read them when a class is created, but that would slow down processes that run rules and never need them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Limits on the parts of a mesh file, counted while they are read."""
+"""Limits on the parts of a mesh file, checked while they are read."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dextera_build.geometry.baking import LARGEST_PX, Part
 
 
 def few(parts: Iterable[Part], path: str | Path) -> Iterator[Part]:
-    """The same parts of a mesh file.
+    """The unchanged parts of a mesh file, within the limits.
 
     Raises:
         ArtifactError: They have too many triangles, vertices or texels together.

@@ -21,13 +21,13 @@ LOADS = (".glb", ".obj", ".ply", ".stl", ".usda", ".usdc", ".usd", ".usdz")
 """Suffixes of files that `load` reads."""
 _USD = (".usda", ".usdc", ".usd", ".usdz")
 _SPLIT = (".glb", ".obj", ".stl")
-"""Formats with one vertex per place and texture coordinate, or per face."""
+"""Formats that duplicate vertices by texture coordinate or face."""
 _UP = {
     "x": np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]),
     "y": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
     "z": np.eye(3),
 }
-"""Axis that is up in a file -> rotation to z up."""
+"""Up axis of a file -> rotation to z up."""
 _MAP_OPTIONS = re.compile(r"^(?:-(?:[ost](?:\s+[-+.\deE]+){1,3}|mm\s+\S+\s+\S+|[a-zA-Z]+\s+\S+)\s+)+")
 """Options of a `map_Kd` before the name of the picture."""
 
@@ -41,17 +41,17 @@ def load(
 ) -> Mesh:
     """Read all triangles of a file as one mesh with one texture.
 
-    Several materials become one texture, colours of vertices or faces too. Normals, opacity and maps other than the
-    colour are left out. Vertices at one place become one where the format splits them (GLB, OBJ, STL).
+    Several materials, and colours of vertices or faces, are baked into one texture. Normals, opacity and maps other
+    than the colour are ignored. Coincident vertices are merged if the format duplicates them (GLB, OBJ, STL).
 
     Args:
-        path: One of `LOADS`; files that it names are found beside it.
-        metres_per_unit: Length of a unit of the file [m]; for USD of a metre, because a stage says its unit.
-        up: Axis of the file that points up; None: y for GLB, for USD as the stage says, z for the others.
-        within: Folder that holds all files that it names; None: its own folder.
+        path: One of `LOADS`; files that it names are searched next to it.
+        metres_per_unit: Length of a unit of the file [m]; for USD, of a metre, because a stage states its unit.
+        up: Up axis of the file; None: y for GLB, as stated in a USD stage, z for the others.
+        within: Folder with all files that it names; None: its own folder.
 
     Raises:
-        ArtifactError: The file, or one that it names, is missing, damaged or outside of `within`, or it holds no
+        ArtifactError: The file, or one that it names, is missing, damaged or outside of `within`, or it has no
             triangles or more than `bounds.MOST_TRIANGLES`.
     """
     path = Path(path)
@@ -87,9 +87,9 @@ def load(
 
 
 def write(mesh: Mesh, path: Path) -> list[Path]:
-    """Write GLB (texture inside), PLY (colours of vertices), STL (geometry alone) or USD, binary; metres.
+    """Write GLB (embedded texture), PLY (vertex colours), STL (geometry only) or USD, binary; metres.
 
-    GLB is turned to y up by its root node, as the format demands; the others have z up.
+    GLB is rotated to y up by its root node, as the format requires; the others have z up.
     """
     suffix = path.suffix.lower()
     if suffix in _USD:
@@ -149,7 +149,7 @@ def _vertex_colours(mesh: Mesh) -> np.ndarray:
 
 
 def _merged(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Different rows in the order in which they first come, and the number of each old row among them."""
+    """Distinct rows in order of first occurrence, and the index of each original row among them."""
     _, first, index = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty_like(order)
@@ -158,7 +158,7 @@ def _merged(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _parts(path: Path, suffix: str, folder: Path) -> Iterator[Part]:
-    """Every mesh of a file that trimesh reads, placed in the scene."""
+    """All meshes of a file that trimesh reads, placed in the scene."""
     import trimesh
 
     if suffix == ".obj":
@@ -167,7 +167,7 @@ def _parts(path: Path, suffix: str, folder: Path) -> Iterator[Part]:
     try:
         with path.open("rb") as file:
             scene = trimesh.load_scene(file, file_type=suffix[1:], resolver=beside, process=False)
-    except Exception as error:  # its parsers raise whatever a damaged file leads them to
+    except Exception as error:  # its parsers raise any exception on damaged files
         raise beside.fault or ValueError(str(error) or type(error).__name__) from None
     if beside.fault is not None:
         raise beside.fault
@@ -212,12 +212,12 @@ def _material(material: Any) -> tuple[np.ndarray | None, tuple[float, float, flo
 
 
 class _Beside:
-    """Files that a mesh names, for trimesh, which leaves out without a word what it does not get.
+    """Files that a mesh names, for trimesh, which silently ignores missing ones.
 
     Args:
         path: The mesh.
-        folder: Folder that holds all files.
-        buffers: Names that are no pictures.
+        folder: Folder with all files.
+        buffers: Names that are not pictures.
     """
 
     def __init__(self, path: Path, folder: Path, buffers: Collection[str]) -> None:
@@ -243,7 +243,7 @@ class _Beside:
 
 
 def _check_libraries(path: Path) -> None:
-    """Refuse an OBJ with several material libraries, of which its parser would read the first alone."""
+    """Raise for an OBJ with several material libraries, of which its parser would read only the first."""
     names = set(re.findall(r"^mtllib[ \t]+(.+?)\s*$", path.read_text("utf-8", errors="replace"), re.MULTILINE))
     if len(names) > 1:
         raise ValueError(f"it names {len(names)} material libraries, and one is read: {listing(names)}")

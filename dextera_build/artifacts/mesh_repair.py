@@ -1,4 +1,4 @@
-"""Repair of meshes that come from elsewhere, with a report of what changed."""
+"""Repair of meshes from other programs, with a report of the changes."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from dextera_build.geometry.repair import Triangles
 
 
 class Repair(Value):
-    """What a repair changed, and what it reached."""
+    """Changes and result of a repair."""
 
     method: Literal["manifold", "meshlab"]
-    """`manifold`: own repairs, judged by manifold3d. `meshlab`: filters of PyMeshLab first."""
+    """`manifold`: own repairs, validated by manifold3d. `meshlab`: filters of PyMeshLab first."""
     changes: dict[str, int]
-    """What was changed -> how often; nothing that did not happen."""
+    """Kind of change -> count, if above 0."""
     open_edges_before: int
-    """Edges that were not shared by exactly two faces in opposite directions, vertices at one place as one."""
+    """Edges not shared by exactly two faces in opposite directions, with coincident vertices merged."""
     open_edges: int
     """The same afterwards."""
     is_solid: bool
-    """Whether manifold3d accepts the result as a solid, as booleans and exact volumes need it."""
+    """Whether manifold3d accepts the result as a solid, as required for booleans and exact volumes."""
     volume_m3: float | None
-    """Volume of the solid [m^3]; None if it is none."""
+    """Volume of the solid [m^3]; None if it is not a solid."""
 
     def __str__(self) -> str:
         """`12 vertices welded, 1 holes filled, 2 faces added; closed, 1.2e-03 m^3`."""
@@ -43,23 +43,23 @@ def repaired(
     weld_m: float = 1e-6,
     longest_hole: int = 1000,
 ) -> tuple[Mesh, Repair]:
-    """A mesh that is closed if possible, with the old texture; faces that fill holes take the colour at their border.
+    """A mesh that is closed if possible, with the old texture; faces that fill holes have the colour at their border.
 
     Args:
         mesh: Any mesh.
-        method: `meshlab` also takes edges apart where more than two faces meet; it needs the extra `repair`.
-        weld_m: Vertices at most this far apart become one [m].
-        longest_hole: Holes with at most so many edges are filled.
+        method: `meshlab` also splits edges at which more than two faces meet; it needs the extra `repair`.
+        weld_m: Vertices at most this far apart are merged [m].
+        longest_hole: Maximum number of edges of a hole that is filled.
 
     Raises:
-        MachineError: PyMeshLab is asked for and not installed.
+        MachineError: PyMeshLab is requested and not installed.
     """
     counts: dict[str, int] = {}
     given, uv = mesh.faces, mesh.uv
     vertices = mesh.vertices.astype(np.float64)
     if method == "meshlab":
         vertices, given, uv, counts = _filtered(mesh, weld_m, longest_hole)
-    # MeshLab takes vertices apart on purpose.
+    # MeshLab splits vertices on purpose.
     made = repair.repaired(vertices, given, None if method == "meshlab" else weld_m, longest_hole)
     new = Mesh(
         vertices=made.vertices.astype(np.float32),
@@ -82,7 +82,7 @@ def repaired(
 
 
 def _at_one_place(mesh: Mesh) -> np.ndarray:
-    """Faces with vertices at one place as one."""
+    """Faces with coincident vertices merged."""
     return np.asarray(np.unique(mesh.vertices, axis=0, return_inverse=True)[1].reshape(-1)[mesh.faces])
 
 
@@ -101,7 +101,7 @@ def _coordinates(made: Triangles, uv: np.ndarray) -> np.ndarray:
 def _volume(mesh: Mesh) -> float | None:
     import manifold3d
 
-    # It takes arrays that may be written to only.
+    # It accepts only writable arrays.
     data = manifold3d.Mesh(mesh.vertices.copy(), mesh.faces.astype(np.uint32))
     solid = manifold3d.Manifold(data)
     if solid.status() != manifold3d.Error.NoError or solid.is_empty():

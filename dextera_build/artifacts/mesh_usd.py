@@ -78,7 +78,7 @@ def add_surface_material(
 
 
 def write(mesh: Mesh, path: Path) -> list[Path]:
-    """Write a stage with z up, in metres, its default prim the mesh, and its texture beside it as `STEM.png`."""
+    """Write a stage with z up, in metres, its default prim the mesh, and its texture next to it as `STEM.png`."""
     from pxr import Usd, UsdGeom
 
     path.unlink(missing_ok=True)
@@ -97,11 +97,11 @@ def write(mesh: Mesh, path: Path) -> list[Path]:
 
 
 def parts(path: Path, folder: Path) -> tuple[Iterator[Part], float, str]:
-    """Every mesh of a stage in stage coordinates, as triangles; metres per unit; the axis that is up, `y` or `z`.
+    """Every mesh of a stage in stage coordinates, as triangles; metres per unit; the up axis, `y` or `z`.
 
     Args:
         path: The file.
-        folder: Folder that holds all layers and textures that it names.
+        folder: Folder with all layers and textures that it names.
 
     Raises:
         ValueError: The file is no stage, a face has fewer than three corners, or a layer or texture is missing.
@@ -160,7 +160,7 @@ def _parts(mesh: Any, placed: np.ndarray, path: Path, folder: Path) -> Iterator[
 
 
 def _fans(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Places (T, 3) in the list of corners of each polygon's triangles, and the polygon (T,) that each is part of."""
+    """Indices (T, 3) into the list of corners of each polygon's triangles, and the polygon (T,) of each triangle."""
     starts = np.cumsum(counts) - counts
     owner = np.repeat(np.arange(len(counts)), counts - 2)
     step = np.arange(len(owner)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
@@ -207,7 +207,7 @@ def _look(prim: Any, path: Path, folder: Path) -> tuple[tuple[float, float, floa
 
 
 def _picture(asset: Any, path: Path, folder: Path) -> np.ndarray:
-    """Pixels of a texture, also of one inside a `.usdz`."""
+    """Pixels of a texture, which may be inside a `.usdz`."""
     from pxr import Ar
 
     if asset.resolvedPath:

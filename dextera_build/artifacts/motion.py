@@ -1,4 +1,4 @@
-"""By how much a pose moved between two stored values, with the interval that their covariances give."""
+"""Motion of a pose between two stored values, with the interval that follows from their covariances."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from dextera_build.artifacts.pose import Pose, Similarity
 from dextera_build.geometry import transforms
 
 KINDS: Mapping[str, type[Pose] | type[Similarity]] = {"Pose": Pose, "Similarity": Similarity}
-"""Name of an artifact that is a pose -> its type."""
+"""Name of an artifact type that is a pose -> the type."""
 TWO_SIDED = 1.96
-"""Standard deviations of a normal distribution that hold 95 %."""
+"""Two-sided 95 % quantile of the normal distribution, in standard deviations."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """From one value of T_parent_child to another."""
+    """Motion between two values of T_parent_child."""
 
     frames: str
     """`T_parent_child`."""
@@ -29,7 +29,7 @@ class Motion:
     angle_deg: float
     """Angle between its orientations [deg]."""
     distance_interval_m: tuple[float, float] | None
-    """95 % interval, both values taken as independent [m]; None if neither states its covariance."""
+    """95 % interval, assuming independent values [m]; None if neither states its covariance."""
     angle_interval_deg: tuple[float, float] | None
     """The same for the angle [deg]."""
 
@@ -73,7 +73,7 @@ def _along(direction: np.ndarray, covariance: np.ndarray) -> float:
 
 
 def _axis(turn: np.ndarray) -> np.ndarray:
-    """A vector (3,) along the axis of a rotation; of a half turn its sine is 0 and so is the vector."""
+    """A vector (3,) along the axis of a rotation; it vanishes for half a turn, as its sine does."""
     return np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
 
 

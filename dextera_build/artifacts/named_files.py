@@ -1,4 +1,4 @@
-"""Files that a file names, such as textures and layers: found beside it, and never outside the folder of the input."""
+"""Files that a file names, such as textures and layers: next to it, and never outside the folder of the input."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ def found(name: str, beside: Path, folder: Path) -> Path:
     """The file that another one names.
 
     Args:
-        name: Path relative to `beside`, or an absolute one; backslashes count as `/`.
-        beside: The file that holds the name.
-        folder: Folder that holds the whole input.
+        name: Path relative to `beside`, or an absolute one; backslashes are treated as `/`.
+        beside: The file that contains the name.
+        folder: Folder of the whole input.
 
     Raises:
-        ValueError: The file is missing, or lies outside of `folder`, by its path or through a link.
+        ValueError: The file is missing, or outside of `folder`, by its path or through a link.
     """
     place = os.path.realpath(beside.parent / name.replace("\\", "/"))
     if not Path(place).is_relative_to(os.path.realpath(folder)):

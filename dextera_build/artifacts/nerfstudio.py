@@ -32,9 +32,9 @@ class Frame:
 
     Args:
         path: Its file, relative to the JSON file.
-        lens: Its camera; None: nothing but the size of the picture says it (`camera_angle_x`).
+        lens: Its camera; None: it follows from the size of the picture and `angle_x` (`camera_angle_x`).
         pose: T_world_camera, (4, 4), OpenCV axes.
-        angle_x: Horizontal field of view [rad], if nothing else is known of the camera.
+        angle_x: Horizontal field of view [rad], if the camera has no other parameters.
     """
 
     path: str
@@ -139,7 +139,7 @@ def _model(frame: Frame) -> str:
 def _lens_fields(lens: Intrinsics) -> dict[str, object]:
     size = {"w": lens.width, "h": lens.height}
     if lens.model == "equirectangular":
-        # nerfstudio reads a focal length and does not use it.
+        # nerfstudio requires a focal length, but does not use it.
         return {**size, "fl_x": lens.width / 2, "fl_y": lens.height, "cx": lens.width / 2, "cy": lens.height / 2}
     names = _NAMES[lens.model][1]
     if any(lens.coefficients[len(names) :]):

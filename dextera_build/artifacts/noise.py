@@ -1,4 +1,4 @@
-"""Errors of an RGB-D camera as numbers: what a sensor of a reference world does to ideal pictures."""
+"""Parameters of the simulated errors of an RGB-D camera."""
 
 from __future__ import annotations
 

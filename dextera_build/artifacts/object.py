@@ -1,4 +1,4 @@
-"""One object on its way from pixels to a simulation-ready asset."""
+"""An object and its derived data, from pixels to a simulation-ready asset."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from dextera_build.geometry import kinematics, transforms
 from dextera_build.geometry.thumbnail import thumbnail
 
 AssetSource: TypeAlias = Literal["rgb", "rgbd"]
-"""What an asset was made from: the photograph alone, as in the paper, or with the help of measured depth."""
+"""Source of an asset: the photograph alone, as in the paper, or with measured depth."""
 
 
 ScaleSource: TypeAlias = Literal["depth", "marker", "robot", "size", "unknown"]
-"""What tells the length of a metre: measured depth, a marker, the robot's calibration, a stated size, or nothing."""
+"""Source of the metric scale: measured depth, a marker, the robot's calibration, a stated size, or none."""
 
 
 class JointHint(Value):
-    """What somebody says of a joint; pixels are those of the whole photograph."""
+    """A stated joint; pixels are those of the whole photograph."""
 
     type: Literal["revolute", "prismatic"]
     """Kind of motion."""
     part_px: tuple[int, int, int, int]
-    """left, top, right, bottom of the flat front of the part that moves [px], right and bottom excluded."""
+    """left, top, right, bottom of the flat front of the moving part [px], right and bottom excluded."""
     axis_px: tuple[tuple[float, float], tuple[float, float]] | None = None
-    """Two pixels on the axis; positive motion follows the right-hand rule from the first to the second, or leads from
-    the first to the second. None for a slide: out of the front."""
+    """Two pixels on the axis; positive motion follows the right-hand rule from the first to the second, or is
+    directed from the first to the second. None for a slide out of the front."""
     range: tuple[float, float] | None = None
     """Lower and upper limit [rad or m]."""
     position: float = 0.0
@@ -40,12 +40,12 @@ class JointHint(Value):
 
 
 class Element(Value):
-    """One thing that parsing found in the photograph."""
+    """One element of the photograph, found by parsing."""
 
     name: str
-    """Unique, lower case, words joined by `_`: the label of everything made from it."""
+    """Unique name, lower case, words joined by `_`; the label of everything made from it."""
     category: str
-    """Kind of thing: `box`, `cylinder`, `bowl`, `mug`, `laptop`, `support`, `robot`, `room`, `object`."""
+    """Category: `box`, `cylinder`, `bowl`, `mug`, `laptop`, `support`, `robot`, `room`, `object`."""
     phrase: str
     """A short noun phrase for grounding: `blue mug`."""
     body_type: Literal["rigid", "articulated"] = "rigid"
@@ -57,9 +57,9 @@ class Element(Value):
     material: str = "plastic"
     """Key of the material table."""
     material_confidence: float | None = None
-    """Probability that it is this material: 1 if somebody stated it; None if the proposer does not tell."""
+    """Probability that it is this material: 1 if stated by the user; None if the proposer has no estimate."""
     joints: tuple[JointHint, ...] = ()
-    """Joints that somebody stated."""
+    """Joints stated by the user."""
 
 
 class Elements(Artifact):
@@ -73,14 +73,14 @@ class Elements(Artifact):
     source: str
     """`proposed` or `scene.yaml`."""
     asset_source: AssetSource = "rgb"
-    """What the elements were found in."""
+    """Data from which the elements were proposed."""
 
 
 class Support(Artifact):
     """The plane that objects stand on, and the metric world frame that it defines.
 
-    World: origin on the plane at the middle of the seen support, z along the plane's normal (up), x the camera's
-    right projected onto the plane, y = z cross x (away from the camera).
+    World: origin on the plane at the centre of the visible support, z along the plane's normal (up), x the camera's
+        right projected onto the plane, y = z cross x (away from the camera).
     """
 
     type_version: ClassVar[int] = 3
@@ -92,13 +92,13 @@ class Support(Artifact):
     camera_pose: Annotated[Pose, Frames("world", "camera")]
     """T_world_camera, camera in OpenCV axes."""
     polygon: Annotated[np.ndarray, Array("P 2", "float64", unit="m", frame="world")]
-    """Convex outline of the seen support, counter-clockwise."""
+    """Convex outline of the visible support, counter-clockwise."""
     residual_m: float | None = None
     """Root mean square distance of the inliers to the plane [m]; None without depth."""
     inlier_fraction: float | None = None
     """Fraction of the valid depth pixels that are on the plane; None without depth."""
     scale: ScaleSource = "depth"
-    """Where the unit of length comes from. `unknown`: the camera is one unit above the support, whatever that is."""
+    """Source of the unit of length. `unknown`: the camera is one unit above the support, of unknown length."""
     factor: float = 1.0
     """Length in this world per length in the world that objects were placed in."""
 
@@ -111,13 +111,13 @@ class Rival(Value):
     volume_ratio: float
     """Its volume over that of the best one."""
     hollow: bool
-    """Whether it has a cavity, so that its volume is that of walls."""
+    """Whether it has a cavity, so that its volume is that of its walls."""
     gap: float
-    """Score of the best one minus its score."""
+    """Score of the best one minus its own."""
 
 
 class Certainty(Value):
-    """How far the photograph determines a shape."""
+    """Uncertainty of a shape."""
 
     unseen_fraction: float
     """See `Shape.unseen_fraction`."""
@@ -132,7 +132,7 @@ class Certainty(Value):
 
 
 class Shape(Artifact):
-    """A closed, textured mesh of one object, and how well it explains the photograph."""
+    """A closed, textured mesh of one object, with its agreement with the photograph."""
 
     type_version: ClassVar[int] = 3
     readers: ClassVar[former.Readers] = {
@@ -141,37 +141,37 @@ class Shape(Artifact):
     }
 
     mesh: Mesh
-    """Closed, in the object frame: origin at the middle of the base, z up in its resting pose."""
+    """Closed, in the object frame: origin at the centre of the base, z up in its resting pose."""
     walls: tuple[Hull, ...] = ()
-    """Exact convex pieces if the hypothesis knows them (walls of a hollow body), object frame; else empty."""
+    """Exact convex pieces if known to the hypothesis (walls of a hollow body), object frame; else empty."""
     pose: Annotated[Pose, Frames("world", "object")] | None = None
-    """First guess of T_world_object, which `align.object` refines; None if nothing was measured. Its covariance is what
-    unknown parameters of the shape do to the object frame."""
+    """Initial T_world_object, which `align.object` refines; None without measurements. Its covariance is that of the
+    object frame due to unknown parameters of the shape."""
     hypothesis: str
     """The best hypothesis: `box`, `cylinder`, `revolved`, `extruded`, `mirrored`, ..."""
     hollow: bool
-    """Whether the mesh has a cavity that is open upwards."""
+    """Whether the mesh has a cavity that is open at the top."""
     residual_m: float | None = None
     """Median absolute depth difference between render and view on their common pixels [m]; None without depth."""
     mask_iou: float
-    """Intersection over union of the rendered and the seen mask (occluded pixels left out)."""
+    """Intersection over union of the rendered and the seen mask (without occluded pixels)."""
     unseen_fraction: float
     """Fraction of the surface area that the camera did not see."""
     scores: dict[str, float]
     """Hypothesis -> render score, higher is better."""
     unobserved: tuple[str, ...] = ()
-    """Sizes that the view does not determine and that were guessed: `x`, `y` or `z` of the mesh."""
+    """Sizes that the view does not determine, so that they are guesses: `x`, `y` or `z` of the mesh."""
     size_sigma: float | None = None
-    """Standard deviation of the log of its size if the hypothesis is right; None if the backend does not tell it."""
+    """Standard deviation of the log of its size, given the hypothesis; None if the backend states none."""
     volume_sigma: float | None = None
-    """Standard deviation of its log volume if the hypothesis is right; None if the backend does not tell it."""
+    """Standard deviation of its log volume, given the hypothesis; None if the backend states none."""
     rival: Rival | None = None
     """The second-best hypothesis; None if there is only one."""
     asset_source: AssetSource = "rgb"
-    """What the mesh was made from."""
+    """Source of the mesh."""
 
     def certainty(self) -> Certainty:
-        """What bodies made of it keep."""
+        """The uncertainty, which bodies made from the shape keep."""
         return Certainty(**{name: getattr(self, name) for name in Certainty.model_fields})
 
 
@@ -185,7 +185,7 @@ class Joint(Value):
     parent: str
     """Link nearer to the root."""
     child: str
-    """Link that moves."""
+    """Moving link."""
     origin: tuple[float, float, float]
     """A point on the axis [m]."""
     axis: tuple[float, float, float]
@@ -197,13 +197,15 @@ class Joint(Value):
     position: float
     """Position in the photograph [rad or m]."""
     lower_range: tuple[float, float] | None = None
-    """Interval that holds the lower stop [rad or m]: from free of contact to seen; None if not told."""
+    """Interval that contains the lower limit [rad or m]: from the collision-free to the observed position; None if
+    not stated."""
     upper_range: tuple[float, float] | None = None
-    """Interval that holds the upper stop [rad or m]: from seen to free of contact; None if not told."""
+    """Interval that contains the upper limit [rad or m]: from the observed to the collision-free position; None if
+    not stated."""
     axis_sigma_rad: float | None = None
-    """Standard deviation of the axis' direction [rad]; None if not told."""
+    """Standard deviation of the axis' direction [rad]; None if not stated."""
     origin_sigma_m: float | None = None
-    """Standard deviation of the axis' place [m]; None if not told."""
+    """Standard deviation of the axis' position [m]; None if not stated."""
 
 
 class Link(Artifact):
@@ -234,13 +236,13 @@ class Body(Artifact):
     hollow: bool = False
     """See `Shape.hollow`."""
     asset_source: AssetSource = "rgb"
-    """What links and joints were made from."""
+    """Source of links and joints."""
     certainty: Certainty | None = None
-    """How far the photograph determines the shape; None if that is unknown."""
+    """Uncertainty of the shape; None if unknown."""
 
     @property
     def residual_m(self) -> float | None:
-        """Median distance of the measured depth from the shape [m]; None if that is unknown."""
+        """Median distance of the measured depth from the shape [m]; None if unknown."""
         return None if self.certainty is None else self.certainty.residual_m
 
     def picture(self) -> bytes:
@@ -252,7 +254,7 @@ class Body(Artifact):
 
 
 class Inertial(Value):
-    """Mass properties of one link with their uncertainty; per-link frame is the object frame at joints 0."""
+    """Mass properties of one link with their uncertainty; the link frame is the object frame at joint positions 0."""
 
     mass_kg: float
     """Best estimate [kg]."""
@@ -285,11 +287,11 @@ class Physics(Artifact):
     restitution_sigma: float = 0.1
     """Standard deviation of `restitution`."""
     stiffness_n_m: float | None = None
-    """Stiffness of its surface in an impact [N/m]; None: that of a hard thing."""
+    """Contact stiffness of its surface [N/m]; None: that of a hard object."""
     material: str
     """Key of the material table."""
     weighed: bool = False
-    """Whether the masses are weighed, so that scaling leaves them as they are, or follow from a density."""
+    """Whether the masses are weighed and thus independent of the scale, or follow from a density."""
 
 
 class Pieces(Artifact):
@@ -301,20 +303,21 @@ class Pieces(Artifact):
     hulls: tuple[Hull, ...]
     """At least one."""
     method: str
-    """`walls`, `hull`, `wedges` (cut across the vertical: a container, or what CoACD takes too long for), `coacd`."""
+    """`walls`, `hull`, `wedges` (cuts about the vertical: a container, or a link that exceeds CoACD's time limit),
+    `coacd`."""
     cavity_fill: float | None = None
-    """Fraction of the cavity's volume that the pieces fill wrongly; None without a cavity."""
+    """Fraction of the cavity's volume that the pieces fill; None without a cavity."""
     excess: float | None = None
-    """Volume of the pieces together outside the link, over the link's volume; None if it was not measured."""
+    """Volume of the union of the pieces outside the link, relative to the link's volume; None if not measured."""
     lacking: float | None = None
-    """Volume of the link outside the pieces, over the link's volume; None if it was not measured."""
+    """Volume of the link outside the pieces, relative to the link's volume; None if not measured."""
 
 
 class Collision(Artifact):
     """Collision geometry of a body."""
 
     links: dict[str, Pieces]
-    """Link -> pieces, object frame at joints 0."""
+    """Link -> pieces, object frame at joint positions 0."""
 
 
 class Placement(Artifact):
@@ -328,11 +331,11 @@ class Placement(Artifact):
     }
 
     pose: Annotated[Pose, Frames("world", "object")]
-    """T_world_object of the scaled body (root link); without a covariance if the method does not tell it."""
+    """T_world_object of the scaled body (root link); without a covariance if the method states none."""
     scale: float
     """Uniform factor from the mesh's units to metres."""
     scale_sigma: float | None = None
-    """Standard deviation of the logarithm of `scale`; None if the method does not tell it."""
+    """Standard deviation of the logarithm of `scale`; None if the method states none."""
     residual_m: float | None = None
     """Trimmed mean distance of the seen points to the placed surface [m]; None without depth."""
     overlap: float | None = None
@@ -340,10 +343,10 @@ class Placement(Artifact):
     method: str
     """Method that found it."""
     ambiguous: bool = False
-    """True if the rotation is undetermined: by the shape's symmetry, by another placement that explains the view alike,
-    or because none explains it well."""
+    """Whether the rotation is undetermined: because of the shape's symmetry, of another equally good placement, or
+    because no placement fits well."""
     asset_source: AssetSource = "rgb"
-    """What the placed body was made from; the placement itself may use every measurement."""
+    """Source of the placed body; the placement itself may use all measurements."""
 
 
 class Asset(Artifact):
@@ -359,7 +362,7 @@ class Asset(Artifact):
     body: Body
     """Links and joints, scaled."""
     physics: Physics
-    """Masses and contact, of the scaled body."""
+    """Masses and contact properties of the scaled body."""
     collision: Collision
     """Convex pieces, scaled."""
     pose: Annotated[Pose, Frames("world", "object")]
@@ -367,8 +370,8 @@ class Asset(Artifact):
     category: str
     """See `Element.category`."""
     asset_source: AssetSource = "rgb"
-    """What the asset was made from."""
+    """Source of the asset."""
     scale: ScaleSource = "depth"
-    """See `Support.scale`; if it is `unknown`, lengths and masses are those of no real object."""
+    """See `Support.scale`; if it is `unknown`, lengths and masses are not metric."""
     scale_sigma: float | None = None
-    """Standard deviation of the log of all lengths; None if the placement does not tell it."""
+    """Standard deviation of the log of all lengths; None if the placement states none."""

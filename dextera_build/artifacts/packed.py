@@ -14,11 +14,11 @@ from dextera_build.errors import ArtifactError
 A = TypeVar("A", bound=Artifact)
 
 ROOT = "artifact"
-"""Member that holds the digest of the header; every other member is a blob named by its digest."""
+"""Member with the digest of the header; every other member is a blob named by its digest."""
 DAY = (1980, 1, 1, 0, 0, 0)
 """Date of every member, so that equal artifacts give equal bytes."""
 _MOST = 1 << 30
-"""Largest unpacked artifact [bytes]: a small file from an untrusted source could otherwise fill the memory."""
+"""Maximum size of an unpacked artifact [bytes], because a small untrusted file could otherwise fill the memory."""
 _UNREADABLE = (
     zipfile.BadZipFile,
     KeyError,
@@ -48,10 +48,10 @@ def pack(artifact: Artifact) -> bytes:
 
 
 def unpack(kind: type[A], data: bytes) -> A:
-    """The artifact in a file that `pack` wrote.
+    """The artifact in a file written by `pack`.
 
     Raises:
-        ArtifactError: The file is damaged, holds another type, or unpacks to more than 1 GiB.
+        ArtifactError: The file is damaged, has another type, or unpacks to more than 1 GiB.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:

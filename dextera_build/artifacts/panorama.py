@@ -1,4 +1,4 @@
-"""Pictures of all directions around one place, as `transforms.json` with a mask."""
+"""Panoramas in all directions around one point, as `transforms.json` with a mask."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from dextera_build.artifacts.views import Views, encoded
 from dextera_build.errors import ArtifactError
 
 _MASK = "mask_path"
-"""Field of nerfstudio's frames: a picture of one channel, black where the picture shows nothing."""
+"""Field of nerfstudio's frames: a single-channel picture, black at invalid pixels."""
 
 
 class Panorama(Artifact):
-    """A picture of all directions around one place."""
+    """A panorama in all directions around one point."""
 
     saves: ClassVar[tuple[str, ...]] = (".json",)
     type_version: ClassVar[int] = 2
     readers: ClassVar[former.Readers] = {1: former.unchanged}
 
     image: Image
-    """Equirectangular picture; its middle is straight ahead."""
+    """Equirectangular picture; its centre is straight ahead."""
     pose: Annotated[Pose, Frames(None, "camera")]
-    """T_frame_camera of the place: x right, y down, z ahead."""
+    """T_frame_camera: x right, y down, z ahead."""
     seen: Annotated[np.ndarray, Array("H W", "bool")] | None = None
-    """Pixels that a camera saw; the others were filled in or generated. None: not stated."""
+    """Pixels seen by a camera; the others were filled in or generated. None: not stated."""
 
     @model_validator(mode="after")
     def _check_seen(self) -> Self:
@@ -57,7 +57,7 @@ class Panorama(Artifact):
         return Equirectangular(width=width, height=height)
 
     def views(self, name: str = "panorama.png") -> Views:
-        """The same as views with one picture; covariance and stamp of the pose, and what was seen, are left out."""
+        """The same as views with one picture, without covariance and stamp of the pose, and without `seen`."""
         return Views(
             images={name: encoded(self.image.pixels)},
             names=(name,),
@@ -68,7 +68,7 @@ class Panorama(Artifact):
         )
 
     def facts(self) -> Iterator[str]:
-        """Size, the part that was seen, and the frame."""
+        """Size, the fraction of seen pixels, and the frame."""
         height, width = self.image.pixels.shape[:2]
         yield f"{width} x {height} px"
         if self.seen is not None:
@@ -106,7 +106,7 @@ class Panorama(Artifact):
 
 
 def _seen(path: Path) -> np.ndarray | None:
-    """The mask (H, W) that a `transforms.json`, which is known to be valid, names; None if it names none."""
+    """The mask (H, W) named in a valid `transforms.json`; None if there is none."""
     from PIL import Image as Pillow
 
     main = path / "transforms.json" if path.is_dir() else path

@@ -64,7 +64,7 @@ def page(
 
 
 def _document(objects: list[bytes]) -> bytes:
-    """Objects with their cross-reference table; the first is the catalogue, the last the information."""
+    """Objects with their cross-reference table; the first is the catalogue, the last the document information."""
     found, places = b"%PDF-1.7\n", []
     for number, each in enumerate(objects, 1):
         places.append(len(found))

@@ -23,11 +23,11 @@ _TAKEN = {*_XYZ, *_NORMAL, *_RGB}
 _WORD = re.compile("[!-~]+")
 _GREY = 0.45
 _ROUNDING_M = 1e-4
-"""Largest error of float32 coordinates [m]; map coordinates in doubles have a larger one."""
+"""Maximum rounding error of float32 coordinates [m]; map coordinates in doubles exceed it."""
 
 
 class PointCloud(Artifact):
-    """Points in space, in no order that means anything."""
+    """Points in space, without meaningful order."""
 
     saves: ClassVar[tuple[str, ...]] = (".ply",)
 
@@ -63,7 +63,7 @@ class PointCloud(Artifact):
         return self
 
     def facts(self) -> Iterator[str]:
-        """Number of points, extent, and what is known of each."""
+        """Number of points, extent, and available properties."""
         yield f"{len(self.points):,} points"
         if len(self.points):
             yield " x ".join(f"{1000 * length:.0f}" for length in np.ptp(self.points, axis=0)) + " mm"
@@ -114,10 +114,10 @@ class PointCloud(Artifact):
 
         Args:
             path: The file.
-            frame: Frame of its coordinates; None: as a comment in it says, "" without one.
+            frame: Frame of its coordinates; None: as stated in a comment, otherwise "".
 
         Raises:
-            ArtifactError: It is no PLY, has no coordinates, or they do not fit into float32.
+            ArtifactError: It is no PLY, has no coordinates, or they exceed float32.
         """
         suffix_among(cls.name(), Path(path), cls.saves)
         try:

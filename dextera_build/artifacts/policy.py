@@ -10,8 +10,9 @@ from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Value
 
 Encoding = Literal["plain", "pose", "picture"]
-"""`plain`: the numbers as they are. `pose`: position and the first two columns of the rotation matrix (Zhou et al.
-2019) instead of position and quaternion, because q and -q are one rotation. `picture`: 0 to 255 becomes -1 to 1."""
+"""`plain`: unchanged numbers. `pose`: position and the first two columns of the rotation matrix (Zhou et al.
+2019) instead of position and quaternion, because q and -q are one rotation. `picture`: 0 to 255 is mapped to -1 to
+1."""
 
 
 class Channel(Value):
@@ -20,19 +21,19 @@ class Channel(Value):
     name: str
     """Field of the deployable observation: `joints`, `objects`, `displacement`, `goal`, `previous_action`, `rgb`."""
     shape: tuple[int, ...]
-    """Shape of one sample as it is observed, before encoding."""
+    """Shape of one observed sample, before encoding."""
     names: tuple[str, ...] = ()
-    """Names of the components along the first axis, in order; components of an input are picked by name."""
+    """Names of the components along the first axis, in order; components of an input are selected by name."""
     encoding: Encoding = "plain"
-    """How a sample becomes numbers for the network."""
+    """Encoding of a sample for the network."""
     mean: tuple[float, ...] = ()
-    """Subtracted, component by component of the flattened encoded sample; empty: nothing."""
+    """Subtracted from the flattened encoded sample, per component; empty: nothing."""
     scale: tuple[float, ...] = ()
-    """Divided by afterwards; empty: nothing."""
+    """Divisor after the subtraction, per component; empty: none."""
 
 
 class PolicyContract(Value):
-    """The inputs and outputs of a policy. A policy refuses to load if one of them differs."""
+    """The inputs and outputs of a policy. A policy is refused if one of them differs."""
 
     algorithm: str
     """Training algorithm: the folder of its rule, `act` of `rules/learn/act/`, whose `policy.py` runs the weights."""
@@ -61,7 +62,7 @@ class Checkpoint(Artifact):
     weights: bytes
     """safetensors; never a pickle."""
     contract: PolicyContract
-    """Inputs, outputs and embodiment that it needs."""
+    """Required inputs, outputs and embodiment."""
     steps: Annotated[np.ndarray, Array("L", "int64")]
     """Optimiser steps (imitation) or environment steps (reinforcement) of `curve`."""
     curve: Annotated[np.ndarray, Array("L", "float32")]

@@ -1,4 +1,4 @@
-"""Where one named frame is in another, with its uncertainty and time."""
+"""Pose of one named frame in another, with its uncertainty and time."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ class Pose(Artifact):
     matrix: Annotated[np.ndarray, Array("4 4", "float64", unit="m", frame="parent")]
     """T_parent_child, homogeneous."""
     covariance: Annotated[np.ndarray, Array("6 6", "float64", frame="parent")] | None = None
-    """Of translation [m] and rotation vector [rad], see `geometry.uncertainty`; None: exact, or not stated."""
+    """Covariance of translation [m] and rotation vector [rad], see `geometry.uncertainty`; None: exact, or not
+    stated."""
     stamp: float | None = None
-    """Time at which it held [s]; None if it always holds."""
+    """Time at which it is valid [s]; None if it is constant."""
 
     def __matmul__(self, other: Pose) -> Pose:
-        """T_a_c = T_a_b @ T_b_c; covariances are propagated to first order as independent, None as exact.
+        """T_a_c = T_a_b @ T_b_c; covariances are propagated to first order, assuming independence; None is exact.
 
         Raises:
             ArtifactError: The inner frames or the stamps differ.
@@ -56,7 +57,7 @@ class Pose(Artifact):
         )
 
     def facts(self) -> Iterator[str]:
-        """Frames and place, and the angle."""
+        """Frames and position, and the angle."""
         yield from _facts(self)
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
@@ -81,16 +82,16 @@ class Similarity(Artifact):
     scale: float
     """Length in the parent frame per length in the child frame."""
     covariance: Annotated[np.ndarray, Array("7 7", "float64", frame="parent")] | None = None
-    """Of translation [m], rotation vector [rad] and logarithm of the scale; None: exact, or not stated."""
+    """Covariance of translation [m], rotation vector [rad] and log scale; None: exact, or not stated."""
     stamp: float | None = None
-    """Time at which it held [s]; None if it always holds."""
+    """Time at which it is valid [s]; None if it is constant."""
 
     @classmethod
     def of(cls, matrix: np.ndarray, parent: str, child: str) -> Self:
         """The similarity of a (4, 4) matrix X_parent = matrix @ [X_child, 1].
 
         Raises:
-            ArtifactError: It scales axes differently, shears, mirrors or is no affine motion.
+            ArtifactError: It scales axes differently, shears, mirrors or is not affine.
         """
         lengths = np.linalg.norm(matrix[:3, :3], axis=0)
         scale = float(np.mean(lengths))
@@ -106,7 +107,7 @@ class Similarity(Artifact):
         return cls(parent=parent, child=child, matrix=rigid, scale=scale)
 
     def __matmul__(self, other: Similarity) -> Similarity:
-        """S_a_c = S_a_b @ S_b_c; covariances are propagated to first order as independent, None as exact.
+        """S_a_c = S_a_b @ S_b_c; covariances are propagated to first order, assuming independence; None is exact.
 
         Raises:
             ArtifactError: The inner frames or the stamps differ.
@@ -138,7 +139,7 @@ class Similarity(Artifact):
         )
 
     def facts(self) -> Iterator[str]:
-        """Frames and place, the angle and the scale."""
+        """Frames and position, the angle and the scale."""
         yield from _facts(self)
         yield f"scale {self.scale:.4g}"
 
@@ -157,10 +158,10 @@ class Similarity(Artifact):
 
 
 def check_frame(kind: str, frame: str, motion: Pose | Similarity) -> None:
-    """Refuse to move something that is not in the child frame of `motion`.
+    """Raise unless the value to be moved is in the child frame of `motion`.
 
     Args:
-        kind: What is moved, for the message.
+        kind: Kind of the value, for the message.
         frame: Its frame.
         motion: The motion.
 
@@ -176,10 +177,10 @@ def check_frame(kind: str, frame: str, motion: Pose | Similarity) -> None:
 
 
 def check_rigid(name: str, matrix: np.ndarray) -> None:
-    """Refuse a matrix that is not a rigid motion.
+    """Raise unless the matrix is a rigid motion.
 
     Args:
-        name: What it is, for the message.
+        name: Its name in the message.
         matrix: (4, 4), finite.
 
     Raises:
@@ -195,14 +196,14 @@ def check_rigid(name: str, matrix: np.ndarray) -> None:
 
 
 def check_covariance(name: str, covariance: np.ndarray) -> None:
-    """Refuse a matrix that is the covariance of nothing.
+    """Raise unless the matrix is symmetric positive semidefinite.
 
     Args:
-        name: What it belongs to, for the message.
+        name: Its owner, for the message.
         covariance: (S, S), finite.
 
     Raises:
-        ArtifactError: It is not symmetric and positive semi-definite.
+        ArtifactError: It is not symmetric positive semidefinite.
     """
     largest = float(np.abs(covariance).max())
     symmetric = np.allclose(covariance, covariance.T, rtol=0, atol=1e-9 * largest)
@@ -231,7 +232,7 @@ def _export(motion: Pose | Similarity, folder: str | Path, stem: str) -> list[Pa
 
 
 def _check_motion(motion: Pose | Similarity) -> None:
-    """Refuse a matrix that is not a rigid motion, and a covariance that is none."""
+    """Raise unless the matrix is a rigid motion and the covariance is valid."""
     check_rigid(_named(motion), motion.matrix)
     covariance = motion.covariance
     if covariance is None:

@@ -1,4 +1,4 @@
-"""Pretrained models by reference, and adapters that change them a little."""
+"""References to pretrained models, and low-rank adapters of them."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ _DIGEST = "^[0-9a-f]{64}$"
 _CONFIG, _ADAPTER, _TENSORS = "config.json", "adapter_config.json", "adapter_model.safetensors"
 _DOWN, _UP = ".lora_A.weight", ".lora_B.weight"
 _PREFIX = "base_model.model."
-"""Before the names of modules in files of PEFT."""
+"""Prefix of the names of modules in files of PEFT."""
 _BASE = "dxb_base"
 """Note in the header of an adapter's file: the digest of its base."""
 
 
 class PretrainedModel(Artifact):
-    """A model that was trained elsewhere: which one exactly, and how its network is built."""
+    """A pretrained model: its exact identity and its configuration."""
 
     reference: str = Field(min_length=1)
-    """`hf:OWNER/NAME@REVISION`, an address, or the name under which `dxb models` knows it."""
+    """`hf:OWNER/NAME@REVISION`, an address, or its name in `dxb models`."""
     digest: str = Field(pattern=_DIGEST)
-    """SHA-256 of the canonical JSON of `[[path, size, sha256], ...]` of its files, as `dxb models` shows it."""
+    """SHA-256 of the canonical JSON of `[[path, size, sha256], ...]` of its files, as shown by `dxb models`."""
     config: dict[str, Any]
     """The model's `config.json`."""
     weights: Weights | None = None
-    """Its weights; None if they are only referred to."""
+    """Its weights; None if the model is only a reference."""
 
     @classmethod
     def load(cls, folder: str | Path, reference: str) -> PretrainedModel:
-        """The model in a folder with `config.json` and safetensors; every file of it counts for the digest.
+        """The model in a folder with `config.json` and safetensors; all of its files are included in the digest.
 
         Raises:
-            ArtifactError: A file is missing, damaged or may hold a pickle.
+            ArtifactError: A file is missing, damaged or may contain a pickle.
         """
         folder = Path(folder)
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
@@ -63,7 +63,7 @@ class PretrainedModel(Artifact):
         yield from self.weights.facts() if self.weights is not None else ("weights by reference",)
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write `config.json`, and the weights beside it if they are known: what `from_pretrained` reads."""
+        """Write `config.json`, and the weights next to it if available, as expected by `from_pretrained`."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         written = [folder / _CONFIG]
@@ -77,18 +77,18 @@ class _Pair(NamedTuple):
 
 
 class Adapter(Artifact):
-    """A low-rank change of a model (LoRA, Hu et al. 2021): W + alpha / rank * B A for some of its matrices."""
+    """A low-rank adapter of a model (LoRA, Hu et al. 2021): W + alpha / rank * B A for some of its matrices."""
 
     base: str = Field(pattern=_DIGEST)
-    """`PretrainedModel.digest` of the only model that it changes."""
+    """`PretrainedModel.digest` of its only base model."""
     base_reference: str
-    """Its `reference`, for people and for other programs."""
+    """`reference` of the base, for readers and other programs."""
     weights: Weights
     """`MODULE.lora_A.weight` (rank, inputs) and `MODULE.lora_B.weight` (outputs, rank), named as PEFT does."""
     rank: PositiveInt
     """Rank of the change."""
     alpha: PositiveFloat
-    """Its strength; the change is scaled by alpha / rank."""
+    """Its strength; the update is scaled by alpha / rank."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -135,10 +135,10 @@ class Adapter(Artifact):
         yield f"{self.weights.parameters:,} parameters"
 
     def check_base(self, model: PretrainedModel) -> None:
-        """Refuse a model that this adapter was not made for.
+        """Raise for a model that is not the base of this adapter.
 
         Raises:
-            ArtifactError: Its digest is another one, or its known weights lack a changed matrix of this shape.
+            ArtifactError: Its digest differs, or its weights lack an adapted matrix of this shape.
         """
         facts = {
             "adapter": f"{self.base_reference} {self.base[:12]}",
@@ -197,7 +197,7 @@ class Adapter(Artifact):
         return made
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write `adapter_config.json` and `adapter_model.safetensors` as PEFT does, the base's digest in the latter."""
+        """Write `adapter_config.json` and `adapter_model.safetensors` as in PEFT, the base's digest in the latter."""
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         config = {

@@ -1,4 +1,4 @@
-"""Reasons of failed attempts, counted and spelled."""
+"""Counting and formatting of the reasons of failed attempts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _MEASURED = re.compile(r"\d+ (mm|deg)\b")
 
 
 def tally(reasons: Iterable[str]) -> dict[str, int]:
-    """Reason -> count, most frequent first; reasons that differ by what was measured alone are one: `by N mm`."""
+    """Reason -> count, most frequent first; reasons that differ only in measured numbers are merged: `by N mm`."""
     return dict(Counter(_MEASURED.sub(r"N \1", reason) for reason in reasons).most_common())
 
 

@@ -25,7 +25,7 @@ from dextera_build.errors import ArtifactError
 _FORM = "ZIP of an RGB-D video"
 _META = "meta.json"
 _MOST_BYTES = 1 << 26
-"""Largest picture of one frame."""
+"""Maximum size of one picture of a frame [bytes]."""
 _SATURATED = 65535
 """Counts that many drivers write for missing returns."""
 _UNREADABLE = (
@@ -36,7 +36,7 @@ _UNREADABLE = (
 
 @dataclass(frozen=True)
 class RgbdFrame:
-    """One moment: what a depth camera gives, or what a file holds."""
+    """One frame, from a depth camera or from a file."""
 
     stamp: float
     """Time [s]."""
@@ -45,11 +45,11 @@ class RgbdFrame:
     depth: np.ndarray
     """(H, W) float32 image-plane z [m], registered to `rgb`; 0 where nothing was measured."""
     pose: np.ndarray | None = None
-    """T_frame_camera (4, 4), if it is known."""
+    """T_frame_camera (4, 4), if known."""
 
 
 class RgbdVideo(Artifact):
-    """Pictures of a camera that measures depth, over time. Frames are decoded when they are asked for."""
+    """Video of an RGB-D camera. Frames are decoded on access."""
 
     saves: ClassVar[tuple[str, ...]] = (".zip",)
 
@@ -62,7 +62,7 @@ class RgbdVideo(Artifact):
     depth_scale_m: float = Field(0.001, gt=0.0)
     """Metres per count of a depth picture."""
     poses: Annotated[np.ndarray, Array("N 4 4", "float64", unit="m", frame="frame")] | None = None
-    """T_frame_camera of each frame, OpenCV axes; None where the camera's motion is unknown or there is none."""
+    """T_frame_camera of each frame, OpenCV axes; None if the camera's motion is unknown, or if it is static."""
     frame: str = Field("world", pattern=r"^[ -~]+$")
     """Frame of the poses."""
 
@@ -84,13 +84,13 @@ class RgbdVideo(Artifact):
     def write(
         cls, path: str | Path, camera: Camera, frames: Iterable[RgbdFrame], *, depth_scale_m: float = 0.0002
     ) -> RgbdVideo:
-        """Encode frames without loss of colour, one by one, into the `.zip` file `path`, and open it.
+        """Encode frames with lossless colour, one by one, into the `.zip` file `path`, and open it.
 
         Args:
             path: The file.
             camera: Intrinsics.
             frames: In order of time; poses of all or of none.
-            depth_scale_m: Metres per count; depth beyond 65534 counts is left out.
+            depth_scale_m: Metres per count; depth above 65534 counts is dropped.
 
         Raises:
             ArtifactError: There is no frame, or one is not of the camera's size.
@@ -114,7 +114,7 @@ class RgbdVideo(Artifact):
         depth_scale_m: float,
         frame: str = "world",
     ) -> RgbdVideo:
-        """Collect picture files as they are into the `.zip` file `path`, and open it.
+        """Collect picture files unchanged into the `.zip` file `path`, and open it.
 
         Args:
             path: The file.
@@ -218,7 +218,7 @@ class RgbdVideo(Artifact):
 
     @classmethod
     def load(cls, path: str | Path) -> RgbdVideo:
-        """Open an archive that `save` wrote, which must no longer change.
+        """Open an archive written by `save`, which must no longer change.
 
         Raises:
             ArtifactError: It is no such archive.

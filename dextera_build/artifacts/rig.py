@@ -1,4 +1,4 @@
-"""Cameras that are fixed to one another, with Kalibr's `camchain.yaml` as file format."""
+"""Rigs of rigidly mounted cameras, with Kalibr's `camchain.yaml` as file format."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Rig(Artifact):
     cameras: dict[str, Camera | BrownConrady | KannalaBrandt | Equirectangular]
     """Label -> intrinsics."""
     poses: dict[str, Pose]
-    """Label -> T_rig_camera, with a covariance where it is known; the child frame is the label."""
+    """Label -> T_rig_camera, with a covariance if known; the child frame is the label."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -49,7 +49,7 @@ class Rig(Artifact):
         return self
 
     def between(self, first: str, second: str) -> Pose:
-        """T_first_second of two cameras; their covariances are taken as independent."""
+        """T_first_second of two cameras; their covariances are assumed to be independent."""
         return self.poses[first].inverse() @ self.poses[second]
 
     def facts(self) -> Iterator[str]:
@@ -85,7 +85,7 @@ class Rig(Artifact):
         """Read a Kalibr `camchain.yaml`; the rig's frame is that of the IMU, or of the first camera without one.
 
         Raises:
-            ArtifactError: It is no such file, or its numbers make no cameras.
+            ArtifactError: It is no such file, or its numbers are no valid cameras.
         """
         suffix_among(cls.name(), Path(path), (".yaml", ".yml"))
         return cls.parse(Path(path).read_bytes(), path)

@@ -18,7 +18,7 @@ from dextera_build.artifacts.limb import limbs_of
 
 
 class Follower(Value):
-    """A joint without a motor that a mechanism couples to an actuated one: position = `ratio` x leader + `offset`."""
+    """An unactuated joint that is mechanically coupled to an actuated one: position = `ratio` x leader + `offset`."""
 
     name: str
     """Name in the MJCF."""
@@ -33,7 +33,7 @@ class Follower(Value):
 
 
 def _without_grips(fields: former.Fields) -> former.Fields:
-    """Version 1 kept the grips of its one hand beside the joints, and had no limbs."""
+    """Version 1 stored the grips of its one hand next to the joints, and had no limbs."""
     grips = fields.pop("grips", {})
     limbs = limbs_of(fields)
     fitting = {
@@ -62,7 +62,7 @@ class RobotModel(Artifact):
     source: str
     """Source of kinematics, masses and limits."""
     limbs: dict[str, Limb] = Field(default_factory=dict)
-    """Name -> limb: `left` and `right`, or `arm`. Left out, they follow from the roles of `frames`, see `limbs_of`."""
+    """Name -> limb: `left` and `right`, or `arm`. By default they follow from the roles of `frames`, see `limbs_of`."""
     followers: tuple[Follower, ...] = ()
     """Joints that move with an actuated one; they are not part of an action."""
 

@@ -1,4 +1,4 @@
-"""A calibration capture: pictures of a robot at rest in several poses, and how it stood in each."""
+"""A calibration capture: pictures of a robot at rest in several poses, with the state of the robot."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from dextera_build.errors import ArtifactError
 class RobotViews(Artifact):
     """Pictures of a robot at rest in several poses, with its joint positions or its effector's poses in each.
 
-    Rows of all arrays are in the order of `captures`, which is that of their names: a stored mapping has no other, and
-    `rgb_10` comes before `rgb_9`. What is given in another order is brought into this one, rows included.
+    Rows of all arrays are in the order of `captures`, sorted by name as in every stored mapping, so that `rgb_10`
+    precedes `rgb_9`. Input in another order is sorted, together with its rows.
     """
 
     captures: dict[str, Capture] = Field(min_length=1)
-    """Name of a picture -> the picture, with depth where it was measured."""
+    """Name of a picture -> the picture, with depth if measured."""
     mount: Literal["eye_on_base", "eye_in_hand"]
-    """As in `Calibration`: a camera beside the robot, or on its hand."""
+    """As in `Calibration`: a camera next to the robot, or on its hand."""
     joints: Joints | None = None
     """Joint positions at the times of the pictures, (K, J); None: only the effector's poses are known."""
     effectors: Annotated[np.ndarray, Array("K 7", "float64", unit="m", frame="base")] | None = None
-    """T_base_effector as the robot's controller states it: position, and unit quaternion w x y z."""
+    """T_base_effector from the robot's controller: position, and unit quaternion w x y z."""
     effector_frame: str = "effector"
-    """Part of the robot that `effectors` are poses of: a link or frame of its model."""
+    """Part of the robot whose poses are in `effectors`: a link or frame of its model."""
     board: Board | None = None
-    """What is on the effector, or in front of the camera on it; None: nothing."""
+    """The board on the effector, or in front of the camera on it; None: no board."""
     skew_s: Annotated[np.ndarray, Array("K", "float64", unit="s")] | None = None
-    """Time from each picture to the nearest joint measurement; None: not recorded over time."""
+    """Time from each picture to the nearest joint measurement; None: not a recording over time."""
 
     @model_validator(mode="before")
     @classmethod

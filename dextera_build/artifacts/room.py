@@ -16,16 +16,16 @@ from dextera_build.errors import ArtifactError
 
 
 class Room(Artifact):
-    """The static scene, composed from many views of it: for its looks; collisions are those of `Background.boxes`."""
+    """The static scene, composed from many views, for rendering; collision geometry is in `Background.boxes`."""
 
     splats: Splats
     """Gaussians of all views together."""
     points: PointCloud
     """Points of the same surfaces, in the same frame."""
     depth: dict[str, DepthImage] = Field(default_factory=dict)
-    """Name of a view -> its depth, of the size of its picture; of the views whose depth the backend estimated."""
+    """Name of a view -> its depth, of the size of its picture, for views with estimated depth."""
     asset_source: AssetSource = "rgb"
-    """What the geometry was made from: that of the background, `rgb` if nothing but views was given."""
+    """Source of the geometry: that of the background, `rgb` if only views were given."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:

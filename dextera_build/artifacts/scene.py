@@ -23,7 +23,7 @@ class SupportBox(Value):
     name: str
     """Unique."""
     centre: tuple[float, float, float]
-    """Middle [m]."""
+    """Centre [m]."""
     half_size: tuple[float, float, float]
     """Half edge lengths [m]."""
     yaw: float = 0.0
@@ -37,18 +37,19 @@ class Background(Artifact):
     readers: ClassVar[former.Readers] = {1: former.from_depth, 2: former.unchanged}
 
     image: Image
-    """The photograph with the objects filled in."""
+    """The photograph with objects inpainted."""
     depth: DepthImage
     """Its depth."""
     mesh: Mesh
-    """Textured surface in the world frame that the photograph shows, or shows once the objects are taken out."""
+    """Textured surface in the world frame that is visible in the photograph, or visible after the removal of
+    objects."""
     invented: Mesh | None = None
-    """Textured surfaces in the world frame that no pixel shows: behind and beside what was seen, the support's sides
-    and underside, the walls, floor and ceiling that close the room; None: there are none."""
+    """Textured surfaces in the world frame without a visible pixel: behind and next to visible ones, the support's
+    sides and underside, and the walls, floor and ceiling that close the room; None: there are none."""
     boxes: tuple[SupportBox, ...]
     """Collision geometry; the first one is the support with its top at z = 0."""
     asset_source: AssetSource = "rgb"
-    """What the surface was made from."""
+    """Source of the surface."""
 
 
 class Scene(Artifact):
@@ -70,9 +71,10 @@ class Scene(Artifact):
     bodies: tuple[str, ...]
     """Names of the movable objects; each is the name of its MJCF root body."""
     held: tuple[str, ...] = ()
-    """Names of the objects that would not rest and are a part of the static scene instead, see `simulate.steady`."""
+    """Names of objects that would not rest and are therefore fixed as part of the static scene, see
+    `simulate.steady`."""
     scale: ScaleSource = "depth"
-    """Where the unit of length comes from; tasks refuse a scene of scale `unknown`."""
+    """Source of the unit of length; tasks refuse a scene of scale `unknown`."""
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
         """Write `scene.xml` and its files."""
@@ -87,13 +89,13 @@ class Settled(Value):
     drift_m: float
     """Distance that its origin moved [m]."""
     tilt_rad: float
-    """Angle that it turned [rad]."""
+    """Angle of its rotation [rad]."""
     penetration_m: float
     """Deepest contact, at the start or at the end [m]."""
     joint_drift: float = 0.0
     """Largest change of one of its joints' positions [rad or m]."""
     resting: bool
-    """At rest at the end, as upright as at the start, and still above the support."""
+    """Whether it is at rest at the end, as upright as at the start, and still above the support."""
 
 
 class SettleReport(Artifact):
@@ -109,9 +111,9 @@ class SettleReport(Artifact):
     energy_j: Annotated[np.ndarray, Array("T", "float64", unit="J")]
     """Kinetic energy over time."""
     energy_change: float | None = None
-    """Largest change of the mechanical energy once the bodies have settled, over their m g h; None: not measured."""
+    """Largest change of the mechanical energy after settling, relative to m g h of the bodies; None: not measured."""
     passed: bool
-    """Every body rests, and none gains or loses energy."""
+    """Whether every body rests, and none gains or loses energy."""
 
 
 class TruthObject(Artifact):
@@ -124,7 +126,7 @@ class TruthObject(Artifact):
 
 
 class Truth(Artifact):
-    """The true state of a reference world; only `evaluate.*` may take it."""
+    """The true state of a reference world; only `evaluate.*` may use it."""
 
     type_version: ClassVar[int] = 2
     readers: ClassVar[former.Readers] = {1: former.pose("world_from_camera", "camera_pose", "reference", "camera")}

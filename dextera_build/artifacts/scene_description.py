@@ -1,4 +1,4 @@
-"""A scene as simulators need it, in the terms of none of them; MJCF and USD are written from it."""
+"""A simulator-independent description of a scene, from which MJCF and USD are written."""
 
 from __future__ import annotations
 
@@ -22,32 +22,32 @@ from dextera_build.geometry import kinematics, transforms
 from dextera_build.geometry.thumbnail import Paint, thumbnail
 
 Name = Annotated[str, Field(pattern="^[A-Za-z_][A-Za-z0-9_]*$")]
-"""A name that MJCF and USD both take."""
+"""A name that is valid in MJCF and USD."""
 Vector = tuple[float, float, float]
 WORLD = "world"
-"""What static geoms belong to."""
+"""Parent of static geoms."""
 
 
 class Material(Value):
-    """How a surface looks, beyond the colour or the texture of its mesh."""
+    """Appearance of a surface in addition to the colour or the texture of its mesh."""
 
     unlit: bool = False
-    """Whether its texture already has the light of the photograph: it is shown as it is."""
+    """Whether its texture includes the light of the photograph and is shown unlit."""
     roughness: float = Field(0.9, ge=0, le=1)
-    """Of a microfacet model; USD only."""
+    """Roughness of a microfacet model; USD only."""
     gloss: float = Field(0.0, ge=0, le=1)
     """Strength of highlights; MJCF only."""
 
 
 class Contact(Value):
-    """How a surface touches others."""
+    """Contact properties of a surface."""
 
     friction: NonNegativeFloat
     """Sliding friction coefficient."""
     restitution: float = Field(ge=0, le=1)
     """Coefficient of restitution."""
     stiffness_n_m: PositiveFloat | None = None
-    """Force per depth of an impact of the whole object [N/m]; None: as a hard thing, see `sim.model.mjcf_contact`."""
+    """Contact stiffness of the whole object [N/m]; None: that of a hard object, see `sim.model.mjcf_contact`."""
 
 
 class Box(Value):
@@ -58,7 +58,7 @@ class Box(Value):
 
 
 class Geom(Artifact):
-    """A shape that is fixed to a body, or to the world: either seen or touched."""
+    """A shape fixed to a body or to the world, either visual or for collision."""
 
     type_version: ClassVar[int] = 2
     readers: ClassVar[former.Readers] = {1: former.unchanged}
@@ -66,15 +66,15 @@ class Geom(Artifact):
     label: Name
     """Unique in the scene."""
     role: Literal["visual", "collision"]
-    """Visual shapes touch nothing, and shapes for collision are hidden."""
+    """Visual shapes have no contacts, and collision shapes are hidden."""
     shape: Mesh | Hull | Box
-    """In the frame `geom`; a visual shape is a `Mesh`, one for collision a `Hull` or `Box`."""
+    """In the frame `geom`; a visual shape is a `Mesh`, a collision shape a `Hull` or `Box`."""
     pose: Annotated[Pose, Frames("body", "geom")]
     """T_body_geom; of a static geom T_world_geom."""
     material: Material | None = None
-    """Of a visual shape."""
+    """Material of a visual shape."""
     contact: Contact | None = None
-    """Of a shape for collision; None: the simulator's own, as static geoms have it."""
+    """Contact properties of a collision shape; None: the simulator's defaults, as for static geoms."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -109,12 +109,12 @@ class Inertia(Value):
 
 
 class BodyNode(Artifact):
-    """One rigid part of an object. Its frame is at its joint, with the axes of the object."""
+    """One rigid part of an object. Its frame is at its joint, parallel to the object frame."""
 
     label: Name
     """Unique in the scene; that of a root is the object's."""
     inertia: Inertia
-    """Always explicit, because simulators estimate it wrongly from thin and open meshes."""
+    """Always explicit, because simulators estimate it incorrectly from thin and open meshes."""
     geoms: tuple[Geom, ...]
     """Shapes fixed to it."""
 
@@ -129,7 +129,7 @@ class JointNode(Value):
     parent: str
     """Part nearer to the root."""
     child: str
-    """Part that moves."""
+    """Moving part."""
     origin: Vector
     """A point on the axis [m]; the frame of the child is there."""
     axis: Vector
@@ -179,7 +179,7 @@ class ObjectNode(Artifact):
                     code="DXB-A423",
                     hint="widen its limits, or move it",
                 )
-        kinematics.link_poses(self)  # refuses joints in a circle
+        kinematics.link_poses(self)  # raises for joints in a circle
         return self
 
     @property
@@ -219,13 +219,13 @@ class Light(Value):
     direction: Vector
     """Direction in which the light travels."""
     place: Vector
-    """Where it is drawn, and where its shadows begin [m]."""
+    """Position for display, and origin of its shadows [m]."""
     diffuse: Vector
-    """Red, green, blue of its light, 0..1."""
+    """Red, green, blue, 0..1."""
 
 
 class CameraNode(Artifact):
-    """A camera that stands still."""
+    """A static camera."""
 
     label: Name
     """Unique in the scene."""
@@ -236,10 +236,10 @@ class CameraNode(Artifact):
 
 
 class Attachment(Artifact):
-    """A robot that is fixed to the world."""
+    """A robot fixed to the world."""
 
     prefix: str = Field(pattern="^[a-z][a-z0-9_]*/$")
-    """Begins every name of the robot in the scene: `robot/`."""
+    """Prefix of all names of the robot in the scene: `robot/`."""
     robot: RobotModel
     """The robot, at its home position."""
     pose: Annotated[Pose, Frames("world", "base")]
@@ -253,19 +253,19 @@ class SceneDescription(Artifact):
     readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged}
 
     objects: tuple[ObjectNode, ...]
-    """Things that are free to move."""
+    """Free objects."""
     static: tuple[Geom, ...]
     """Shapes that never move, in the world frame."""
     cameras: tuple[CameraNode, ...]
     """The first one is that of the photograph."""
     lights: tuple[Light, ...] = ()
-    """Lights besides the viewer's own."""
+    """Lights in addition to the viewer's own."""
     backdrop: Vector = (0.5, 0.5, 0.5)
-    """SRGB 0..1 of what is behind everything."""
+    """Background colour, sRGB 0..1."""
     exclude: tuple[tuple[str, str], ...] = ()
-    """Pairs of bodies that never touch one another, but for the geoms in `touch`."""
+    """Pairs of bodies without contacts, except for the geoms in `touch`."""
     touch: tuple[tuple[Name, Name], ...] = ()
-    """Pairs of geoms for collision of one object that touch all the same."""
+    """Pairs of collision geoms of one object with contacts nevertheless."""
     attachments: tuple[Attachment, ...] = ()
     """Robots in the scene."""
 
@@ -320,7 +320,7 @@ class SceneDescription(Artifact):
         yield from (f"robot {attachment.prefix}" for attachment in self.attachments)
 
     def picture(self) -> bytes:
-        """All objects in the home keyframe; of static geoms only those for collision are left out."""
+        """All objects in the home keyframe; static collision geoms are left out."""
         return png(thumbnail(list(self._seen())))
 
     def _seen(self) -> Iterator[tuple[np.ndarray, Paint]]:

@@ -1,4 +1,4 @@
-"""Where a generated scene lies against a photograph of the workspace, and what speaks for it."""
+"""Alignment of a generated scene with a photograph of the workspace, with its evidence."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ from dextera_build.geometry import transforms
 
 
 class SceneEvidence(Value):
-    """What was measured of an alignment once it was found."""
+    """Measures of the quality of an alignment."""
 
     pairs: int
-    """Pairs of points that look the same in a rendered picture and in the photograph."""
+    """Pairs of matched points of a rendered picture and the photograph."""
     inliers: int
-    """Those that agree with one pose and one scale."""
+    """Pairs that agree with one pose and one scale."""
     spread: float
-    """Part of the 12 cells of the photograph that inliers lie in, 0..1."""
+    """Fraction of the 12 cells of the photograph with inliers, 0..1."""
     overlap: float
-    """Part of the measured pixels that show a surface of the scene, 0..1."""
+    """Fraction of the measured pixels at which the scene is visible, 0..1."""
     agreement: float
-    """Part of these whose depths agree within 4 %, 0..1."""
+    """Fraction of these with depths that agree within 4 %, 0..1."""
     in_front: float
-    """Part of these where the scene stands before what was measured by more than 6 %, 0..1."""
+    """Fraction of these at which the scene is in front of the measurement by more than 6 %, 0..1."""
     correlation: float
-    """Of grey values over the pixels that counted, -1..1."""
+    """Correlation of grey values over the used pixels, -1..1."""
     residual_px: float
-    """Median distance of inliers from where they should be [px]."""
+    """Median reprojection error of inliers [px]."""
     residual_m: float
     """Median difference of their depths [m]."""
     condition: float
-    """Largest over least eigenvalue of the objective's curvature; shift is in units of the scene's median depth."""
+    """Condition number of the objective's curvature; shift is in units of the scene's median depth."""
 
 
 class SceneFit(Artifact):
-    """Theta of the paper's Eq. 1, as the motion that moves the scene into the camera's frame."""
+    """Theta of the paper's Eq. 1, as the similarity from the scene to the camera's frame."""
 
     motion: Similarity
-    """T_camera_scene with its scale: X_camera = matrix @ [scale * X_scene, 1] [m]. In the paper's symbols its scale is
-    s_G and the inverse of its matrix is T_G_C, the camera in the scene once that has its scale."""
+    """T_camera_scene with its scale: X_camera = matrix @ [scale * X_scene, 1] [m]. In the paper's symbols its scale
+    is s_G and the inverse of its matrix is T_G_C, the pose of the camera in the scaled scene."""
     evidence: SceneEvidence
     """Evidence for and against the fit."""
     doubts: tuple[str, ...] = ()
-    """What speaks against it; empty: nothing."""
+    """Reasons for rejecting it; empty: none."""
 
     def facts(self) -> Iterator[str]:
         """Scale, standard deviations, evidence, doubts."""
@@ -60,23 +60,23 @@ class SceneFit(Artifact):
 
 
 class AlignedScene(Artifact):
-    """A scene that a fit has moved: what is seen and what collides, by one motion."""
+    """A scene transformed by its alignment: Gaussians and collision mesh, by the same similarity."""
 
     frame: str
     """Frame of both."""
     splats: Splats | None = None
-    """Gaussians: means, widths, axes and the colours that they show in a direction."""
+    """Gaussians: means, scales, orientations and view-dependent colours, transformed."""
     mesh: Mesh | None = None
     """Surface in the same frame [m]."""
 
     @classmethod
     def of(cls, motion: Similarity, splats: Splats | None, mesh: Mesh | None) -> AlignedScene:
-        """Apply pose and scale; the scale comes first, as in X_parent = matrix @ [scale * X_child, 1].
+        """Apply scale, then pose, as in X_parent = matrix @ [scale * X_child, 1].
 
         Args:
             motion: T_parent_scene.
-            splats: In frame `scene`.
-            mesh: In frame `scene`; a mesh does not name its frame.
+            splats: Gaussians in frame `scene`.
+            mesh: Mesh in frame `scene`; meshes have no frame name.
 
         Raises:
             ArtifactError: The Gaussians are in another frame.

@@ -22,7 +22,7 @@ def array_specs(kind: type[BaseModel]) -> dict[str, Array]:
 
 @cache
 def schema_digest(annotation: Any) -> str:
-    """Digest of a type's structure: names, field types, array forms and frames, through all artifacts below it."""
+    """Digest of a type's structure: names, field types, array forms and frames, including all nested artifacts."""
     return digest.of_value(_schema(annotation, ()))
 
 

@@ -1,9 +1,9 @@
-"""One similarity applied to everything that an object consists of.
+"""Similarity transforms of all parts of an object.
 
-X' = matrix @ [scale * X, 1] turns, moves and scales geometry, joints, mass properties, collision pieces and Gaussians
-alike, so that an articulated object still closes. Lengths go with s, and so do the limits of slides; angles stay; at
-constant density, masses go with s^3 and moments of inertia with s^5. There is no other scale than one for all axes: a
-hinge between parts that are stretched in one direction would no longer close.
+X' = matrix @ [scale * X, 1] is applied consistently to geometry, joints, mass properties, collision pieces and
+Gaussians, so that articulated objects remain functional. Lengths and limits of slides scale with s, angles are
+unchanged; at constant density, masses scale with s^3 and moments of inertia with s^5. The scale is uniform, because a
+hinge between parts stretched in one direction would no longer close.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ Triple: TypeAlias = tuple[float, float, float]
 
 
 def scaled(scale: float, frame: str = "object") -> Similarity:
-    """The similarity that scales about the origin and turns nothing."""
+    """The similarity that scales about the origin without rotation."""
     return Similarity(parent=frame, child=frame, matrix=np.eye(4), scale=scale)
 
 
 def asset(made: Asset, motion: Similarity) -> Asset:
-    """The asset in another object frame and unit; it stays where it is in the world, but for its size."""
+    """The asset in another object frame and unit; its pose in the world is unchanged, except for its size."""
     return made.model_copy(
         update={
             "body": body(made.body, motion),
@@ -40,7 +40,7 @@ def asset(made: Asset, motion: Similarity) -> Asset:
 def body(made: Body, motion: Similarity) -> Body:
     """The body in another object frame and unit. Its pose in the world, if any, is that of the new frame.
 
-    Scaling is about the old origin, so the pose of a body that is scaled and not turned is unchanged.
+    Scaling is about the old origin, so the pose of a body that is scaled without rotation is unchanged.
     """
     links = {
         name: Link(mesh=mesh(link.mesh, motion), walls=tuple(hull(wall, motion) for wall in link.walls))
@@ -52,7 +52,7 @@ def body(made: Body, motion: Similarity) -> Body:
 
 
 def joint(made: Joint, motion: Similarity) -> Joint:
-    """Origin and axis moved; limits and position too if they are lengths."""
+    """Origin and axis transformed; limits and position too if they are lengths."""
     length = motion.scale if made.type == "prismatic" else 1.0
     changes: dict[str, object] = {name: getattr(made, name) * length for name in ("lower", "upper", "position")}
     for name in ("lower_range", "upper_range"):
@@ -66,14 +66,14 @@ def joint(made: Joint, motion: Similarity) -> Joint:
 
 
 def physics(made: Physics, motion: Similarity) -> Physics:
-    """Mass properties at constant density, or at constant mass if that was weighed."""
+    """Mass properties at constant density, or at constant mass if weighed."""
     grows = 1.0 if made.weighed else motion.scale**3
     links = {name: _inertial(link, motion, grows) for name, link in made.links.items()}
     return made.model_copy(update={"links": links})
 
 
 def collision(made: Collision, motion: Similarity) -> Collision:
-    """All pieces of all links; volumes over volumes are unchanged."""
+    """All pieces of all links; volume ratios are unchanged."""
     moved = {
         name: link.model_copy(update={"hulls": tuple(hull(piece, motion) for piece in link.hulls)})
         for name, link in made.links.items()
@@ -82,12 +82,12 @@ def collision(made: Collision, motion: Similarity) -> Collision:
 
 
 def mesh(made: Mesh, motion: Similarity) -> Mesh:
-    """The mesh with its vertices moved."""
+    """The mesh with its vertices transformed."""
     return made.model_copy(update={"vertices": _vertices(made.vertices, motion)})
 
 
 def hull(made: Hull, motion: Similarity) -> Hull:
-    """The convex piece with its vertices moved."""
+    """The convex piece with its vertices transformed."""
     return Hull(vertices=_vertices(made.vertices, motion))
 
 
@@ -114,6 +114,6 @@ def _triple(vector: np.ndarray) -> Triple:
 
 
 def _pose(pose: Pose, motion: Similarity) -> Pose:
-    """T_world_new such that the old origin stays in place and the old axes keep their directions."""
+    """T_world_new such that the old origin and the directions of the old axes are preserved."""
     back = Pose(parent=pose.child, child=pose.child, matrix=transforms.invert(motion.matrix))
     return pose @ back

@@ -24,9 +24,10 @@ _SCALES = ("scale_0", "scale_1", "scale_2")
 _TURN = ("rot_0", "rot_1", "rot_2", "rot_3")
 _BASE = ("f_dc_0", "f_dc_1", "f_dc_2")
 _UNUSED = {"nx", "ny", "nz", "red", "green", "blue"}
-"""Columns without a meaning for a Gaussian: the authors' code writes zeros as normals, viewers add colours."""
+"""Columns that are not part of a Gaussian: the authors' code writes zeros as normals, viewers add colours."""
 _LEAST = 1e-37
-"""Opacities of 0 are written as this one, those of 1 as the next smaller float32: their logit is infinite."""
+"""Replacement for opacities of 0; those of 1 are replaced by the next smaller float32, because their logits are
+infinite."""
 
 
 class Splats(Artifact):
@@ -104,7 +105,7 @@ class Splats(Artifact):
         return png(splatting.preview(self.gaussians))
 
     def seen(self, camera: Camera, camera_pose: Pose) -> Image:
-        """The picture on black that a camera sees; a preview renderer, seconds for 100,000 Gaussians.
+        """The rendering by a camera over black; a preview renderer, seconds for 100,000 Gaussians.
 
         Args:
             camera: Intrinsics.
@@ -119,7 +120,7 @@ class Splats(Artifact):
         return Image(pixels=np.round(255 * light.clip(0, 1)).astype(np.uint8))
 
     def moved(self, motion: Pose | Similarity) -> Splats:
-        """The same Gaussians in the parent frame of `motion`, colours turned with them.
+        """The same Gaussians in the parent frame of `motion`, with their view-dependent colours rotated.
 
         Raises:
             ArtifactError: Their frame is not its child.
@@ -161,7 +162,7 @@ class Splats(Artifact):
 
         Args:
             path: The file.
-            frame: Frame of its coordinates; None: as a comment in it says, "" without one.
+            frame: Frame of its coordinates; None: as stated in a comment, otherwise "".
 
         Raises:
             ArtifactError: It is no PLY, or its columns are not those of 3D Gaussians.
@@ -196,6 +197,6 @@ def _gaussians(columns: dict[str, np.ndarray]) -> Gaussians:
     base = block(_BASE)[:, None]
     if rest:
         base = np.concatenate([base, block(rest).reshape(len(base), 3, -1).transpose(0, 2, 1)], axis=1)
-    with np.errstate(over="ignore"):  # what is not finite is refused by the type, with its number
+    with np.errstate(over="ignore"):  # non-finite values are refused by the type, with their number
         opacities, scales = 1 / (1 + np.exp(-columns["opacity"].astype(np.float64))), np.exp(block(_SCALES))
     return Gaussians(block(_PLACE), turns / length, scales, opacities, base)

@@ -17,11 +17,11 @@ from dextera_build.geometry.spherical_harmonics import COUNTS
 _FRAME = "frame"
 """Name in the prim's custom data."""
 _SIDE_SIGMAS = 3.0
-"""The extent reaches this many standard deviations beyond the means."""
+"""The extent reaches so many standard deviations beyond the means."""
 
 
 def write(splats: Splats, path: Path) -> None:
-    """Write a stage with z up, in metres; its default prim holds the Gaussians, their coefficients one after the other.
+    """Write a stage with z up, in metres; its default prim contains the Gaussians with consecutive coefficients.
 
     Args:
         splats: The Gaussians.
@@ -56,10 +56,10 @@ def load(path: str | Path, *, frame: str | None = None) -> Splats:
 
     Args:
         path: The file.
-        frame: Frame of its coordinates; None: as the prim's custom data says, "" without.
+        frame: Frame of its coordinates; None: as stated in the prim's custom data, otherwise "".
 
     Raises:
-        ArtifactError: It is no USD, or does not hold exactly one such prim with arrays of equal length.
+        ArtifactError: It is no USD, or does not contain exactly one such prim with arrays of equal length.
     """
     from pxr import Usd, UsdGeom, UsdVol
 
@@ -126,7 +126,7 @@ def _quaternions(field: Any) -> np.ndarray:
 
 
 def _similarity(matrix: np.ndarray) -> tuple[float, np.ndarray]:
-    """Scale and (4, 4) rigid part of a transform; a ValueError if it has others."""
+    """Scale and (4, 4) rigid part of a transform; raises ValueError for any other transform."""
     linear = matrix[:3, :3]
     scale = float(np.cbrt(np.linalg.det(linear)))
     if not scale > 0 or np.abs(linear @ linear.T / scale**2 - np.eye(3)).max() > 1e-6:

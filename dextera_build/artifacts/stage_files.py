@@ -1,6 +1,6 @@
-"""USD stages of other programs, opened once all their layers are known to lie in the input and to hold few prims.
+"""Third-party USD stages, opened after checks that all layers are inside the input and that prims are limited.
 
-Composition multiplies prims: a prim with ten references to a prim with ten references is a few lines of text.
+Composition multiplies prims: a few lines of text can define ten references to a prim with ten references.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from typing import Any
 from dextera_build.artifacts import bounds, named_files
 
 _MOST_SPECS = 1_000
-"""Most prims of layers that one prim is composed of; each level of two references to prims with two doubles them."""
+"""Maximum number of prim specs that one prim is composed of; each level of two references to prims with two doubles
+it."""
 
 
 def opened(path: Path, folder: Path) -> Any:
@@ -19,7 +20,7 @@ def opened(path: Path, folder: Path) -> Any:
 
     Args:
         path: The file.
-        folder: Folder that holds all layers that it names, by sublayers, references and payloads.
+        folder: Folder with all layers that it names, by sublayers, references and payloads.
 
     Raises:
         ValueError: A layer is missing, damaged or outside of `folder`, or a prim has value clips.
@@ -36,14 +37,14 @@ def opened(path: Path, folder: Path) -> Any:
 
 
 def outer(name: str) -> str:
-    """Path of the file that holds an asset: of the package for one in a `.usdz`."""
+    """Path of the file that contains an asset: the package for an asset in a `.usdz`."""
     from pxr import Ar
 
     return str(Ar.SplitPackageRelativePathOuter(name)[0]) if Ar.IsPackageRelativePath(name) else name
 
 
 def _layers(path: Path, folder: Path) -> list[Any]:
-    """All layers of a stage, the root first, opened one by one without being composed."""
+    """All layers of a stage, the root first, opened one by one without composition."""
     from pxr import Sdf
 
     if not path.is_file():
@@ -72,7 +73,7 @@ def _named(layer: Any, name: str, folder: Path) -> Any:
 
 
 def _check_prims(path: Path, root: Any) -> None:
-    """Compose prims one by one, to refuse a stage with too many, or with value clips."""
+    """Compose prims one by one; raises for a stage with too many, or with value clips."""
     from pxr import Pcp, Sdf
 
     cache = Pcp.Cache(Pcp.LayerStackIdentifier(root), "usd", True)

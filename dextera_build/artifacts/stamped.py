@@ -1,4 +1,4 @@
-"""Poses by time: their checks, interpolation, and covariances in text files."""
+"""Time-stamped poses: checks, interpolation, and covariances in text files."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from dextera_build.errors import ArtifactError
 from dextera_build.geometry import quaternions
 
 UPPER = np.triu_indices(6)
-"""The 21 numbers of a symmetric (6, 6) matrix that files hold, row by row."""
+"""Indices of the 21 numbers of a symmetric (6, 6) matrix in files, row by row."""
 
 
 def check(kind: str, stamps: np.ndarray, poses: np.ndarray, covariances: np.ndarray | None) -> None:
-    """Refuse stamps that do not increase, quaternions of another length than 1, and matrices that are no covariance.
+    """Raise for stamps that do not increase, quaternions without unit length, and invalid covariances.
 
     Args:
         kind: The type, for messages.
@@ -22,7 +22,7 @@ def check(kind: str, stamps: np.ndarray, poses: np.ndarray, covariances: np.ndar
         covariances: (N, 6, 6), or None.
 
     Raises:
-        ArtifactError: Something of this.
+        ArtifactError: One of these.
     """
     wrong = np.flatnonzero(np.diff(stamps) <= 0)
     if len(wrong):
@@ -47,22 +47,22 @@ def check(kind: str, stamps: np.ndarray, poses: np.ndarray, covariances: np.ndar
 
 
 def unit(poses: np.ndarray) -> np.ndarray:
-    """Poses (N, 7) from a file with their quaternions rounded to some digits, at length 1.
+    """Poses (N, 7) from a file, with rounded quaternions normalised.
 
     Raises:
-        ValueError: A length is not within 1 % of 1, so it is no rounding.
+        ValueError: A length differs from 1 by more than 1 %, which is no rounding error.
     """
     length = np.linalg.norm(poses[:, 3:], axis=1)
     bad = np.flatnonzero(np.abs(length - 1) > 0.01)
     if len(bad):
         raise ValueError(f"the quaternion of pose {bad[0] + 1} has length {length[bad[0]]:.4g} instead of 1")
-    # Exact ones keep their bytes.
+    # Exact ones are unchanged.
     length = np.where(np.abs(length - 1) > 1e-12, length, 1.0)
     return np.hstack([poses[:, :3], poses[:, 3:] / length[:, None]])
 
 
 def between(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
-    """The pose (7,) at `share` of the way: straight for the position, and the shorter way for the rotation (slerp)."""
+    """The pose (7,) at fraction `share`: linear in position, spherical linear (slerp) in rotation."""
     return np.append((1 - share) * first[:3] + share * second[:3], quaternions.slerp(first[3:], second[3:], share))
 
 

@@ -39,10 +39,10 @@ LENSES = (
     *("sensor_msgs/msg/CameraInfo", "sensor_msgs/CameraInfo"),
     *("foxglove.CameraCalibration", "foxglove_msgs/msg/CameraCalibration"),
 )
-"""Types that mean the same, as ROS 2, JSON and Foxglove name them."""
+"""Equivalent message types of ROS 2, JSON and Foxglove."""
 TRANSFORMS = ("geometry_msgs/msg/Transform", "geometry_msgs/Transform")
 _MODELS = {"Brown Conrady": "plumb_bob", "None": "plumb_bob"}
-"""Names of librealsense for lenses -> those of ROS."""
+"""Names of lens models in librealsense -> in ROS."""
 
 
 class Channel(Value):
@@ -53,7 +53,7 @@ class Channel(Value):
     kind: str
     """Type of its messages, `sensor_msgs/msg/JointState`."""
     encoding: str
-    """Of its messages; `cdr`, `protobuf` and `json` can be decoded."""
+    """Encoding of its messages; `cdr`, `protobuf` and `json` can be decoded."""
     count: NonNegativeInt
     """Number of messages."""
 
@@ -66,11 +66,11 @@ class Joints(Artifact):
     stamps: Annotated[np.ndarray, Array("N", "float64", unit="s")]
     """Times."""
     positions: Annotated[np.ndarray, Array("N J", "float64", unit="rad")]
-    """Positions [rad], of sliding joints [m]."""
+    """Positions [rad], of prismatic joints [m]."""
     velocities: Annotated[np.ndarray, Array("N J", "float64", unit="rad/s")] | None = None
-    """Speeds, where they were recorded."""
+    """Speeds, if recorded."""
     efforts: Annotated[np.ndarray, Array("N J", "float64", unit="Nm")] | None = None
-    """Torques, where they were recorded."""
+    """Torques, if recorded."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -81,7 +81,7 @@ class Joints(Artifact):
         return self
 
     def at(self, stamps: np.ndarray) -> np.ndarray:
-        """Positions (M, J) at times (M,) [s], linear between measurements.
+        """Positions (M, J) at times (M,) [s], interpolated linearly.
 
         Raises:
             ArtifactError: A time is outside the recording.
@@ -99,7 +99,7 @@ class Joints(Artifact):
 
 @dataclass(frozen=True)
 class Pictures:
-    """Pictures for a recording, made one by one.
+    """Pictures for a recording, generated one by one.
 
     Args:
         frames: Pairs of a time [s] and pixels (H, W, 3) uint8 sRGB, in order of time.
@@ -113,14 +113,14 @@ class Pictures:
 
 
 class Stream(Artifact):
-    """A recording. Its index is at hand; messages are read from the file when they are asked for."""
+    """A recording. Its index is in memory; messages are read from the file on access."""
 
     saves: ClassVar[tuple[str, ...]] = (".mcap",)
 
     file: File
     """The MCAP file."""
     channels: tuple[Channel, ...]
-    """Its index: what was recorded."""
+    """Its index: the recorded channels."""
     start_ns: NonNegativeInt
     """Time of the first message [ns]."""
     end_ns: NonNegativeInt
@@ -161,7 +161,7 @@ class Stream(Artifact):
         poses: Mapping[str, Trajectory] | None = None,
         pictures: Mapping[str, Pictures] | None = None,
     ) -> Stream:
-        """Write a recording of topics and open it; pictures are made and written one by one.
+        """Write a recording of topics and open it; pictures are generated and written one by one.
 
         Args:
             path: The `.mcap` file.
@@ -204,10 +204,10 @@ class Stream(Artifact):
         )
 
     def poses(self, topic: str, child: str, start: float | None = None, end: float | None = None) -> Trajectory:
-        """Stamped poses of a topic as the path of the frame `child`, in the frame of their headers.
+        """Stamped poses of a topic as the trajectory of the frame `child`, in the frame of their headers.
 
         Raises:
-            ArtifactError: There is no such topic, or no message in that time.
+            ArtifactError: There is no such topic, or no message in the interval.
         """
         rows = [(reading.stamp(each, time), each) for time, each in self._read(topic, POSES, start, end)]
         placed = [(each.pose.position, each.pose.orientation) for _, each in rows]
@@ -237,7 +237,7 @@ class Stream(Artifact):
         Args:
             topic: Topic of images of 16 bit counts or of metres.
             start: First time of the recording [s].
-            end: First time that is left out [s].
+            end: End of the interval, exclusive [s].
             scale_m: Metres per count.
 
         Raises:
@@ -257,10 +257,10 @@ class Stream(Artifact):
         return np.array(rows, np.float64).reshape(-1, 2) / reading.SECOND
 
     def lens(self, topic: str) -> lens.Lens:
-        """The camera that the first message of a topic describes.
+        """The camera in the first message of a topic.
 
         Raises:
-            ArtifactError: There is no such topic or no message, or its numbers make no camera.
+            ArtifactError: There is no such topic or no message, or its numbers are no valid camera.
         """
         for _, each in self._read(topic, LENSES, None, None):
             names = ("width", "height", "distortion_model", "d", "D", "k", "K")
@@ -300,7 +300,7 @@ class Stream(Artifact):
         yield f"{len(self.channels)} topics ({', '.join(each.topic for each in self.channels[:6])})"
 
     def picture(self) -> bytes:
-        """Ten seconds of the first joint states, and the first picture beside them."""
+        """Ten seconds of the first joint states, and the first picture next to them."""
         views: list[np.ndarray] = []
         for each in self.channels:
             if each.kind in JOINTS and each.count and not views:
@@ -371,7 +371,7 @@ def _plain(value: Any) -> Any:
 
 
 def _column(rows: list[Any], size: int) -> np.ndarray | None:
-    """Rows (N, size), or None where a message lacks them."""
+    """Rows (N, size), or None if a message lacks them."""
     if not rows or any(len(row) != size for row in rows) or not size:
         return None
     return np.array(rows, np.float64)

@@ -1,4 +1,4 @@
-"""Tables of numbers for reports, papers and people."""
+"""Tables of numbers for reports and papers."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class Column(Value):
     name: str
     """Heading."""
     unit: str = ""
-    """Unit, printed behind the heading."""
+    """Unit, printed after the heading."""
     digits: int = 3
-    """Digits after the point."""
+    """Digits after the decimal point."""
     better: str = ""
-    """`higher`, `lower` or nothing."""
+    """`higher`, `lower` or empty."""
 
 
 Cell = str | float | int | bool | None

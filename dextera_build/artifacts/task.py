@@ -19,40 +19,41 @@ from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 
 WorldKind = Literal["twin", "reference", "perturbed"]
-"""`twin`: built from the capture. `reference`: a simulated world with its own truth and physics, the stand-in for
+"""`twin`: built from the capture. `reference`: a simulated world with its own truth and physics, a substitute for
 hardware. `perturbed`: the twin with disturbed geometry and physics, if no reference world exists. None is real."""
 
 
 ActionKind = Literal["joint", "delta", "end_effector"]
-"""What the numbers of an action are, see `dextera_build.policy.actions`."""
+"""Kind of the actions, see `dextera_build.policy.actions`."""
 
 
 class Reset(Value):
-    """How an episode begins: half ranges around the photograph's configuration."""
+    """Start distribution: half ranges around the photographed configuration."""
 
     position_m: float = 0.0
-    """The task's object moves within this square half width on the support [m]."""
+    """The task's object is placed within this square half width on the support [m]."""
     yaw_rad: float = 0.0
-    """... and turns within this angle about the vertical [rad]."""
+    """... and rotated within this angle about the vertical [rad]."""
     clutter_m: float = 0.0
-    """Every other object moves within this square half width [m]."""
+    """Every other object is placed within this square half width [m]."""
     joint_rad: float = 0.0
-    """Joints of the task's object start within this range around the photograph's position [rad or m]."""
+    """Joints of the task's object start within this range around the photographed position [rad or m]."""
     robot_rad: float = 0.0
     """Every joint of the robot starts within this range around its home [rad]."""
     dynamics: float = 1.0
-    """Masses, sizes, friction and gains are drawn within this many of the twin's own intervals, and errors of the
-    poses of the objects and of the robot's base have this many of their standard deviations; 0 keeps the estimates."""
+    """Masses, sizes, friction and gains are drawn from this fraction of the twin's own intervals, and pose errors of
+    the objects and of the robot's base from this fraction of their standard deviations; 0 keeps the estimates."""
     joints: float = 0.0
-    """Damping and friction of joints, the robot's and the objects', are drawn within this many of their ranges, see
+    """Damping and friction of joints, of robot and objects, are drawn from this fraction of their ranges, see
     `dextera_build.sim.runtime.variations`."""
     goal_m: float = 0.0
-    """The target moves within this square half width on the support, and a height to lift within it [m]."""
+    """The target is placed within this square half width on the support, and a lift height varies within it [m]."""
     goal_rad: float = 0.0
-    """A target orientation turns about the vertical within this angle, commands of joints change within it [rad]."""
+    """A target orientation is rotated about the vertical within this angle, and joint commands vary within it [rad]."""
     visual: float = 0.0
-    """Errors of cameras have this many of the standard deviations of their calibration; exposure, light and noise are
-    drawn within this many of their ranges. A `View.photographed` follows the base instead where that has an error."""
+    """Errors of cameras are drawn from this fraction of the standard deviations of their calibration; exposure,
+    light and noise from this fraction of their ranges. A `View.photographed` follows the base instead if that has
+    an error."""
 
 
 class TaskSpec(Value):
@@ -61,19 +62,20 @@ class TaskSpec(Value):
     name: str
     """`CloseLaptop`."""
     object: str
-    """Root body that the task is about."""
+    """Root body of the task's object."""
     goal: Goal = Field(discriminator="primitive")
-    """What is to be reached; its type is the primitive."""
+    """The goal; its type is the primitive."""
     limbs: tuple[str, ...] = ()
-    """Limbs that must do it, together if there are several; empty: any."""
+    """Limbs that must act, jointly if several are named; empty: any."""
     hold_s: float = 0.5
-    """The condition must hold without a break for this long at the end [s]; the same in every world."""
+    """Time for which the condition must hold without interruption [s]; the same in every world."""
     timeout_s: float = 8.0
     """Time limit: an episode without success by then has failed [s]."""
     control_hz: float = 20.0
     """Rate of observations and actions [Hz]."""
     action: ActionKind = "joint"
-    """Kind of the actions that Gymnasium takes and data sets for LeRobot hold; the robot is moved by joint targets."""
+    """Kind of actions of the Gymnasium environment and of LeRobot data sets; the robot itself is moved by joint
+    targets."""
     reset: Reset = Reset()
     """Start distribution."""
 
@@ -85,7 +87,7 @@ class TaskSpec(Value):
     @model_validator(mode="before")
     @classmethod
     def _with_goal(cls, fields: dict[str, Any]) -> dict[str, Any]:
-        """Specs that were stored before there were goals state the fields of both primitives instead."""
+        """Specs stored before goals existed have the fields of both primitives instead."""
         if "primitive" not in fields:
             return fields
         parts = {name: fields[name] for name in ("primitive", "height_m", "joints", "tolerance") if name in fields}
@@ -94,19 +96,19 @@ class TaskSpec(Value):
 
 
 class Cavity(Artifact):
-    """The room inside a container that stands upright, by columns of a grid: open above, closed below and around."""
+    """The cavity of an upright container, by columns of a grid: open above, closed below and around."""
 
     corner_m: tuple[float, float]
     """x and y of the grid's first corner, in the object's frame [m]."""
     cell_m: float
     """Edge of a column [m]."""
     floor_m: Annotated[np.ndarray, Array("X Y", "float32", unit="m", frame="object")]
-    """Height of the surface below the room; that of `rim_m` where there is no room."""
+    """Height of the surface below the cavity; that of `rim_m` outside the cavity."""
     rim_m: Annotated[np.ndarray, Array("X Y", "float32", unit="m", frame="object")]
-    """Height of the lowest rim over which water would run out of this column."""
+    """Height of the lowest rim over which water would flow out of this column."""
 
     def sized(self, factor: float) -> Cavity:
-        """The room with all lengths times `factor`."""
+        """The cavity with all lengths multiplied by `factor`."""
         x, y = self.corner_m
         heights = {name: getattr(self, name) * np.float32(factor) for name in ("floor_m", "rim_m")}
         return self.model_copy(update={"corner_m": (x * factor, y * factor), "cell_m": self.cell_m * factor, **heights})
@@ -129,9 +131,9 @@ class TaskObject(Artifact):
     positions: tuple[float, ...]
     """Joint positions in the photograph [rad or m]."""
     mass_scale: tuple[float, float]
-    """Interval of the true mass over the estimate (90 %)."""
+    """Interval of the true mass relative to the estimate (90 %)."""
     scale_sigma: float | None = None
-    """Standard deviation of the log of all its lengths; None if unknown, and starts keep the estimate."""
+    """Standard deviation of the log of all its lengths; None if unknown, in which case starts keep the estimate."""
     friction: float
     """Sliding friction coefficient, estimate."""
     friction_sigma: float
@@ -139,10 +141,10 @@ class TaskObject(Artifact):
     points: Annotated[np.ndarray, Array("P 3", "float32", unit="m", frame="object")]
     """Points sampled on its surface by area, joints as in the photograph."""
     cavity: Cavity | None = None
-    """The room inside a container; None where nothing asks for it."""
+    """The cavity of a container; None if it is not needed."""
 
     def sized(self, factor: float) -> TaskObject:
-        """The object with all lengths of its shape times `factor`, as a start draws it."""
+        """The object with all lengths of its shape multiplied by `factor`, as drawn by a start."""
         if factor == 1.0:
             return self
         room = None if self.cavity is None else self.cavity.sized(factor)
@@ -152,8 +154,8 @@ class TaskObject(Artifact):
 class TaskBundle(Artifact):
     """A task that can be simulated. The world frame is the twin's: z up, the support is z = 0.
 
-    In a reference or perturbed world every body and joint has its name and frame from the twin, as if the twin's
-    assets were tracked there: states, actions and success have the same meaning.
+    In a reference or perturbed world every body and joint has its name and frame from the twin, as if the twin's assets
+    were tracked there, so that states, actions and success have the same meaning.
     """
 
     type_version: ClassVar[int] = 5
@@ -190,7 +192,7 @@ class TaskBundle(Artifact):
 
     @property
     def goal_numbers(self) -> tuple[float, ...]:
-        """The goal as policies see it, in the base frame; `TaskSpec.goal` names the numbers."""
+        """The goal in the observations of policies, in the base frame; `TaskSpec.goal` names the numbers."""
         return self.task.goal.numbers(self.base_pose.inverse().matrix)
 
     @property
@@ -200,7 +202,7 @@ class TaskBundle(Artifact):
 
 
 def _of_the_photograph(fields: former.Fields) -> former.Fields:
-    """Version 2 did not say it: only the photograph's camera had a covariance."""
+    """Version 2 had no such field: only the photograph's camera had a covariance."""
     return {**fields, "photographed": fields["camera_pose"].covariance is not None}
 
 
@@ -214,11 +216,12 @@ class View(Artifact):
     }
 
     camera: Camera
-    """Intrinsics at the size that is rendered."""
+    """Intrinsics at the rendered size."""
     camera_pose: Annotated[Pose, Frames("world", "camera")]
     """T_world_camera, OpenCV axes."""
     samples: int = 1
     """Samples per pixel of its pictures."""
     photographed: bool = False
-    """Whether it is the camera of the twin's picture, by which the base's pose is known. Where a start has an error of
-    the base, such a camera stays with the objects that it saw: the error is that of its calibration."""
+    """Whether it is the camera of the twin's photograph, from which the base's pose is known. If a start has an
+    error of the base, such a camera keeps its pose relative to the objects, because the error is that of its
+    calibration."""

@@ -1,7 +1,7 @@
 """Safetensors files: an index of tensors in JSON, then their bytes (the format of Hugging Face, version 0.4 and later).
 
-The layout is eight bytes with the length of the index, the index, and the tensors one after the other without gaps.
-Nothing in such a file can run.
+The layout is eight bytes with the length of the index, the index, and the consecutive tensors without gaps. Such a file
+contains no executable code.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ BITS = {
     "I64": 64,
     "F64": 64,
 }
-"""Type of numbers in the index -> bits of one number."""
+"""Numeric type in the index -> bits per number."""
 _NUMPY = {
     "BOOL": "bool",
     "U8": "uint8",
@@ -48,9 +48,9 @@ _NUMPY = {
 }
 _TYPES = {name: kind for kind, name in _NUMPY.items()}
 _LONGEST_INDEX = 100_000_000
-"""[bytes], as in the library of the format: an index from an untrusted source must not fill the memory."""
+"""Maximum length [bytes], as in the library of the format, so that an untrusted index cannot fill the memory."""
 _PIECE = 1 << 24
-"""Bytes that are copied at once."""
+"""Number of bytes copied at once."""
 
 
 class Span(NamedTuple):
@@ -69,7 +69,7 @@ def index(file: BinaryIO, size: int) -> tuple[dict[str, Span], dict[str, str]]:
     """Tensors by name, in the order of their bytes, and the notes of a file of `size` bytes.
 
     Raises:
-        ValueError: The index is damaged, or the file is not as long as it says.
+        ValueError: The index is damaged, or the file does not have the stated length.
     """
     head = file.read(8)
     length = struct.unpack("<Q", head)[0] if len(head) == 8 else 0
@@ -118,10 +118,10 @@ def pieces(file: BinaryIO, span: Span) -> Iterator[bytes]:
 
 
 def array(data: bytes, dtype: str, shape: tuple[int, ...]) -> np.ndarray:
-    """The numbers of a tensor; BF16 as float32, which holds them exactly.
+    """The numbers of a tensor; BF16 is converted to float32, without loss.
 
     Raises:
-        ValueError: NumPy has no such numbers.
+        ValueError: NumPy has no such type.
     """
     if dtype == "BF16":
         wide = np.frombuffer(data, "<u2").astype(np.uint32) << 16
@@ -135,7 +135,7 @@ def type_of(numbers: np.ndarray) -> str:
     """The key of `BITS` for an array.
 
     Raises:
-        ValueError: The format has no such numbers.
+        ValueError: The format has no such type.
     """
     if numbers.dtype.name not in _TYPES:
         raise ValueError(f"safetensors has no numbers of type {numbers.dtype.name}")

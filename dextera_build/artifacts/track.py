@@ -1,4 +1,4 @@
-"""Where an object was seen over time, with CSV as file format."""
+"""Poses of an object over time, with CSV as file format."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _UNKNOWN = 8 * [math.nan]
 
 
 class Track(Artifact):
-    """Poses of an object in a frame, one per picture or measurement, also of those where it was not found."""
+    """Poses of an object in a frame, one per picture or measurement, including those at which it is lost."""
 
     saves: ClassVar[tuple[str, ...]] = (".csv",)
 
@@ -41,9 +41,9 @@ class Track(Artifact):
     poses: Annotated[np.ndarray, Array("N 7", "float64", unit="m", frame="parent", finite=False)]
     """T_parent_child: position, and unit quaternion w x y z; NaN where it is lost."""
     status: tuple[Status, ...]
-    """Per stamp: `tracked`, measured; `predicted`, carried on without a measurement; `lost`, no pose."""
+    """Per stamp: `tracked`, measured; `predicted`, extrapolated without a measurement; `lost`, no pose."""
     covariances: Annotated[np.ndarray, Array("N 6 6", "float64", frame="parent")] | None = None
-    """Of translation [m] and rotation vector [rad], see `geometry.uncertainty`; zeros where it is lost."""
+    """Covariance of translation [m] and rotation vector [rad], see `geometry.uncertainty`; zeros where it is lost."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -96,7 +96,7 @@ class Track(Artifact):
         """Read a CSV file with the columns that `csv` writes, in any order; those of the covariance may be missing.
 
         Raises:
-            ArtifactError: It is no such file, or its rows make no track.
+            ArtifactError: It is no such file, or its rows are no valid track.
         """
         suffix_among(cls.name(), Path(path), cls.saves)
         return cls.parse(Path(path).read_bytes(), path)

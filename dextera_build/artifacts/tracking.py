@@ -1,4 +1,4 @@
-"""Where several objects were over time, and how their joints stood."""
+"""Poses and joint positions of several objects over time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Tracking(Artifact):
     tracks: dict[str, Track] = Field(min_length=1)
     """Name -> its poses."""
     joints: dict[str, Joints] = Field(default_factory=dict)
-    """Name -> positions of its joints at the times of its track; the last known ones where it is lost."""
+    """Name -> positions of its joints at the times of its track; the last known ones while it is lost."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -35,7 +35,7 @@ class Tracking(Artifact):
         return self
 
     def facts(self) -> Iterator[str]:
-        """Frame, number of times, and how often each object was tracked."""
+        """Frame, number of times, and number of times that each object was tracked."""
         first = next(iter(self.tracks.values()))
         yield f"in {first.parent}"
         yield f"{len(first.stamps):,} stamps"

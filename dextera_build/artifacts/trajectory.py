@@ -1,4 +1,4 @@
-"""The path of a frame through another one, with the text format of the TUM RGB-D benchmark."""
+"""The trajectory of a frame in another one, with the text format of the TUM RGB-D benchmark."""
 
 from __future__ import annotations
 
@@ -31,13 +31,14 @@ class Trajectory(Artifact):
     parent: str = Field(pattern=r"^\S+$")
     """Frame that the poses are in."""
     child: str = Field(pattern=r"^\S+$")
-    """Frame that moves."""
+    """Moving frame."""
     stamps: Annotated[np.ndarray, Array("N", "float64", unit="s")]
     """Times, increasing."""
     poses: Annotated[np.ndarray, Array("N 7", "float64", unit="m", frame="parent")]
     """T_parent_child: position, and unit quaternion w x y z."""
     covariances: Annotated[np.ndarray, Array("N 6 6", "float64", frame="parent")] | None = None
-    """Of translation [m] and rotation vector [rad], see `geometry.uncertainty`; None: exact, or not stated."""
+    """Covariance of translation [m] and rotation vector [rad], see `geometry.uncertainty`; None: exact, or not
+    stated."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -47,7 +48,7 @@ class Trajectory(Artifact):
         return self
 
     def at(self, stamp: float) -> Pose:
-        """The pose at a time [s]: linear in position, the shorter way in rotation, linear in covariance.
+        """The pose at a time [s]: linear in position, slerp in rotation, linear in covariance.
 
         Raises:
             ArtifactError: The time is outside the trajectory.
@@ -107,8 +108,8 @@ class Trajectory(Artifact):
 
         Args:
             path: The file.
-            parent: Frame that the poses are in; None: as a comment says, `world` without one.
-            child: Frame that moves; None: as a comment says, `camera` without one.
+            parent: Frame that the poses are in; None: as stated in a comment, otherwise `world`.
+            child: Moving frame; None: as stated in a comment, otherwise `camera`.
 
         Raises:
             ArtifactError: It is no TUM file, or its stamps do not increase.

@@ -24,7 +24,7 @@ def restore(blobs: Mapping[str, str], copy: Callable[[str, Path], object], folde
     Args:
         blobs: Relative path -> digest.
         copy: Writes a blob to a path.
-        folder: Where to write.
+        folder: Target folder.
     """
     from concurrent.futures import ThreadPoolExecutor  # slow to load
 
@@ -35,7 +35,7 @@ def restore(blobs: Mapping[str, str], copy: Callable[[str, Path], object], folde
 
 
 def _paths(names: Mapping[str, object], folder: Path) -> dict[str, Path]:
-    """Name -> path below `folder`, the topmost first; folders are made."""
+    """Name -> path below `folder`, the topmost first; creates the folders."""
     for name in names:
         wrong = path_fault(name)
         if wrong:

@@ -17,19 +17,19 @@ Actor = Literal["policy", "replay"]
 
 
 Poses = Literal["exact", "tracked"]
-"""Where a policy's poses of objects come from: `exact` from the simulator, `tracked` from a tracker on frames of its
-camera, placed by a calibration."""
+"""Source of a policy's object poses: `exact` from the simulator, `tracked` from a tracker on frames of its camera,
+placed by a calibration."""
 
 
 class Sighting(Value):
-    """How a tracker saw the task's object in one trial, compared with the truth afterwards."""
+    """Accuracy of a tracker for the task's object in one trial, compared with the truth."""
 
     found_s: float | None
-    """Time until it was found before the trial [s]; None: it was not."""
+    """Time until the object was found before the trial [s]; None: not found."""
     frames: int
     """Frames that arrived during the trial."""
     tracked: int
-    """Frames of these that confirmed its pose."""
+    """Frames among these in which its pose was confirmed."""
     distances_m: tuple[float, ...]
     """Distance of its origin from the true one, per such frame [m]."""
     angles_rad: tuple[float, ...]
@@ -37,7 +37,7 @@ class Sighting(Value):
     joints_rad: tuple[float, ...]
     """Largest error of its joints, per such frame [rad or m]; empty without joints."""
     success: bool | None = None
-    """Verdict on what was measured, by the same predicate; None: that was not asked."""
+    """Success judged from measurements by the same predicate; None: not evaluated."""
 
 
 class Trial(Value):
@@ -48,17 +48,17 @@ class Trial(Value):
     start: str
     """Digest of the start: positions, joint targets and dynamics."""
     success: bool
-    """Verdict of the task's success predicate."""
+    """Result of the task's success predicate."""
     reason: str
-    """Why it failed; empty for a success."""
+    """Reason for the failure; empty for a success."""
     steps: int
     """Control periods until it ended."""
     sighting: Sighting | None = None
-    """How the tracker did; None for exact poses."""
+    """Accuracy of the tracker; None for exact poses."""
 
 
 class Attempt(Artifact):
-    """What came of one seed, complete: a trial, or why there was none."""
+    """Complete outcome of one seed: a trial, or the reason for its exclusion."""
 
     type_version: ClassVar[int] = 2
     readers: ClassVar[former.Readers] = {1: former.unchanged}
@@ -74,7 +74,7 @@ class Attempt(Artifact):
     rehearsal: Episode | None = None
     """The rollout in the twin that is replayed."""
     sighting: Sighting | None = None
-    """How the tracker did; None for exact poses."""
+    """Accuracy of the tracker; None for exact poses."""
 
 
 class Trials(Artifact):
@@ -88,9 +88,9 @@ class Trials(Artifact):
     label: str
     """Its name in tables: `ACT`, `PPO`, `replay`."""
     algorithm: str
-    """Training algorithm of the policy, `act` or `ppo`; `script` of a scripted operator, empty for a replay."""
+    """Training algorithm of the policy, `act` or `ppo`; `script` for a scripted operator, empty for a replay."""
     source: str
-    """Digest of the checkpoint, of the demonstrations that were replayed, or of the twin that an operator knows."""
+    """Digest of the checkpoint, of the replayed demonstrations, or of the operator's twin."""
     task: TaskSpec
     """The objective and its success criterion."""
     embodiment: str
@@ -100,7 +100,7 @@ class Trials(Artifact):
     world: WorldKind
     """Kind of world; none is real."""
     poses: Poses = "exact"
-    """Where the actor's poses of objects come from."""
+    """Source of the actor's object poses."""
     items: tuple[Trial, ...]
     """Valid attempts, in order."""
     placed: Annotated[np.ndarray, Array("N O 7", "float32", frame="base")]
@@ -122,13 +122,13 @@ class Trials(Artifact):
 
     @property
     def mean_time_s(self) -> float | None:
-        """Mean time of the successes until the verdict [s], including the hold time; None without successes."""
+        """Mean time of the successes [s], including the hold time; None without successes."""
         steps = [trial.steps for trial in self.items if trial.success]
         return float(np.mean(steps)) / self.task.control_hz if steps else None
 
 
 class Operated(Artifact):
-    """Trials of one operator that practised in a twin, from the same seeds in several worlds."""
+    """Trials of one operator rehearsed in a twin, from the same seeds in several worlds."""
 
     twin: Trials
     """In the twin itself."""

@@ -11,7 +11,7 @@ Node = ElementTree.Element
 
 
 def root(name: str) -> Node:
-    """The element `robot`. MuJoCo drops folders from mesh paths, visuals, and the mass of the root link, by default."""
+    """The element `robot`. By default, MuJoCo drops folders from mesh paths, visuals, and the mass of the root link."""
     robot = Node("robot", name=name)
     compiler = {"strippath": "false", "discardvisual": "false", "fusestatic": "false", "balanceinertia": "false"}
     ElementTree.SubElement(ElementTree.SubElement(robot, "mujoco"), "compiler", compiler)
@@ -26,7 +26,7 @@ def text(robot: Node) -> bytes:
 
 
 def origin(node: Node, xyz: np.ndarray, rotation: np.ndarray | None = None) -> None:
-    """Add an origin at `xyz` (3,) [m], turned by `rotation` (3, 3)."""
+    """Add an origin at `xyz` (3,) [m] with rotation `rotation` (3, 3)."""
     rpy = "0 0 0" if rotation is None else numbers(fixed_axes(rotation).tolist())
     ElementTree.SubElement(node, "origin", xyz=numbers(np.asarray(xyz).tolist()), rpy=rpy)
 
@@ -37,10 +37,10 @@ def mesh(node: Node, filename: str) -> None:
 
 
 def fixed_axes(rotation: np.ndarray) -> np.ndarray:
-    """Roll, pitch and yaw (3,) [rad] of a rotation (3, 3): about x, then y, then z, all of them fixed (URDF)."""
+    """Roll, pitch and yaw (3,) [rad] of a rotation (3, 3): about the fixed x, then y, then z axis (URDF)."""
     flat = np.hypot(rotation[0, 0], rotation[1, 0])
     pitch = np.arctan2(-rotation[2, 0], flat)
-    if flat < 1e-9:  # roll and yaw turn about one axis
+    if flat < 1e-9:  # gimbal lock: roll and yaw rotate about one axis
         return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0])
     roll = np.arctan2(rotation[2, 1], rotation[2, 2])
     return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])

@@ -6,6 +6,6 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Value(BaseModel):
-    """A small plain structure that is stored inline in the header of the artifact that holds it."""
+    """A small plain structure that is stored inline in the header of its artifact."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -1,4 +1,4 @@
-"""What is drawn for an episode beside poses, masses, sizes and sliding friction: joints, goal, cameras and light."""
+"""Random changes of an episode other than poses, masses, sizes and friction: joints, goal, cameras and light."""
 
 from __future__ import annotations
 

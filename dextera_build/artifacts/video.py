@@ -1,4 +1,4 @@
-"""Encoded pictures over time, any of which can be read by its number."""
+"""Encoded video with random access by frame number."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from dextera_build.errors import ArtifactError
 
 
 class Video(Artifact):
-    """A video file and its index. Frames are decoded when they are asked for; the file is not loaded as a whole."""
+    """A video file and its index. Frames are decoded on access; the file is not loaded as a whole."""
 
     saves: ClassVar[tuple[str, ...]] = (".mp4",)
 
     file: File
-    """The file, with one picture stream that counts."""
+    """The file; its first video stream is used."""
     width: PositiveInt
     """Width of a frame [px]."""
     height: PositiveInt
@@ -32,7 +32,7 @@ class Video(Artifact):
     stamps: Annotated[np.ndarray, Array("N", "float64", unit="s")]
     """Time of each frame from the beginning of the stream, increasing."""
     is_key: Annotated[np.ndarray, Array("N", "bool")]
-    """Whether decoding can begin with this frame; the first one is such."""
+    """Whether decoding can begin with this frame; always true for the first one."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -105,9 +105,9 @@ class Video(Artifact):
     def packets(self) -> Iterator[tuple[bytes, bool]]:
         """Coded data of each frame in order of decoding, and whether it is a key frame.
 
-        The data are those of the container. H.264 in MP4 has the length before each of its units and keeps the
-        parameter sets elsewhere (AVCC); a decoder of plain H.264 expects start codes (Annex B), which the bit stream
-        filter `h264_mp4toannexb` of FFmpeg writes.
+        The data are those of the container. H.264 in MP4 has a length prefix before each unit and stores the parameter
+        sets separately (AVCC); a decoder of plain H.264 expects start codes (Annex B), which the bit stream filter
+        `h264_mp4toannexb` of FFmpeg writes.
         """
         with _opened(self.file, "video.mp4") as (container, stream):
             for packet in container.demux(stream):
@@ -133,7 +133,7 @@ class Video(Artifact):
         with _opened(self.file, "video.mp4") as (container, stream):
             middles = (self.stamps[1:] + self.stamps[:-1]) / 2
             decoder: Iterator[Any] = iter(())
-            at = -2  # the last frame that was decoded
+            at = -2  # the last decoded frame
             for number in numbers:
                 key = keys[np.searchsorted(keys, number, side="right") - 1]
                 if key > at + 1 or at > number or at == -2:
@@ -175,7 +175,7 @@ def _opened(file: File, name: str) -> Iterator[tuple[Any, Any]]:
 
 
 def _opening(raw: BinaryIO) -> Any:
-    """Options with which FFmpeg opens a file: an MP4 says size and order of its frames, so none is decoded for them."""
+    """Options with which FFmpeg opens a file: an MP4 states size and order of its frames, so none is decoded."""
     begin = raw.read(8)
     raw.seek(0)
     return [{"skip_frame": "all"}] if begin[4:] == b"ftyp" else None

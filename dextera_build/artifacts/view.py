@@ -1,4 +1,4 @@
-"""What was seen of each object: pixels for making assets, measurements for placing them, traits for its physics."""
+"""Data of each object in the photograph: pixels for its asset, measurements for its placement, traits for physics."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from dextera_build.geometry import upright
 
 
 class ObjectView(Artifact):
-    """One object in the photograph: a crop. Nothing in it was measured, and its name and traits are not part of it."""
+    """One object in the photograph: a crop. It contains no measurements, and neither name nor traits of the object."""
 
     type_version: ClassVar[int] = 2
 
     rgb: Image
     """Crop of the photograph around the mask, with a margin."""
     mask: Annotated[np.ndarray, Array("H W", "bool")]
-    """Visible pixels of the object, in the crop, and those that `factorize.complete` adds where `occluder` is."""
+    """Visible pixels of the object, in the crop, and those added by `factorize.complete` at pixels of `occluder`."""
     occluder: Annotated[np.ndarray, Array("H W", "bool")]
-    """Pixels of the crop where something nearer may hide the object; nothing was seen there."""
+    """Pixels of the crop where something nearer may hide the object."""
     camera: Camera
     """Intrinsics of the crop."""
     phrase: str
     """See `Element.phrase`."""
     asset_source: AssetSource = "rgb"
-    """What the mask was made from."""
+    """Source of the mask."""
 
     def picture(self) -> bytes:
         """The object on a pale copy of its surroundings."""
@@ -42,7 +42,7 @@ class ObjectView(Artifact):
 
 
 class MeasuredView(Artifact):
-    """What was measured in the crop of an `ObjectView`."""
+    """Measurements in the crop of an `ObjectView`."""
 
     depth: DepthImage
     """The same crop of the depth [m]."""
@@ -51,18 +51,18 @@ class MeasuredView(Artifact):
 
 
 class State(Artifact):
-    """Things on a support once more, with their joints elsewhere."""
+    """A second capture of objects on a support, with their joints in other positions."""
 
     measured: MeasuredView
     """Depth of the whole picture, and T_world_camera in the world of this picture's own support."""
     camera: Camera
     """Intrinsics."""
     above: Annotated[np.ndarray, Array("H W", "bool")]
-    """Measured pixels of what stands on the support."""
+    """Measured pixels of objects on the support."""
 
 
 class Traits(Artifact):
-    """What parsing says about an object; apart from its view, so that another material meshes nothing again."""
+    """Properties of an object from parsing; separate from its view, so that a new material rebuilds no mesh."""
 
     type_version: ClassVar[int] = 3
     readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged}
@@ -80,23 +80,23 @@ class Traits(Artifact):
 
 
 class Instance(Artifact):
-    """One object that was found. The name is not part of it, so renaming rebuilds nothing."""
+    """One segmented object. Its name is not included, so that renaming rebuilds nothing."""
 
     view: ObjectView
     """Its pixels."""
     traits: Traits
-    """What it is."""
+    """Its properties."""
     measured: MeasuredView | None = None
-    """Its depth; None if there is nothing but the photograph."""
+    """Its depth; None if there is only the photograph."""
 
 
 class InstanceMap(Artifact):
-    """Which pixels of a whole photograph belong to which object; without names and traits."""
+    """The object of each pixel of a whole photograph, without names and traits."""
 
     labels: Annotated[np.ndarray, Array("H W", "int32")]
     """0 is everything else; 1.. are instances."""
     fixed: Annotated[np.ndarray, Array("H W", "bool")]
-    """Pixels of things that are no object: the robot, things cut by the image border."""
+    """Pixels of static elements: the robot, and objects cut by the image border."""
 
     def picture(self) -> bytes:
         """One colour for each instance, black for the rest."""
@@ -104,7 +104,7 @@ class InstanceMap(Artifact):
 
 
 class Segmentation(Artifact):
-    """Every object and the map that they were cut from."""
+    """All objects and the map from which they were cropped."""
 
     type_version: ClassVar[int] = 2
 
@@ -145,7 +145,7 @@ class Seen:
 
     @cached_property
     def depth(self) -> np.ndarray:
-        """The crop's depth, (H, W) float32 [m]; 0 where nothing was measured, or only what hides the object."""
+        """The crop's depth, (H, W) float32 [m]; 0 where nothing was measured, or only the occluder."""
         completed = self.mask & self.occluder
         depth = self.measured.depth.depth
         return np.where(completed, np.float32(0.0), depth) if completed.any() else depth
@@ -156,7 +156,7 @@ class Seen:
         return self.measured.camera_pose.matrix
 
     def upright(self) -> Seen:
-        """The same view as a camera held upright saw it, see `geometry.upright`; the world stays."""
+        """The same view as seen by an upright camera, see `geometry.upright`; the world is unchanged."""
         count = upright.turns(self.world_from_camera)
         if not count:
             return self

@@ -32,7 +32,7 @@ _TRANSFORMS = "transforms.json"
 
 
 class Views(Artifact):
-    """Pictures of one scene through known cameras from known places."""
+    """Pictures of one scene with known cameras and poses."""
 
     saves: ClassVar[tuple[str, ...]] = (".json",)
 
@@ -86,7 +86,7 @@ class Views(Artifact):
         """A picture, (H, W, 3) uint8 sRGB.
 
         Raises:
-            ArtifactError: The file is no picture, or not of the size that its camera says.
+            ArtifactError: The file is no picture, or differs in size from its camera.
         """
         wanted = self.lens(name)
         pixels = _decoded(name, self.images[name])
@@ -103,7 +103,7 @@ class Views(Artifact):
         return pixels
 
     def facts(self) -> Iterator[str]:
-        """Number of pictures, cameras and points, and the extent of the cameras' places."""
+        """Number of pictures, cameras and points, and the extent of the cameras' positions."""
         yield f"{len(self.names):,} pictures"
         yield f"{len(self.cameras)} cameras" if len(self.cameras) != 1 else "1 camera"
         if len(self.poses):
@@ -128,7 +128,7 @@ class Views(Artifact):
         """Name -> text of COLMAP's `cameras.txt`, `images.txt` and `points3D.txt`, without observations.
 
         Raises:
-            ArtifactError: The name of a picture holds a space.
+            ArtifactError: The name of a picture contains a space.
         """
         numbers = {label: number for number, label in enumerate(sorted(self.cameras, key=_by_number), 1)}
         cameras = {number: self.cameras[label].intrinsics() for label, number in numbers.items()}
@@ -161,7 +161,7 @@ class Views(Artifact):
             raise unwritable(self.name(), _TRANSFORMS, error) from None
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write `stem/images/` and `stem/sparse/0/*.txt`, as COLMAP does, and `stem/transforms.json` if it can."""
+        """Write `stem/images/` and `stem/sparse/0/*.txt`, as COLMAP does, and `stem/transforms.json` if possible."""
         root = Path(folder) / stem
         model = root / "sparse" / "0"
         model.mkdir(parents=True, exist_ok=True)
@@ -189,7 +189,7 @@ class Views(Artifact):
 
     @classmethod
     def load(cls, path: str | Path) -> Views:
-        """Read a `transforms.json`, or a folder with one or with a COLMAP text model, and the pictures it names.
+        """Read a `transforms.json`, or a folder with one or with a COLMAP text model, and its pictures.
 
         Raises:
             ArtifactError: There is neither, it is damaged, or a picture is missing.
@@ -205,7 +205,7 @@ class Views(Artifact):
 
         Args:
             files: Relative path -> content.
-            main: The `transforms.json`, or "" to look for one and then for a COLMAP model, the topmost first.
+            main: The `transforms.json`, or "" to search one and then a COLMAP model, the topmost first.
 
         Raises:
             ArtifactError: There is neither, it is damaged, or a picture is missing.
@@ -239,7 +239,7 @@ def _of_transforms(files: Mapping[str, File], main: str) -> dict[str, Any]:
     labels: list[str] = []
     cameras: dict[str, Intrinsics] = {}
     for frame in frames:
-        # The NeRF authors leave out the suffix.
+        # The NeRF authors omit the suffix.
         place = _picture(
             files, frame.path, [posixpath.join(root, frame.path), posixpath.join(root, f"{frame.path}.png")]
         )
@@ -290,7 +290,7 @@ def _parsed(files: Mapping[str, File], path: str, read: Any) -> Any:
 
 
 def _picture(files: Mapping[str, File], name: str, places: list[str]) -> str:
-    """The first of some paths that is a file."""
+    """The first path that is a file."""
     found = next((place for place in map(posixpath.normpath, places) if place in files), None)
     if found is None:
         raise ArtifactError(
@@ -303,7 +303,7 @@ def _picture(files: Mapping[str, File], name: str, places: list[str]) -> str:
 
 
 def _by_angle(name: str, image: File, angle_x: float) -> Intrinsics:
-    """The camera of a picture of which only the horizontal field of view [rad] is known."""
+    """The camera of a picture with only a horizontal field of view [rad]."""
     height, width = _decoded(name, image).shape[:2]
     focal = width / 2 / math.tan(angle_x / 2)
     return Intrinsics("pinhole", width, height, (focal, focal), ((width - 1) / 2, (height - 1) / 2))

@@ -1,4 +1,4 @@
-"""Weights of networks in safetensors files, also in several with the index that Hugging Face writes."""
+"""Weights of networks in safetensors files, optionally sharded with Hugging Face's index."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ from dextera_build.errors import ArtifactError, did_you_mean, listing
 _FORM = "safetensors"
 _PICKLES = (".bin", ".pt", ".pth", ".ckpt", ".pkl", ".pickle")
 INDEX = ".safetensors.index.json"
-"""Ends the name of the file that says which shard has which tensor."""
+"""Suffix of the file that maps tensors to shards."""
 SHARD_BYTES = 5_000_000_000
-"""Largest shard that `Weights.of` makes, unless one tensor is larger."""
+"""Maximum size of a shard made by `Weights.of`, unless one tensor is larger [bytes]."""
 
 
 Kind = Literal[
     "BOOL", "U8", "I8", "F8_E5M2", "F8_E4M3", "U16", "I16", "F16", "BF16", "U32", "I32", "F32", "U64", "I64", "F64"
 ]
-"""Types of numbers, as safetensors spells them: the keys of `tensors.BITS`."""
+"""Numeric types, as in safetensors: the keys of `tensors.BITS`."""
 
 
 class Tensor(Value):
     """One tensor of weights."""
 
     dtype: Kind
-    """Type of its numbers, as safetensors spells it."""
+    """Type of its numbers, as in safetensors."""
     shape: tuple[NonNegativeInt, ...]
     """Its sizes; () for a single number."""
     shard: str
-    """The file that holds it."""
+    """Its file."""
 
     @property
     def bytes(self) -> int:
@@ -56,7 +56,7 @@ class Weights(Artifact):
     shards: dict[str, File]
     """File name -> safetensors file: `model.safetensors`, or `model-00001-of-00002.safetensors`, ..."""
     tensors: dict[str, Tensor] = Field(min_length=1)
-    """Name -> type, shape and file, as the files say."""
+    """Name -> type, shape and file, as stated in the files."""
     notes: dict[str, str] = Field(default_factory=dict)
     """Plain text in the header of the files: `format: pt`."""
 
@@ -95,10 +95,10 @@ class Weights(Artifact):
         return sum(tensor.bytes for tensor in self.tensors.values())
 
     def array(self, name: str) -> np.ndarray:
-        """One tensor, read alone; BF16 as float32.
+        """One tensor, read separately; BF16 as float32.
 
         Raises:
-            ArtifactError: There is none of this name, NumPy has no such numbers, or its file is not as the index says.
+            ArtifactError: There is no such tensor, NumPy has no such type, or its file contradicts the index.
         """
         if name not in self.tensors:
             raise ArtifactError(
@@ -121,7 +121,7 @@ class Weights(Artifact):
         """Arrays by name as weights, split into files of at most `shard_bytes`; equal arrays give equal files.
 
         Raises:
-            ArtifactError: The format has no such numbers.
+            ArtifactError: The format has no such type.
         """
         groups: list[dict[str, np.ndarray]] = [{}]
         for name in sorted(arrays):
@@ -143,12 +143,12 @@ class Weights(Artifact):
 
     @classmethod
     def load(cls, path: str | Path) -> Weights:
-        """Weights in a `.safetensors` file, the files that an `.index.json` names, or a folder with one of these.
+        """Weights in a `.safetensors` file, the files named in an `.index.json`, or a folder with one of these.
 
         Only the indices are read; the files must not change until the weights are stored.
 
         Raises:
-            ArtifactError: A file is missing, damaged or may hold a pickle, or two files have one tensor.
+            ArtifactError: A file is missing, damaged or may contain a pickle, or a tensor is in two files.
         """
         path = Path(path)
         if path.suffix in _PICKLES:
@@ -174,14 +174,14 @@ class Weights(Artifact):
         return cls(shards=shards, tensors=dict(sorted(tensors.items())), notes=notes)
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write the files under their own names, and of several the index, as `from_pretrained` finds them."""
+        """Write the files under their own names, with the index if there are several, as for `from_pretrained`."""
         folder = Path(folder)
         if len(self.shards) == 1:
             return self.save(folder / next(iter(self.shards)))
         return self.save(folder / f"model{INDEX}")
 
     def _write(self, path: Path) -> list[Path]:
-        """One `.safetensors` file with all tensors, or the index `.json` with the files beside it."""
+        """One `.safetensors` file with all tensors, or the index `.json` with the files next to it."""
         if path.suffix.lower() == ".json":
             for name, file in self.shards.items():
                 file.place(path.parent / name)
@@ -197,7 +197,7 @@ class Weights(Artifact):
         return [path]
 
     def noted(self, notes: Mapping[str, str]) -> Weights:
-        """The same tensors in one file with other notes; it is made in memory."""
+        """The same tensors in one file with other notes, created in memory."""
         out = io.BytesIO()
         self._merge(out, notes)
         name = _shard_name(0, 1)

@@ -1,4 +1,4 @@
-"""Reference worlds: simulated workspaces with known ground truth, used in place of real ones."""
+"""Reference worlds: simulated workspaces with known ground truth, as substitutes for real ones."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from dextera_build.artifacts.pose import Pose
 
 
 class Lamp(Value):
-    """A light that shines on the whole world from one direction."""
+    """A directional light on the whole world."""
 
     direction: tuple[float, float, float]
     """Direction in which the light travels."""
     strength: float
-    """Diffuse intensity, 1 lights a facing white surface fully."""
+    """Diffuse intensity; 1 fully lights a white surface that faces it."""
     shadow: bool = False
-    """Whether it throws shadows."""
+    """Whether it casts shadows."""
 
 
 class Part(Artifact):
-    """One textured piece of a thing."""
+    """One textured piece of an object."""
 
     mesh: Mesh
-    """Closed surface in the thing's frame."""
+    """Closed surface in the object's frame."""
     gloss: float = 0.0
     """Strength of highlights, 0..1."""
     pieces: tuple[Hull, ...] = ()
-    """Convex pieces that together fill it, in the thing's frame; used for contact."""
+    """Convex pieces that together fill it, in the object's frame; used for contact."""
 
 
 class Matter(Value):
-    """Mechanical properties of a thing that can be moved."""
+    """Mechanical properties of a movable object."""
 
     mass_kg: float
-    """Mass of the whole thing [kg]; the density is even over each rigid piece."""
+    """Mass of the whole object [kg]; the density is uniform over each rigid piece."""
     friction: float
     """Sliding friction coefficient against any surface."""
     restitution: float = 0.1
@@ -48,10 +48,10 @@ class Matter(Value):
 
 
 class Hinge(Value):
-    """A hinge of a thing, in the thing's frame. The parts are stored as posed at `position`."""
+    """A hinge of an object, in the object's frame. The parts are stored as posed at `position`."""
 
     parts: tuple[str, ...]
-    """The parts that move against the others."""
+    """The parts that move relative to the others."""
     origin: tuple[float, float, float]
     """A point on the axis [m]."""
     axis: tuple[float, float, float]
@@ -67,11 +67,11 @@ class Hinge(Value):
     damping_nms_rad: float
     """Viscous damping [N m s/rad]."""
     mass_kg: float
-    """Mass of the moving parts, out of the thing's mass [kg]."""
+    """Mass of the moving parts, included in the object's mass [kg]."""
 
 
 class Thing(Artifact):
-    """A thing of a reference world."""
+    """An object of a reference world."""
 
     type_version: ClassVar[int] = 2
     readers: ClassVar[former.Readers] = {1: former.pose("world_from_thing", "pose", "reference", "thing")}
@@ -79,24 +79,24 @@ class Thing(Artifact):
     parts: dict[str, Part]
     """Textured pieces; they may overlap at joints between them."""
     surface: Mesh
-    """The closed outer surface of all pieces together, in the thing's frame."""
+    """The closed outer surface of all pieces together, in the object's frame."""
     pose: Annotated[Pose, Frames("reference", "thing")]
     """T_reference_thing."""
     matter: Matter | None = None
     """Mechanical properties; None for fixtures."""
     hinge: Hinge | None = None
-    """Its hinge, if it has one."""
+    """Its hinge, if any."""
 
 
 class RobotStand(Value):
-    """Place and posture of a robot."""
+    """Pose and joint positions of a robot."""
 
     position: tuple[float, float, float]
     """Origin of the robot's base [m]."""
     yaw: float
     """Rotation of the base about z [rad]."""
     joints: dict[str, float]
-    """Joint -> position [rad or m]; joints left out are at home."""
+    """Joint -> position [rad or m]; omitted joints are at home."""
 
     def pose(self) -> Pose:
         """T_reference_base [m]."""
@@ -114,7 +114,7 @@ class World(Artifact):
     readers: ClassVar[former.Readers] = {1: former.pose("world_from_camera", "camera_pose", "reference", "camera")}
 
     objects: dict[str, Thing]
-    """Things on the table, by name; the truth includes these."""
+    """Objects on the table, by name; included in the ground truth."""
     fixtures: dict[str, Thing]
     """Table, pedestal, floor, wall: everything else except the robot."""
     lamps: tuple[Lamp, ...]
@@ -122,7 +122,7 @@ class World(Artifact):
     ambient: float
     """Intensity of ambient light, 0..1."""
     stand: RobotStand | None = None
-    """The robot's place; None without a robot."""
+    """The robot's pose; None without a robot."""
     camera: Camera
     """Intrinsics."""
     camera_pose: Annotated[Pose, Frames("reference", "camera")]

@@ -1,4 +1,4 @@
-"""XML of other programs, without entities: a few lines of them can expand to gigabytes or read other files."""
+"""Third-party XML without entities, because a few lines of them can expand to gigabytes or read other files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Several materials of a mesh as one texture: pictures side by side, colours of corners painted into patches."""
+"""Baking of several materials of a mesh into one texture: pictures side by side, corner colours in patches."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from dextera_build.geometry.texture import packed
 LARGEST_PX = 16_384
 """Largest width and height of a texture [px]."""
 _GUTTER_PX = 2
-"""Repeated border of each picture, which keeps filters from mixing neighbours [px]."""
+"""Width of the repeated border of each picture, which keeps filters from mixing neighbours [px]."""
 _BLOCK = 3
 """Texels along each side of the patch of a face whose corners have colours."""
 _REPEATS = 64
-"""Most copies of a picture that repeats across one face, along each axis."""
+"""Maximum number of copies of a picture that repeats across one face, along each axis."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """A piece of a surface with one material; of `picture`, `corners` and `colour` the first that is known counts."""
+    """A piece of a surface with one material: `picture`, else `corners`, else `colour`."""
 
     vertices: np.ndarray  # (V, 3)
     faces: np.ndarray  # (F, 3)
@@ -33,7 +33,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Surface:
-    """Parts as one mesh."""
+    """All parts as one mesh."""
 
     vertices: np.ndarray  # (V, 3)
     faces: np.ndarray  # (F, 3) int64
@@ -64,7 +64,7 @@ def joined(parts: Sequence[Part]) -> Surface:
 
 
 def _plain(part: Part) -> Part:
-    """The part without colours of corners if they are all the same."""
+    """The part with one colour, if all its corners have the same."""
     if part.picture is not None and part.uv is not None:
         return part
     corners = part.corners
@@ -85,7 +85,7 @@ def _tile(part: Part) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _repeated(uv: np.ndarray, picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates within 0..1 of a picture that holds as many copies as a face shows at once."""
+    """Coordinates within 0..1 in a picture with as many copies as a face shows at once."""
     if uv.min() >= 0 and uv.max() <= 1:
         return uv, picture
     uv = uv - np.floor(uv.min(axis=1, keepdims=True) + 1e-6)
@@ -98,7 +98,7 @@ def _repeated(uv: np.ndarray, picture: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _painted(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A patch per face; between the middles of its corner texels a bilinear filter gives the linear blend exactly."""
+    """A patch per face; between the centres of its corner texels a bilinear filter gives the linear blend exactly."""
     side = int(np.ceil(np.sqrt(len(corners))))
     if side * _BLOCK > LARGEST_PX:
         raise ValueError(f"its {len(corners):,} faces have colours of their own, too many for one texture")

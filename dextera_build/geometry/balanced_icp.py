@@ -1,8 +1,8 @@
 """Morphology-balanced ICP: one rigid correction of a robot's model in the camera frame, from all poses together.
 
-Eq. 2 and 3 of the paper: min over dT of (loss of the arm + loss of the hand) / 2, then
-T_camera_base = dT T_camera_base0. An arm gives many times the points of a hand. Weighing points alike would let a small
-error of the arm's model push the hand, which has to grasp, off its place.
+Eq. 2 and 3 of the paper: min over dT of (loss of the arm + loss of the hand) / 2, then T_camera_base = dT
+T_camera_base0. An arm has many times the points of a hand. With equal weights of all points, a small error of the arm's
+model would displace the hand, whose accuracy matters for grasping.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from dextera_build.geometry.robot_covariance import Doubts
 from dextera_build.geometry.robot_pairs import Pairs, Surface
 
 KEEP = 0.85
-"""Pairs that remain after trimming, of each component."""
+"""Fraction of the pairs of each component that remain after trimming."""
 ITERATIONS = 40
 STILL = 1e-6
-"""Last step, in metres and radians."""
+"""Step size at which the iteration ends, in metres and radians."""
 
 
 @dataclass(frozen=True)
 class Corrected:
-    """What the registration found."""
+    """Result of the registration."""
 
     motion: np.ndarray  # (4, 4) dT, in the camera frame, applied from the left
-    covariance: np.ndarray  # (6, 6) of dT: translation [m], rotation vector [rad], in the camera frame
+    covariance: np.ndarray  # (6, 6) covariance of dT: translation [m], rotation vector [rad], in the camera frame
     residuals: Mapping[str, np.ndarray]  # component -> (K,) root mean square point-to-plane distance per pose [m]
-    curvature: np.ndarray  # (6,) eigenvalues of the information with rotations about the points' middle, per unit
+    curvature: np.ndarray  # (6,) eigenvalues of the information with rotations about the centre of the points, per unit
     iterations: int
 
 
@@ -42,17 +42,17 @@ def correct(
     doubts: Doubts | None = None,
     seed: int = 0,
 ) -> Corrected:
-    """Find the correction.
+    """Register the model to the measured points of all poses.
 
     Args:
-        poses: For each pose of the robot, component -> its points; a component may be missing where it is not seen.
-        points: Of each component over all poses, N of Eq. 2.
-        balanced: False weighs all points alike, as plain ICP does, for comparison.
-        doubts: Of the joints, for the covariance.
-        seed: Of the draw of points.
+        poses: For each pose of the robot, component -> its points; a component may be missing where it is not visible.
+        points: Number of points of each component over all poses, N of Eq. 2.
+        balanced: False weights all points equally, as plain ICP does, for comparison.
+        doubts: Joint and surface errors, for the covariance.
+        seed: Seed of the sampling of points.
 
     Raises:
-        ValueError: There are fewer than 20 points of a component, or nothing was seen.
+        ValueError: A component has fewer than 20 points, or no component is visible.
     """
     from scipy.spatial import cKDTree
 
@@ -106,7 +106,7 @@ def _linear(
     off = (normals * offset).sum(axis=1)
     distance = np.linalg.norm(offset, axis=1)
     weight = np.zeros(len(placed))
-    # A component whose every point is matched still has its worst pairs left out, and then counts as much as the other.
+    # A component with all points matched is still trimmed, so that components have equal total weights.
     for part in range(parts) if balanced else [None]:
         own = np.ones(len(placed), bool) if part is None else pairs.part == part
         own &= np.isfinite(distance)

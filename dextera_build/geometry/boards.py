@@ -1,6 +1,6 @@
-"""Layout of calibration boards: where their corners are, in the board's own frame.
+"""Layout of calibration boards: positions of their corners in the board's own frame.
 
-As OpenCV has them: a single marker's frame is in its middle, x right, y up, z towards the viewer; that of a grid, of a
+Frames as in OpenCV: that of a single marker is at its centre, x right, y up, z towards the viewer; that of a grid, of a
 chessboard and of a ChArUco board is at the upper left (of a chessboard: at its first inner corner), x right, y down, z
 away from the viewer. Markers of a grid are numbered row by row from 0.
 """

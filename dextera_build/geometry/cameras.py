@@ -34,7 +34,7 @@ def look_at(eye: np.ndarray, target: np.ndarray) -> np.ndarray:
     """T_world_camera (4, 4) of a camera at `eye` that looks at `target`, (3,) each [m]; image right is horizontal.
 
     Raises:
-        ArtifactError: One is straight above the other, so image right is not defined.
+        ArtifactError: One is vertically above the other, so image right is not defined.
     """
     forward = np.asarray(target, np.float64) - eye
     right = np.cross(forward, [0.0, 0.0, 1.0])
@@ -53,7 +53,7 @@ def look_down(target: np.ndarray, distance: float, heading: float, pitch: float,
     """T_world_camera (4, 4) of a camera that looks at `target` (3,) [m] from `distance` [m].
 
     Args:
-        target: The point in the middle of the picture.
+        target: The point at the principal point of the picture.
         distance: From the optical centre to the target.
         heading: Angle of the horizontal line of sight from +y towards +x [rad].
         pitch: Angle of the line of sight below the horizon, up to pi/2 [rad].

@@ -1,8 +1,8 @@
-"""Which way up an object stands and which side is its front, judged from its shape and its colours.
+"""Up and front directions of an object, estimated from its shape and its colours.
 
-Candidates are the 24 rotations that point the axes of the object's own frame along z and x: makers of meshes align
-their frames with the object, but do not agree which axis is up. Each judgement is a number for each direction; what
-none of them tells clearly stays undecided.
+Candidates are the 24 rotations that map axes of the object's own frame to z and x, because mesh frames are usually
+aligned with the object, but with different up axes. Each criterion scores every direction; without a clear winner the
+direction stays undecided.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from dataclasses import dataclass
 import numpy as np
 
 DIRECTIONS = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float64)
-"""The six directions of the own axes."""
+"""The six directions of the object's own axes."""
 CELLS = 24
 """Cells along each side of a height map."""
 FLAT = 0.02
 """Height above the lowest point, over the object's size, that counts as contact."""
 CLEAR = 0.3
-"""Lead of the best direction over the next from which it is decided."""
+"""Minimum margin of the best direction over the next one."""
 WEIGHTS = {"holds": 2.2, "stands": 1.0, "upright": 0.5, "seen": 0.8}
-"""Weight of each judgement in the sum; `tests.benchmarks.registration.canonical --choose` chose them and `CLEAR`, but
-for `seen`, which needs photographs."""
+"""Weight of each criterion in the sum; these and `CLEAR`, except for `seen`, which needs photographs, were chosen by
+`tests.benchmarks.registration.canonical --choose`."""
 REACH = 0.06
-"""How much further a surface reaches to one side than to the other, over its size, for a handle or a spout."""
+"""Minimum difference of the reach of a surface to two sides, relative to its size, for a handle or a spout."""
 PATTERN = 0.05
-"""How much more the colours of one side vary than those of the next, 0..1, for a label or a screen."""
+"""Minimum difference of the colour variation of two sides, 0..1, for a label or a screen."""
 
 Colours = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """sRGB (N, 3), 0..1, of points on faces (N,) at barycentric weights (N, 3)."""
@@ -36,7 +36,7 @@ Cast = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Samples:
-    """Points spread over a surface by area."""
+    """Points sampled uniformly on a surface."""
 
     points: np.ndarray  # (N, 3)
     normals: np.ndarray  # (N, 3) unit, outward where the mesh is oriented
@@ -50,20 +50,20 @@ class Samples:
 
 @dataclass(frozen=True)
 class Judged:
-    """A number for each of `DIRECTIONS`, and what it came from."""
+    """A score for each of `DIRECTIONS`, and the criterion that decided."""
 
     scores: np.ndarray  # (6,), or (4,) for fronts
-    reason: str  # of the best
+    reason: str  # criterion of the best
 
     @property
     def lead(self) -> float:
-        """Best minus second best."""
+        """Best minus second best score."""
         first, second = np.sort(self.scores)[::-1][:2]
         return float(first - second)
 
 
 def sample(vertices: np.ndarray, faces: np.ndarray, paint: Colours, count: int = 4000) -> Samples:
-    """Spread points over a surface; the same ones for the same surface."""
+    """Sample points on a surface, deterministically."""
     corners = vertices[faces]
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(cross, axis=1)
@@ -76,13 +76,13 @@ def sample(vertices: np.ndarray, faces: np.ndarray, paint: Colours, count: int =
 
 
 def ups(samples: Samples, cast: Cast, seen_up: np.ndarray | None = None) -> Judged:
-    """How much each direction looks like up.
+    """Score of each direction as up.
 
-    An object rests on a wide contact that is under its middle, does not tip, is open upwards if it holds anything, and
-    stands in the photograph as it is used, if it stands there on one of its sides.
+    An object rests on a wide contact under its centre, does not tip, is open at the top if it is a container, and, if
+    it stands on one of its sides in the photograph, stands upright there.
 
     Args:
-        samples: Of the surface.
+        samples: Samples of the surface.
         cast: Rays against the surface.
         seen_up: (3,) up in the photograph, in the object's frame; None if unknown.
     """
@@ -94,7 +94,7 @@ def ups(samples: Samples, cast: Cast, seen_up: np.ndarray | None = None) -> Judg
 
 
 def judgements(samples: Samples, cast: Cast, seen_up: np.ndarray | None = None) -> dict[str, np.ndarray]:
-    """What `ups` adds up, (6,) each, about 0..1 and not weighted; arguments as there."""
+    """The criteria that `ups` adds up, (6,) each, about 0..1 and unweighted; same arguments."""
     parts = {
         "holds": np.array([_holds(samples, cast, up) for up in DIRECTIONS]),
         "stands": np.array([_stands(samples, up) for up in DIRECTIONS]),
@@ -106,15 +106,15 @@ def judgements(samples: Samples, cast: Cast, seen_up: np.ndarray | None = None) 
 
 
 def fronts(samples: Samples, up: np.ndarray, turned: Callable[[float], bool]) -> tuple[np.ndarray, Judged]:
-    """The four level directions (4, 3), and how much each looks like the front.
+    """The four horizontal directions (4, 3), and the score of each as the front.
 
-    A handle or spout points forwards; else the front is the side with the richest picture; else it is one of the two
-    broad sides, and which of them stays open.
+    A handle or spout points forwards; otherwise the front is the side with the largest colour variation; otherwise it
+    is one of the two broad sides, undecided between them.
 
     Args:
-        samples: Of the surface.
+        samples: Samples of the surface.
         up: One of `DIRECTIONS`.
-        turned: Whether a turn about `up` [rad] is a symmetry of the shape.
+        turned: Whether a rotation about `up` [rad] is a symmetry of the shape.
     """
     level = DIRECTIONS[np.abs(DIRECTIONS @ up) < 0.5]
     reach = np.array([_reach(samples, side) for side in level])
@@ -130,12 +130,12 @@ def fronts(samples: Samples, up: np.ndarray, turned: Callable[[float], bool]) ->
 
 
 def rotation(up: np.ndarray, front: np.ndarray) -> np.ndarray:
-    """(3, 3) that takes `up` to z and `front` to x; both unit, at right angles."""
+    """(3, 3) rotation that maps `up` to z and `front` to x; both unit and orthogonal."""
     return np.array([front, np.cross(up, front), up])
 
 
 def _stands(samples: Samples, up: np.ndarray) -> float:
-    """Area under the middle: that of the hull of what touches the ground over that of the outline, 0 if it tips."""
+    """Hull area of the ground contact relative to the area of the outline; 0 if the object tips."""
     from scipy.spatial import ConvexHull, QhullError
 
     heights = samples.points @ up
@@ -148,7 +148,7 @@ def _stands(samples: Samples, up: np.ndarray) -> float:
     margin = -float((base.equations[:, :2] @ flat.mean(axis=0) + base.equations[:, 2]).max())
     if margin < 0.0:
         return 0.0
-    # `volume` of a plane hull is its area.
+    # `volume` of a two-dimensional hull is its area.
     share = float(base.volume / outline.volume)
     facing = samples.normals @ up
     level = float((np.abs(facing[heights < heights.min() + FLAT * samples.size]) > 0.9).mean())
@@ -156,7 +156,7 @@ def _stands(samples: Samples, up: np.ndarray) -> float:
 
 
 def _holds(samples: Samples, cast: Cast, up: np.ndarray) -> float:
-    """Depth of the pools that stay after rain from above, over the object's height, mean over its outline, 0..1."""
+    """Mean depth over the outline of pools filled by rain from above, relative to the object's height, 0..1."""
     level = _level(up)
     flat, heights = samples.points @ level.T, samples.points @ up
     low, high = flat.min(axis=0), flat.max(axis=0)
@@ -173,7 +173,7 @@ def _holds(samples: Samples, cast: Cast, up: np.ndarray) -> float:
 
 
 def _filled(ground: np.ndarray) -> np.ndarray:
-    """Water levels over (H, W) heights, water runs off over the border: lowered until every pool is at its outlet."""
+    """Water levels over (H, W) heights with drainage at the border, iterated until pools are at outlet level."""
     level = np.full(ground.shape, ground.max())
     level[0], level[-1], level[:, 0], level[:, -1] = ground[0], ground[-1], ground[:, 0], ground[:, -1]
     for _ in range(ground.size):
@@ -187,7 +187,7 @@ def _filled(ground: np.ndarray) -> np.ndarray:
 
 
 def _elongation(samples: Samples, up: np.ndarray) -> float:
-    """1 if the height differs from both other sizes and these are alike, as with bottles and plates; else less."""
+    """1 if the height differs from both other sizes and these are equal, as for bottles and plates; otherwise less."""
     height = float(np.ptp(samples.points @ up))
     one, other = (float(np.ptp(samples.points @ axis)) for axis in _level(up))
     alike = min(one, other) / max(one, other)
@@ -195,12 +195,12 @@ def _elongation(samples: Samples, up: np.ndarray) -> float:
 
 
 def _reach(samples: Samples, side: np.ndarray) -> float:
-    """How far the surface reaches to a side of its centroid, over its size."""
+    """Extent of the surface to a side of its centroid, relative to its size."""
     return float((samples.points @ side - np.median(samples.points @ side)).max() / samples.size)
 
 
 def _pattern(samples: Samples, side: np.ndarray) -> float:
-    """Standard deviation of the colours of what faces a side, 0..1."""
+    """Standard deviation of the colours of surfaces that face a side, 0..1."""
     facing = np.abs(samples.normals @ side) > 0.7
     outside = (samples.points @ side) > np.quantile(samples.points @ side, 0.6)
     chosen = samples.colours[facing & outside]
@@ -208,5 +208,5 @@ def _pattern(samples: Samples, side: np.ndarray) -> float:
 
 
 def _level(up: np.ndarray) -> np.ndarray:
-    """Two axes (2, 3) at right angles to `up`, which is along an axis of the frame."""
+    """Two axes (2, 3) orthogonal to `up`, which is parallel to an axis of the frame."""
     return np.asarray(np.eye(3)[np.abs(up) < 0.5])

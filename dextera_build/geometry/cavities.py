@@ -1,4 +1,4 @@
-"""The room inside a container that stands upright: what rain would fill before it runs over."""
+"""The cavity of an upright container: the volume that rain would fill before it overflows."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from dextera_build.geometry import metrics
 CELLS = 48
 """Columns along the longest horizontal edge."""
 SAMPLES = 40
-"""Surface samples per column of a flat floor, so that none is missed."""
+"""Surface samples per column of a flat floor, so that no column is empty."""
 MOST = 400_000
-"""Largest number of samples."""
+"""Maximum number of samples."""
 SHALLOW_M = 0.008
-"""Depth below which a dent is no cavity [m]."""
+"""Minimum depth of a cavity [m]."""
 
 
 def find(vertices: np.ndarray, faces: np.ndarray) -> tuple[tuple[float, float], float, np.ndarray, np.ndarray] | None:
     """The cavity of a surface, as columns of a horizontal grid.
 
-    The surface seen from above is a landscape; its lakes are the cavity (priority flood from the border). So a hole in
-    a wall, a spout and a notch end the room where the first drop would run out.
+    The height map seen from above is flooded from the border (priority flood); its lakes are the cavity. Holes in a
+    wall, spouts and notches therefore limit the cavity to the level at which water would run out.
 
     Args:
         vertices: (V, 3) [m], z up.
         faces: (F, 3).
 
     Returns:
-        Corner (x, y) of the grid and edge of a column [m]; height of the floor and of the rim of every column
-        (X, Y) [m], equal where there is no room. None without a cavity.
+        Corner (x, y) of the grid and edge of a column [m]; height of the floor and of the rim of every column (X, Y)
+        [m], equal outside the cavity. None without a cavity.
     """
     low, high = vertices.min(axis=0).astype(np.float64), vertices.max(axis=0).astype(np.float64)
     cell = float((high - low)[:2].max()) / CELLS
@@ -53,7 +53,7 @@ def find(vertices: np.ndarray, faces: np.ndarray) -> tuple[tuple[float, float], 
 
 
 def _flooded(heights: np.ndarray) -> np.ndarray:
-    """Height of the water in every cell after rain, (X, Y): the lowest pass on the best way to the border."""
+    """Water level in every cell, (X, Y): the lowest pass on the best path to the border."""
     water = np.full(heights.shape, np.inf)
     queue: list[tuple[float, int, int]] = []
     for row, column in np.ndindex(*heights.shape):

@@ -1,4 +1,4 @@
-"""Convex pieces that are given by their corner points: their surfaces, overlaps and cuts."""
+"""Convex pieces defined by their corner points: surfaces, overlaps and cuts."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 
 THINNEST_M = 2e-4
-"""Physics engines refuse flat pieces; a fifth of a millimetre is below any measurement here."""
+"""Minimum thickness, because physics engines reject flat pieces; 0.2 mm is below any measurement error here."""
 SLIVER = 1e-9
-"""Volume of a cut piece below which it is left out [m^3]."""
+"""Volume of a cut piece below which it is dropped [m^3]."""
 
 
 def surface(points: np.ndarray, thinnest: float = THINNEST_M) -> tuple[np.ndarray, np.ndarray]:
@@ -17,7 +17,7 @@ def surface(points: np.ndarray, thinnest: float = THINNEST_M) -> tuple[np.ndarra
 
     Args:
         points: (N, 3) corner points [m], N >= 1.
-        thinnest: Smallest extent along any direction that is left as it is [m].
+        thinnest: Directions with a smaller extent are thickened [m].
 
     Returns:
         (V, 3) float32 hull corners and (F, 3) int32 faces, counter-clockwise seen from outside; the same points give
@@ -38,8 +38,8 @@ def surface(points: np.ndarray, thinnest: float = THINNEST_M) -> tuple[np.ndarra
 
 
 def thicken(points: np.ndarray, thinnest: float = THINNEST_M) -> np.ndarray:
-    """`points` (N, 3) [m], doubled to both sides along every direction in which they extend less than `thinnest`."""
-    # Rows of zeros give three axes also for one or two points; the full left matrix would take (N, N) numbers.
+    """`points` (N, 3) [m], duplicated to both sides along every direction with an extent below `thinnest`."""
+    # Rows of zeros give three axes even for one or two points; the full left matrix would take (N, N) numbers.
     _, _, axes = np.linalg.svd(np.concatenate([points - points.mean(axis=0), np.zeros((3, 3))]), full_matrices=False)
     for axis in axes:
         along = points @ axis
@@ -71,7 +71,7 @@ class Convex:
         return self._hull[2]
 
     def overlap(self, other: Convex) -> tuple[float, np.ndarray, float]:
-        """Least overlap [m], at most 0 if apart, and the plane n x = d beyond which `other` does not reach."""
+        """Least overlap [m], at most 0 if disjoint, and the plane n x = d beyond which `other` does not extend."""
         if (self.low >= other.high).any() or (other.low >= self.high).any():
             return 0.0, np.zeros(3), 0.0
         normals = np.concatenate([other._hull[0], -self._hull[0]])
@@ -81,7 +81,7 @@ class Convex:
         return float(deep[least]), normals[least], float(ends[least])
 
     def beyond(self, normal: np.ndarray, end: float) -> Convex | None:
-        """The part where `normal` x >= `end`; None if that is a sliver."""
+        """The part with `normal` x >= `end`; None if it is a sliver."""
         edges = self._hull[1]
         starts, stops = edges[:, 0] @ normal - end, edges[:, 1] @ normal - end
         crossing = starts * stops < 0.0

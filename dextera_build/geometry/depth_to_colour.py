@@ -1,4 +1,4 @@
-"""Depth of one camera as another camera beside it would have measured it."""
+"""Reprojection of a depth image to the picture of another camera."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.geometry import cameras, transforms
 
 WIDEST = 6
-"""Largest side of what a depth pixel covers in the other picture [px]; larger ones leave holes."""
+"""Largest side of the area that a depth pixel covers in the other picture [px]; larger ones leave holes."""
 
 
 def registered(
@@ -21,7 +21,8 @@ def registered(
 ) -> np.ndarray:
     """Depth (H, W) float32 [m] in the picture of the other camera, 0 where nothing was measured.
 
-    Each depth pixel is a patch at its depth, and covers what its corners span in the other picture; the nearest wins.
+    Each depth pixel is a patch at its depth, and covers the area between its corners in the other picture; the nearest
+    patch wins.
 
     Args:
         depth: (h, w) image-plane z [m], 0 if not measured.

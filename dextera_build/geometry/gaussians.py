@@ -1,4 +1,4 @@
-"""3D Gaussians as arrays (Kerbl et al. 2023): their covariances, and what a similarity does to them."""
+"""3D Gaussians as arrays (Kerbl et al. 2023): their covariances, and similarity transforms."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from dextera_build.geometry import quaternions, spherical_harmonics, transforms
 class Gaussians:
     """N Gaussians in one frame, float64."""
 
-    means: np.ndarray  # (N, 3) [m]
+    means: np.ndarray  # (N, 3) means [m]
     rotations: np.ndarray  # (N, 4) unit quaternions, w x y z: axes of the ellipsoid in the frame
     scales: np.ndarray  # (N, 3) standard deviation along its axes [m], > 0
     opacities: np.ndarray  # (N,) 0..1
     harmonics: np.ndarray  # (N, K, 3) coefficients of red, green, blue; 0.5 + their sum is sRGB 0..1
 
     def __getitem__(self, chosen: np.ndarray | slice) -> Gaussians:
-        """Some of them."""
+        """A subset."""
         return Gaussians(
             self.means[chosen],
             self.rotations[chosen],
@@ -52,7 +52,7 @@ def turns(rotations: np.ndarray) -> np.ndarray:
 
 
 def moved(gaussians: Gaussians, matrix: np.ndarray, scale: float = 1.0) -> Gaussians:
-    """X' = matrix @ [scale * X, 1] of every Gaussian; the colours that they show in a direction turn with them.
+    """X' = matrix @ [scale * X, 1] of every Gaussian; view-dependent colours are rotated, too.
 
     Args:
         gaussians: In the child frame.
@@ -71,7 +71,7 @@ def moved(gaussians: Gaussians, matrix: np.ndarray, scale: float = 1.0) -> Gauss
 
 
 def colours(gaussians: Gaussians, eye: np.ndarray) -> np.ndarray:
-    """What each shows towards `eye` (3,) [m]: sRGB (N, 3), 0 and more."""
+    """Colours towards `eye` (3,) [m]: sRGB (N, 3), not negative."""
     ray = gaussians.means - eye
     ray = ray / np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), 1e-300)
     values = spherical_harmonics.basis(ray, gaussians.harmonics.shape[1])

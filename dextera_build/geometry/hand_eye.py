@@ -1,8 +1,8 @@
-"""The hand-eye problem X C_i = P_i Y: views of a board, closed-form starts, and what the robot's motion determines.
+"""The hand-eye problem X C_i = P_i Y: views of a board, closed-form solutions, and observability by the robot's motion.
 
-For a camera beside the robot X is T_base_camera, P_i is T_base_effector and Y is T_effector_board; for one on the hand
-X is T_effector_camera, P_i is T_effector_base and Y is T_base_board. C_i is T_camera_board. So one code solves both,
-and the robot's poses are inverted in one place, `robot_side`.
+For a camera next to the robot X is T_base_camera, P_i is T_base_effector and Y is T_effector_board; for one on the hand
+X is T_effector_camera, P_i is T_effector_base and Y is T_base_board. C_i is T_camera_board. The same code solves both,
+and the robot's poses are inverted in one function, `robot_side`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 from dextera_build.geometry import registration, transforms
 
 TRIPLES = 24
-"""Sets of three views that give starts."""
+"""Number of triples of views that give initial solutions."""
 OUTLIER_PX = 20.0
-"""Corners further off than this count alike in the choice of a start [px]."""
+"""Residuals are clipped at this value when an initial solution is chosen [px]."""
 
 
 @dataclass(frozen=True)
@@ -28,14 +28,14 @@ class View:
     name: str
     effector: np.ndarray  # (4, 4) T_base_effector [m]
     board: np.ndarray  # (J, 3) corners in the board's frame [m]
-    pixels: np.ndarray  # (J, 2) where they were seen, without lens distortion [px]
-    candidates: tuple[np.ndarray, ...]  # (4, 4) T_camera_board each: what one picture alone allows, best first
-    orders: tuple[np.ndarray, ...] = ()  # (J,) each: other orders of `pixels` that the pattern allows
+    pixels: np.ndarray  # (J, 2) their pixels, without lens distortion [px]
+    candidates: tuple[np.ndarray, ...]  # (4, 4) T_camera_board each: candidates from one picture alone, best first
+    orders: tuple[np.ndarray, ...] = ()  # (J,) each: other orders of `pixels` that the pattern permits
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What all views share."""
+    """Properties shared by all views."""
 
     k: np.ndarray  # (3, 3) pinhole intrinsics [px]
     in_hand: bool  # the camera is on the effector
@@ -45,22 +45,22 @@ class Setup:
 class Solution:
     """The two unknowns."""
 
-    x: np.ndarray  # (4, 4) T_base_camera, in the hand T_effector_camera
-    y: np.ndarray  # (4, 4) T_effector_board, in the hand T_base_board
+    x: np.ndarray  # (4, 4) T_base_camera, or T_effector_camera on the hand
+    y: np.ndarray  # (4, 4) T_effector_board, or T_base_board with a camera on the hand
 
 
 def robot_side(view: View, setup: Setup) -> np.ndarray:
-    """P_i (4, 4): T_base_effector, and for a camera in the hand its inverse."""
+    """P_i (4, 4): T_base_effector, or its inverse for a camera on the hand."""
     return transforms.invert(view.effector) if setup.in_hand else view.effector
 
 
 def predicted(solution: Solution, view: View, setup: Setup) -> np.ndarray:
-    """T_camera_board (4, 4) = X^-1 P Y that the robot's pose implies."""
+    """T_camera_board (4, 4) = X^-1 P Y, predicted by the robot's pose."""
     return np.asarray(transforms.invert(solution.x) @ robot_side(view, setup) @ solution.y)
 
 
 def turns(views: Sequence[View], setup: Setup) -> tuple[np.ndarray, np.ndarray]:
-    """How much the robot rotates between the views, by axis.
+    """Rotation of the robot between the views, by axis.
 
     Returns:
         Singular values (3,), largest first [rad], and their axes (3, 3) as rows, in the effector's frame: root mean
@@ -85,16 +85,16 @@ def _padded(parts: list[np.ndarray]) -> tuple[None, np.ndarray, np.ndarray]:
 
 
 def closed_form(robot: np.ndarray, seen: np.ndarray) -> Solution:
-    """Start from (K, 4, 4) P and C: Park and Martin (1994) for the rotation of X, linear least squares for the rest.
+    """Initial solution from (K, 4, 4) P and C: Park and Martin (1994) for rotation, linear least squares otherwise.
 
-    All pairs of views take part. Rotations about one axis alone leave the answer undefined, see `turns`.
+    All pairs of views are used. Rotations about a single axis leave the solution undetermined, see `turns`.
     """
     first, second = np.array(list(itertools.combinations(range(len(robot)), 2))).T
     a = np.stack([robot[j] @ transforms.invert(robot[i]) for i, j in zip(first, second, strict=True)])
     b = np.stack([seen[j] @ transforms.invert(seen[i]) for i, j in zip(first, second, strict=True)])
     alpha = np.stack([registration.rotation_vector(each[:3, :3]) for each in a])
     beta = np.stack([registration.rotation_vector(each[:3, :3]) for each in b])
-    # Near half a turn the sign of a rotation vector is chance, so such pairs say little.
+    # Near half a turn the sign of a rotation vector is arbitrary, so such pairs carry little information.
     sure = np.minimum(np.linalg.norm(alpha, axis=1), np.linalg.norm(beta, axis=1)) < np.radians(170.0)
     weight = np.where(sure, 1.0, 1e-3)
     u, _, vt = np.linalg.svd(np.einsum("n,ni,nj->ij", weight, alpha, beta))
@@ -107,7 +107,7 @@ def closed_form(robot: np.ndarray, seen: np.ndarray) -> Solution:
 
 
 def mean_pose(motions: Sequence[np.ndarray]) -> np.ndarray:
-    """(4, 4) mean of motions (4, 4): of the places, and the chordal mean of the rotations (Hartley et al. 2013)."""
+    """Mean (4, 4) of motions (4, 4): mean position and chordal mean rotation (Hartley et al. 2013)."""
     stack = np.stack(motions)
     u, _, vt = np.linalg.svd(stack[:, :3, :3].sum(axis=0))
     turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
@@ -115,18 +115,18 @@ def mean_pose(motions: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def start(views: Sequence[View], setup: Setup, seed: int = 0) -> tuple[Solution, list[View]]:
-    """The best closed form of sets of views, over all candidates of each, judged by the corners of all views.
+    """The best closed-form solution of subsets of views and their candidates, judged by the corners of all views.
 
-    A single square marker allows two poses in one picture, a chessboard two orders of its corners; only one choice for
-    each picture agrees with the robot's motion.
+    A single square marker has two possible poses in one picture, a chessboard two orders of its corners; only one
+    choice for each picture is consistent with the robot's motion.
 
     Args:
         views: At least three.
-        setup: What they share.
-        seed: Of the draw of sets of three, where there are many.
+        setup: Their shared properties.
+        seed: Seed of the sampling of triples, if there are many.
 
     Returns:
-        The start, and the views with the order of their corners settled.
+        The initial solution, and the views with the order of their corners resolved.
     """
     robot = np.stack([robot_side(view, setup) for view in views])
     best, cost = None, np.inf
@@ -139,7 +139,7 @@ def start(views: Sequence[View], setup: Setup, seed: int = 0) -> tuple[Solution,
                 best, cost = found, total
     if best is None:
         raise ValueError("fewer than three views")
-    for _ in range(3):  # all views together, each with the candidate that agrees best
+    for _ in range(3):  # all views together, each with its most consistent candidate
         nearest = [_nearest(view, predicted(best, view, setup)) for view in views]
         good = [i for i, view in enumerate(views) if _off(best, view, setup) < 0.5]
         if len(good) < 3:
@@ -168,7 +168,7 @@ def _sets(count: int, seed: int) -> list[tuple[int, ...]]:
 
 
 def offsets(solution: Solution, view: View, setup: Setup) -> np.ndarray:
-    """(J, 2) seen less predicted corners [px]; infinite behind the camera."""
+    """(J, 2) detected minus predicted corners [px]; infinite behind the camera."""
     corners = transforms.apply(predicted(solution, view, setup), view.board)
     ahead = corners[:, 2:] > 1e-3
     places = corners[:, :2] / np.where(ahead, corners[:, 2:], 1.0)
@@ -177,7 +177,7 @@ def offsets(solution: Solution, view: View, setup: Setup) -> np.ndarray:
 
 
 def _off(solution: Solution, view: View, setup: Setup) -> float:
-    """Mean over the corners of the squared distance, at most 1 beyond `OUTLIER_PX`; the best order counts."""
+    """Mean squared distance of the corners, clipped at 1 beyond `OUTLIER_PX`, for the best order."""
     return min(
         float(np.minimum((offsets(solution, each, setup) ** 2).sum(axis=1) / OUTLIER_PX**2, 1.0).mean())
         for each in ordered(view)
@@ -185,7 +185,7 @@ def _off(solution: Solution, view: View, setup: Setup) -> float:
 
 
 def ordered(view: View) -> list[View]:
-    """The view, and the same with every other order of its corners that the pattern allows."""
+    """The view, and copies with every other order of its corners that the pattern permits."""
     others = [
         View(view.name, view.effector, view.board, view.pixels[order], view.candidates, view.orders)
         for order in view.orders
@@ -199,6 +199,6 @@ def _settled(solution: Solution, view: View, setup: Setup) -> View:
 
 
 def apart(one: np.ndarray, other: np.ndarray) -> float:
-    """Distance of two motions (4, 4), a radian as half a metre."""
+    """Distance of two motions (4, 4); a radian is equivalent to half a metre."""
     gap = transforms.invert(one) @ other
     return float(np.linalg.norm(gap[:3, 3])) + 0.5 * transforms.angle(gap[:3, :3])

@@ -1,6 +1,6 @@
-"""What speaks for and against a hand-eye calibration: each view against all others, and the board's size.
+"""Consistency checks of a hand-eye calibration: each view against all others, and the board's size.
 
-A view is tested with the solution and the variances that the *other* views give, because a bad one widens its own.
+A view is tested with the solution and the variances of the *other* views, because an outlier inflates its own.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from dextera_build.geometry.hand_eye import Setup, Solution, View, offsets
 from dextera_build.geometry.hand_eye_refine import PRIORS, Refined, block, moved, refine
 
 SURE = 1e-3
-"""A view is bad if one as far off would come up by chance in less than this fraction of calibrations."""
+"""Significance level of an outlier: probability that a correct view is as far off, over all views of a calibration."""
 NOTABLE_PX = 2.0
-"""Corners that are nearer to where the others have them, root mean square, are no mistake, however sure [px]."""
+"""Root mean square distance of corners below which a view is no outlier, at any significance [px]."""
 
 
 @dataclass(frozen=True)
@@ -25,32 +25,32 @@ class Left:
     """One view against the calibration from all others."""
 
     name: str
-    chance: float  # of a view as far off as this one among all views, if nothing is wrong with it
-    off_px: float  # root mean square distance of its corners from where the others have them
-    shift_m: float  # distance by which X moves without it
-    turn_rad: float  # rotation of X without it
+    chance: float  # of a view as far off as this one among all views, if all are correct
+    off_px: float  # root mean square distance of its corners from the prediction of the others
+    shift_m: float  # change of X's position without it
+    turn_rad: float  # change of X's rotation without it
     without: Refined
 
 
 @dataclass(frozen=True)
 class Checked:
-    """A calibration, its views and those left out because they contradict the others."""
+    """A calibration, its views, and the inconsistent views that were removed."""
 
     refined: Refined
     views: list[View]
     left: list[Left]  # of `views`, in order
-    bad: list[Left]  # in the order in which they were found
+    bad: list[Left]  # in the order of removal
 
 
 def checked(views: Sequence[View], setup: Setup, start: Solution, least: int = 3, most_bad: int = 3) -> Checked:
-    """Refine, and leave out the view that contradicts the others most until none does.
+    """Refine, and remove the most inconsistent view until all are consistent.
 
     Args:
-        views: At least three, with settled orders of corners.
-        setup: What they share.
+        views: At least three, with resolved orders of corners.
+        setup: Their shared properties.
         start: See `hand_eye.start`.
-        least: Views that must remain.
-        most_bad: Views that may be left out.
+        least: Minimum number of remaining views.
+        most_bad: Maximum number of removed views.
     """
     kept, bad = list(views), list[Left]()
     refined = refine(kept, setup, start)
@@ -83,16 +83,16 @@ def _without(views: list[View], number: int, setup: Setup, whole: Refined) -> Le
 
 
 def board_scale(views: Sequence[View], setup: Setup, refined: Refined) -> tuple[float, float]:
-    """How much larger the board is than stated, by the robot's motion, and the standard deviation of that factor.
+    """Ratio of the board's size, by the robot's motion, to the stated one, with its standard deviation.
 
-    The picture alone does not tell a large board far away from a small one near by; the robot's way between two
-    pictures does.
+    A picture alone cannot distinguish a large distant board from a small near one; the robot's motion between pictures
+    can.
     """
     scale, now, sigmas, sigma = 1.0, refined.solution, refined.sigmas, np.inf
     for _ in range(10):
         sized = [View(v.name, v.effector, scale * v.board, v.pixels, v.candidates) for v in views]
         blocks = [block(view, setup, now, sized=True) for view in sized]
-        # A wrong size looks like a bad robot until it is a parameter, so the variances are estimated again.
+        # A wrong size increases the residuals until it is a parameter, so the variances are estimated again.
         fit = variances.fit(blocks, PRIORS, sigmas)
         now, sigmas, sigma = moved(now, fit.step[:12]), fit.sigmas, float(np.sqrt(fit.covariance[12, 12]))
         scale *= float(np.exp(np.clip(fit.step[12], -0.5, 0.5)))

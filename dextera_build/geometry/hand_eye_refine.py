@@ -1,8 +1,8 @@
 """Joint refinement of a hand-eye calibration: all corners of all views, and the robot's own errors as a variance.
 
-The unknowns are X, Y (see `hand_eye`) and three standard deviations: of a corner [px], and of the robot's poses
-[m, rad]. A view's corners share the error of the robot's pose, so without it they would count far too much and
-the covariance would promise far too little.
+The unknowns are X, Y (see `hand_eye`) and three standard deviations: of a corner [px], and of the robot's poses [m,
+rad]. A view's corners share the error of the robot's pose; without it their weight would be far too large and the
+covariance far too small.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from dextera_build.geometry import registration, transforms, variances
 from dextera_build.geometry.hand_eye import Setup, Solution, View, offsets, predicted, robot_side
 
 PRIORS = variances.Priors(typical=np.array([0.3, 5e-4, 1e-3]), groups=np.array([1, 1, 1, 2, 2, 2]))
-"""Corners are good to a third of a pixel, arms to half a millimetre and a milliradian, within a factor of seven."""
+"""Priors of the standard deviations: a third of a pixel, half a millimetre and a milliradian, within a factor of
+seven."""
 ROUNDS = 12
 LARGEST_STEP = 0.3
-"""Of a round, in metres and radians: further off the corners are not linear."""
+"""Maximum step, in metres and radians, within which corners are approximately linear."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Refined:
 
     solution: Solution
     covariance: np.ndarray  # (12, 12) of X and Y: translation [m], rotation vector [rad] in the parent frame, each
-    sigmas: np.ndarray  # (3,) of a corner [px], of the robot's place [m] and rotation [rad] about each axis
+    sigmas: np.ndarray  # (3,) of a corner [px], of the robot's position [m] and rotation [rad] per axis
 
     @property
     def of_x(self) -> np.ndarray:
@@ -37,13 +38,13 @@ class Refined:
 
 
 def refine(views: Sequence[View], setup: Setup, start: Solution, sigmas: np.ndarray | None = None) -> Refined:
-    """Least squares over all corners, weighted by variances that the residuals themselves tell.
+    """Least squares over all corners, weighted by variances that are estimated from the residuals.
 
     Args:
-        views: At least three, with settled orders of corners.
-        setup: What they share.
+        views: At least three, with resolved orders of corners.
+        setup: Their shared properties.
         start: See `hand_eye.start`.
-        sigmas: (3,) to begin with, see `Refined`.
+        sigmas: (3,) initial values, see `Refined`.
     """
     now = start
     for _ in range(ROUNDS):
@@ -55,15 +56,15 @@ def refine(views: Sequence[View], setup: Setup, start: Solution, sigmas: np.ndar
             break
     fit = variances.fit([block(view, setup, now) for view in views], PRIORS, sigmas)
     now = moved(now, fit.step)
-    # The weights changed once; another step with the final ones reaches their minimum.
+    # The weights changed once; another step with the final ones reaches their optimum.
     fit = variances.fit([block(view, setup, now) for view in views], PRIORS, fit.sigmas)
     return Refined(moved(now, fit.step), _widened(fit.covariance, len(views)), fit.sigmas)
 
 
 def _widened(covariance: np.ndarray, count: int) -> np.ndarray:
-    """The covariance for a normal region where the variances are estimates themselves (F instead of chi square).
+    """The covariance scaled so that a normal region accounts for estimated variances (F instead of chi square).
 
-    Each of the robot's two variances rests on about half of the equations that the parameters leave over.
+    Each of the robot's two variances is estimated from about half of the residual degrees of freedom.
     """
     from scipy.stats import chi2, f
 
@@ -76,13 +77,13 @@ def _widened(covariance: np.ndarray, count: int) -> np.ndarray:
 def by_joints(
     views: Sequence[View], setup: Setup, refined: Refined, drifts: Sequence[np.ndarray], sigma: float
 ) -> np.ndarray:
-    """Covariance (12, 12) of X and Y because joints' zeros are wrong, each the same in all views.
+    """Covariance (12, 12) of X and Y due to zero offsets of the joints, each the same in all views.
 
-    Residuals hardly show such errors: that of the first joint is a rotation of the base.
+    Such errors hardly affect the residuals: that of the first joint is a rotation of the base.
 
     Args:
-        views: Those of the calibration.
-        setup: What they share.
+        views: Views of the calibration.
+        setup: Their shared properties.
         refined: The calibration.
         drifts: (6, Q) of each view: motion of the effector in its frame, translation and rotation, per joint's motion.
         sigma: Standard deviation of each joint's zero [rad or m].
@@ -108,12 +109,12 @@ def moved(solution: Solution, step: np.ndarray) -> Solution:
 
 
 def block(view: View, setup: Setup, solution: Solution, *, sized: bool = False) -> variances.Block:
-    """A view's corners, linear in X, Y and the robot's error, in a basis of the six motions that a board can make.
+    """A view's corners, linearised in X, Y and the robot's error, in a basis of the board's six degrees of freedom.
 
     Args:
         view: The view.
-        setup: What all share.
-        solution: Where to linearise.
+        setup: Properties shared by all views.
+        solution: Point of linearisation.
         sized: Add the logarithm of the board's size as the thirteenth parameter.
     """
     parts, by_corner = _derivatives(view, setup, solution)
@@ -128,7 +129,7 @@ def block(view: View, setup: Setup, solution: Solution, *, sized: bool = False) 
 
 
 def _derivatives(view: View, setup: Setup, solution: Solution) -> tuple[list[np.ndarray], np.ndarray]:
-    """Derivatives (J, 3, .) of corners in the camera by X, Y, the robot and the size, and (J, 2, 3) of their pixels."""
+    """Derivatives (J, 3, .) of corners in the camera by X, Y, the robot and the size, and (J, 2, 3) of pixels."""
     turn, robot = solution.x[:3, :3].T, robot_side(view, setup)
     board = view.board @ solution.y[:3, :3].T  # about Y's origin, in Y's parent frame
     far = board + solution.y[:3, 3]  # in Y's parent frame
@@ -136,7 +137,7 @@ def _derivatives(view: View, setup: Setup, solution: Solution) -> tuple[list[np.
     by_x = _motion(-turn, turn, near - solution.x[:3, 3])
     through = turn @ robot[:3, :3]
     by_y = _motion(through, -through, board)
-    # The robot's error is that of its effector, in the effector's frame.
+    # The robot's error is one of its effector, in the effector's frame.
     by_robot = _motion(-turn, turn, near) if setup.in_hand else _motion(through, -through, far)
     by_size = (board @ through.T)[:, :, None]
     corners = transforms.apply(predicted(solution, view, setup), view.board)
@@ -157,9 +158,9 @@ def _motion(by_place: np.ndarray, before: np.ndarray, arms: np.ndarray) -> np.nd
 
 
 def closing(view: View, setup: Setup, solution: Solution) -> tuple[float, float]:
-    """By how much the chain of poses does not close at the board: translation [m] and rotation [rad].
+    """Closing error of the chain of poses at the board: translation [m] and rotation [rad].
 
-    The board's pose from this picture alone is the least squares one near the predicted one.
+    The board's pose in this picture is the least squares solution near the predicted one.
     """
     gap = transforms.invert(predicted(solution, view, setup)) @ alone(view, setup, predicted(solution, view, setup))
     return float(np.linalg.norm(gap[:3, 3])), transforms.angle(gap[:3, :3])

@@ -12,7 +12,7 @@ from dextera_build.geometry import transforms
 
 
 class JointLike(Protocol):
-    """The attributes of a joint that kinematics needs; `artifacts.object.Joint` has them."""
+    """Attributes of a joint that kinematics needs; `artifacts.object.Joint` has them."""
 
     @property
     def name(self) -> str: ...  # noqa: D102
@@ -31,7 +31,7 @@ class JointLike(Protocol):
 
 
 class BodyLike(Protocol):
-    """The attributes of a body that kinematics needs; `artifacts.object.Body` has them."""
+    """Attributes of a body that kinematics needs; `artifacts.object.Body` has them."""
 
     @property
     def links(self) -> Mapping[str, Any]: ...  # noqa: D102
@@ -40,7 +40,7 @@ class BodyLike(Protocol):
 
 
 def joint_motion(joint: JointLike, position: float) -> np.ndarray:
-    """The (4, 4) motion of everything beyond the joint, in the object frame, from position 0 to `position`.
+    """The (4, 4) motion of all descendants of the joint, in the object frame, from position 0 to `position`.
 
     Args:
         joint: Axis and a point on it in the object frame [m], at position 0.
@@ -57,14 +57,14 @@ def joint_motion(joint: JointLike, position: float) -> np.ndarray:
 
 
 def link_poses(body: BodyLike, positions: Mapping[str, float] | None = None) -> dict[str, np.ndarray]:
-    """Link -> (4, 4) T_object_link that takes the link's stored geometry (joints at 0) to its posed location.
+    """Link -> (4, 4) T_object_link that moves the link's stored geometry (joints at 0) to its posed location.
 
     Args:
         body: Links and joints; geometry and axes in the object frame with every joint at 0.
-        positions: Joint name -> position [rad or m]; joints left out stand at their own `position` (as photographed).
+        positions: Joint name -> position [rad or m]; other joints are at their own `position` (as photographed).
 
     Raises:
-        ArtifactError: `positions` names an unknown joint, or the joints are not a tree over the links.
+        ArtifactError: `positions` names an unknown joint, or the joints do not form a tree over the links.
     """
     given = dict(positions or {})
     known = [joint.name for joint in body.joints]

@@ -1,4 +1,4 @@
-"""Lens models on the plane z = 1 and on the sphere: distortion, its inverse, and where it can be inverted.
+"""Lens models on the plane z = 1 and on the sphere: distortion, its inverse, and its invertible range.
 
 Brown-Conrady is OpenCV's `plumb_bob` and `rational_polynomial`; Kannala-Brandt is OpenCV's fisheye model, which ROS
 calls `equidistant` (Kannala and Brandt, A generic camera model, 2006, with the odd terms up to the ninth order).
@@ -11,19 +11,19 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 _TABLE = 4096
-"""Samples of a distortion curve; Newton's method starts from what they give."""
+"""Number of samples of a distortion curve, which initialise Newton's method."""
 _NEWTON = 12
 _LAST_STEP = 1e-13
-"""Newton's method ends with steps below this, on the plane z = 1 or [rad]."""
+"""Step size at which Newton's method ends, on the plane z = 1 or [rad]."""
 _EXACT = 1e-9
 """Largest remaining error of an inverse, on the plane z = 1 or [rad]."""
 
 
 def brown_conrady(points: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Distorted places (N, 2) of `points` (N, 2) on the plane z = 1.
+    """Distorted positions (N, 2) of `points` (N, 2) on the plane z = 1.
 
     Args:
-        points: Places without distortion.
+        points: Undistorted positions.
         k: (8,) k1 k2 p1 p2 k3 k4 k5 k6.
     """
     x, y = points.T
@@ -35,9 +35,9 @@ def brown_conrady(points: np.ndarray, k: np.ndarray) -> np.ndarray:
 
 
 def brown_conrady_limit(k: np.ndarray) -> float:
-    """Distance from the axis on the plane z = 1 up to which the radial part of the distortion grows; inf: everywhere.
+    """Radius on the plane z = 1 up to which radial distortion is monotonic; inf: everywhere.
 
-    Beyond it two directions fall on one pixel, so the model says nothing about a real lens.
+    Beyond it two directions project to one pixel, so the model does not describe a real lens.
     """
     above, below = Polynomial([1, k[0], k[1], k[4]]), Polynomial([1, k[5], k[6], k[7]])
     s = Polynomial([0, 1])
@@ -47,18 +47,18 @@ def brown_conrady_limit(k: np.ndarray) -> float:
 
 
 def brown_conrady_inverse(places: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Points (N, 2) whose distorted places are `places` (N, 2); NaN where none within the limit is."""
+    """Points (N, 2) whose distorted positions are `places` (N, 2); NaN if there is none within the limit."""
     limit = brown_conrady_limit(k)
     angles = np.linspace(0, min(np.arctan(limit), np.radians(89.9)), _TABLE)
     radii = np.tan(angles)
     distance = np.hypot(*places.T)
     with np.errstate(all="ignore"):
         curve = radii * _radial(radii**2, k)
-        # Rounding may bend the far end of a curve that has no limit.
+        # Rounding may distort the far end of a curve without a limit.
         rising = 1 + int(np.cumprod(np.diff(curve) > 0).sum())
     start = np.interp(distance, curve[:rising], radii[:rising])
     points = places * (start / np.where(distance > 0, distance, 1.0))[:, None]
-    with np.errstate(all="ignore"):  # places without a solution diverge, and are NaN in the end
+    with np.errstate(all="ignore"):  # positions without a solution diverge, and are set to NaN at the end
         for _ in range(_NEWTON):
             step = _solved(_jacobian(points, k), brown_conrady(points, k) - places)
             points = points - step
@@ -81,7 +81,7 @@ def kannala_brandt_limit(k: np.ndarray) -> float:
 
 
 def kannala_brandt_inverse(distance: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Angle off the axis [rad] of places at `distance` from the principal point; NaN beyond the limit."""
+    """Angle off the axis [rad] of positions at `distance` from the principal point; NaN beyond the limit."""
     limit, curve = kannala_brandt_limit(k), _kannala_brandt(k)
     slope = curve.deriv()
     samples = np.linspace(0, limit, _TABLE)
@@ -104,14 +104,14 @@ def directions(across: np.ndarray, theta: np.ndarray) -> np.ndarray:
 
 
 def angle_checker(rays: np.ndarray, step_deg: float = 10.0) -> np.ndarray:
-    """Squares of `step_deg` of azimuth and elevation as a lens with these rays sees them.
+    """Checkerboard of azimuth and elevation as seen by a lens with these rays.
 
     Args:
-        rays: (H, W, 3) unit directions, x right, y down, z forward; NaN where the lens sees nothing.
+        rays: (H, W, 3) unit directions, x right, y down, z forward; NaN outside the image of the lens.
         step_deg: Side of a square [deg].
 
     Returns:
-        (H, W) uint8: light and dark squares, darker with the angle off the axis; 0 where the lens sees nothing.
+        (H, W) uint8: light and dark squares, darker with the angle off the axis; 0 outside the image of the lens.
     """
     seen = np.isfinite(rays).all(axis=-1)
     x, y, z = np.where(seen[..., None], rays, [0.0, 0.0, 1.0]).transpose(2, 0, 1)
@@ -132,7 +132,7 @@ def _kannala_brandt(k: np.ndarray) -> Polynomial:
 
 def _first_root(polynomial: Polynomial) -> float:
     """The smallest positive real root; inf without one."""
-    # Denormal coefficients would overflow, and matter nowhere in front of a camera.
+    # Denormal coefficients would overflow, and are irrelevant in front of a camera.
     roots = polynomial.trim(1e-12).roots()
     real = roots[np.abs(roots.imag) <= 1e-6 * np.maximum(1.0, np.abs(roots))].real
     return float(real[real > 0].min(initial=np.inf))

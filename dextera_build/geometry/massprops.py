@@ -16,15 +16,15 @@ class MassProperties:
     inertia: np.ndarray  # (3, 3) float64, about the centre, for density 1 kg/m^3 [kg m^2]
 
     def scaled(self, scale: float) -> MassProperties:
-        """The same solid `scale` times as large: volume scales with the cube, inertia with the fifth power."""
+        """The solid scaled by `scale`: volume with the cube, inertia with the fifth power."""
         return MassProperties(self.volume * scale**3, self.centre * scale, self.inertia * scale**5)
 
 
 def of_mesh(vertices: np.ndarray, faces: np.ndarray) -> MassProperties:
     """Integrate over the solid that a closed, outward oriented mesh bounds.
 
-    The mesh is cut into tetrahedra from the middle of its vertices, which avoids a loss of digits far from the
-    origin. Overlapping components count twice.
+    The mesh is divided into tetrahedra about the mean of its vertices, which avoids cancellation far from the origin.
+    Overlapping components count twice.
 
     Args:
         vertices: (V, 3) [m].
@@ -55,11 +55,11 @@ def principal(inertia: np.ndarray) -> np.ndarray:
 
 
 def is_physical(inertia: np.ndarray, tolerance: float = 1e-9) -> bool:
-    """Whether a mass distribution with this (3, 3) inertia exists: positive moments that meet the triangle inequality.
+    """Whether an inertia (3, 3) is physically possible: positive moments that satisfy the triangle inequality.
 
     Args:
         inertia: Symmetric, about the centre of mass [kg m^2].
-        tolerance: Allowed excess of the largest moment, as a part of it.
+        tolerance: Allowed relative excess of the largest moment.
     """
     small, middle, large = principal(inertia)
     return bool(small > 0.0 and large <= (small + middle) * (1.0 + tolerance))

@@ -1,4 +1,4 @@
-"""The material table: properties that are assumed for a material from its appearance alone."""
+"""The material table: properties assumed for a material recognised by appearance."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ class Material:
     """Properties with their uncertainty. Densities are log-normal: `sigma` 0.1 means about ten per cent."""
 
     wall_density: float
-    """Of the substance itself, for a body whose walls are modelled [kg/m^3]."""
+    """Density of the substance, for a body with modelled walls [kg/m^3]."""
     wall_sigma: float
     """Standard deviation of log `wall_density`."""
     bulk_density: float
-    """Of a whole product as it is sold or used, contents and voids included, per volume of its outer hull [kg/m^3]."""
+    """Density of a whole product with contents and voids, per volume of its outer hull [kg/m^3]."""
     bulk_sigma: float
     """Standard deviation of log `bulk_density`."""
     friction: float
@@ -88,7 +88,7 @@ TABLE: dict[str, Material] = {
 
 
 def doubted(name: str, confidence: float) -> Material:
-    """A material with the standard deviations of one that is `name` with this probability, otherwise any other.
+    """A material with the standard deviations of a mixture: `name` with this probability, otherwise any other.
 
     Args:
         name: Key of `TABLE`.

@@ -1,8 +1,8 @@
-"""Fewer Gaussians for a small picture: those that lie together in a part of a pixel become one.
+"""Reduction of Gaussians for a small picture: those within a fraction of a pixel are merged.
 
-A picture of 320 pixels of what was measured with 1280 would sort sixteen Gaussians for each of its pixels, and show the
-nearest of them instead of their mean. The parent of a group has its mean and its covariance, and covers as much of the
-picture as they do (after Kerbl et al. 2024, "A Hierarchical 3D Gaussian Representation").
+A picture 320 pixels wide of a scene measured with 1280 pixels would sort sixteen Gaussians for each of its pixels, and
+show the nearest of them instead of their mean. The merged Gaussian has the mean and the covariance of its group, and
+covers the same area of the picture (after Kerbl et al. 2024, "A Hierarchical 3D Gaussian Representation").
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from dextera_build.geometry import quaternions
 from dextera_build.geometry.gaussians import Gaussians
 
 SMALL = 0.7
-"""Gaussians whose largest standard deviation is above this part of a cell remain as they are."""
+"""Gaussians with a standard deviation above this fraction of a cell are not merged."""
 DEEP = 8.0
-"""Depth of a cell, in its width: more than 1, so that a slanted surface is not cut where it leaves a pixel."""
+"""Depth of a cell, relative to its width; above 1, so that slanted surfaces are not split within a pixel."""
 MARGIN = 0.2
-"""Part of the picture beyond its border that is kept, for cameras near by."""
+"""Fraction of the picture kept beyond its border, for nearby cameras."""
 MOST = 0.99
-"""Largest opacity."""
+"""Maximum opacity."""
 COVERING = 0.45
 """Standard deviation, in widths of a cell, at which Gaussians in all cells leave no holes."""
 
@@ -28,7 +28,7 @@ COVERING = 0.45
 def merged(
     gaussians: Gaussians, k: np.ndarray, world_from_camera: np.ndarray, size: tuple[int, int], cell_px: float
 ) -> Gaussians:
-    """What a camera sees of Gaussians, and a margin, with at most one small Gaussian in a cell of the picture.
+    """The Gaussians visible to a camera, with a margin, with at most one small Gaussian per cell of the picture.
 
     Args:
         gaussians: In the world frame.
@@ -45,7 +45,7 @@ def merged(
     border = MARGIN * whole
     seen = ((pixels > -border) & (pixels < whole + border)).all(axis=1)
     chosen, pixels, z = ahead[seen], pixels[seen], z[seen]
-    width = cell_px * z / k[0, 0]  # of a cell there, in lengths of the world
+    width = cell_px * z / k[0, 0]  # of a cell there, in the unit of the world
     small = gaussians.scales[chosen].max(axis=1) < SMALL * width
     column, row = np.floor((pixels[small] + border) / cell_px).astype(np.int64).T
     slab = np.floor(np.log(z[small]) * k[0, 0] / (DEEP * cell_px)).astype(np.int64)
@@ -62,7 +62,7 @@ _FIELDS = tuple(Gaussians.__dataclass_fields__)
 
 
 def _parents(given: Gaussians, first: np.ndarray, eye: np.ndarray, width: np.ndarray) -> Gaussians:
-    """One Gaussian for each group, whose first members are numbered; `width` (N,) is that of each member's cell [m]."""
+    """One Gaussian for each group, given by its first member; `width` (N,) is that of each member's cell [m]."""
     if not len(first):
         return given
 
@@ -80,7 +80,7 @@ def _parents(given: Gaussians, first: np.ndarray, eye: np.ndarray, width: np.nda
     variances, axes = np.linalg.eigh(moments[:, _FULL].reshape(-1, 3, 3))
     variances = np.maximum(variances, 1e-12 * variances[:, 2:])
     axes[np.linalg.det(axes) < 0, :, 0] *= -1
-    # Wider where the group would cover less than its members did; never so wide that it reaches into all neighbours.
+    # Enlarged if the group would cover less than its members did, but not into all neighbouring cells.
     facing = _facing(variances, axes, middle)
     ratio = covered / (MOST * facing)
     room = (COVERING * summed(share * width)) ** 2 / facing
@@ -96,13 +96,13 @@ def _parents(given: Gaussians, first: np.ndarray, eye: np.ndarray, width: np.nda
 
 _ROWS, _COLUMNS = [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]
 _FULL = [0, 1, 2, 1, 3, 4, 2, 4, 5]
-"""Places of a symmetric matrix's six numbers in it, and of its nine in these."""
+"""Indices of a symmetric matrix's six numbers in it, and of its nine in these."""
 
 
 def _spread_and_cover(given: Gaussians, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Covariances (N, 6), and areas (N,) that they cover as seen along the rays, over 2 pi."""
+    """Covariances (N, 6), and areas (N,) covered along the rays, divided by 2 pi."""
     squares = given.scales**2
-    if (squares == squares[:, :1]).all():  # balls have no axes
+    if (squares == squares[:, :1]).all():  # isotropic Gaussians have no axes
         spread = np.zeros((len(given), 6))
         spread[:, [0, 3, 5]] = squares
         return spread, squares[:, 0]

@@ -32,17 +32,17 @@ def boundary(mask: np.ndarray) -> np.ndarray:
 
 
 def boundary_tolerance(shape: tuple[int, int], tolerance: float) -> float:
-    """Tolerance in pixels: a number below 1 is a part of the image diagonal, rounded up, as DAVIS does."""
+    """Tolerance in pixels: a number below 1 is a fraction of the image diagonal, rounded up, as in DAVIS."""
     return float(np.ceil(tolerance * np.hypot(*shape))) if tolerance < 1 else float(tolerance)
 
 
 def boundary_f1(found: np.ndarray, truth: np.ndarray, tolerance: float = 0.008) -> float:
-    """F-measure of two masks' boundaries (Perazzi et al. 2016): parts of each within the tolerance of the other.
+    """F-measure of two masks' boundaries (Perazzi et al. 2016): fractions of each within the tolerance of the other.
 
     Args:
         found: (H, W) bool.
         truth: (H, W) bool.
-        tolerance: Pixels, or a part of the diagonal below 1.
+        tolerance: Pixels, or below 1 a fraction of the diagonal.
     """
     from scipy.ndimage import distance_transform_edt
 
@@ -106,10 +106,10 @@ def surface_centroid(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def sample_surface(vertices: np.ndarray, faces: np.ndarray, count: int, seed: int) -> np.ndarray:
-    """Points (count, 3) float64 spread over a surface uniformly by area."""
+    """Points (count, 3) float64 sampled uniformly on a surface."""
     rng = np.random.default_rng(seed)
     edges = np.cumsum(face_areas(vertices, faces))
-    # Stratified: one point in each of `count` equal shares of the area, which never misses small faces by chance.
+    # Stratified: one point in each of `count` equal shares of the area, so that no small face is missed by chance.
     spots = (np.arange(count) + rng.uniform(size=count)) / count * edges[-1]
     corners = vertices[faces[np.minimum(np.searchsorted(edges, spots), len(faces) - 1)]]
     root, second = np.sqrt(rng.uniform(size=(count, 1))), rng.uniform(size=(count, 1))
@@ -156,7 +156,7 @@ def ssim(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float | None:
     """Mean structural similarity of two sRGB uint8 pictures (H, W, 3) over `where`; None if `where` is empty.
 
     Wang et al. 2004 with their Gaussian window (11 x 11, standard deviation 1.5 px) and constants, mean of the three
-    channels. Windows reach over the border of `where`, so both pictures need values there.
+    channels. Windows extend beyond the border of `where`, so both pictures need values there.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -187,7 +187,7 @@ class DepthErrors:
     median: float
     """Median absolute difference [m]."""
     abs_rel: float
-    """Mean of the difference over the true depth."""
+    """Mean relative difference to the true depth."""
     delta1: float
     """Fraction with a ratio below 1.25."""
 

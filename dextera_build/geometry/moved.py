@@ -1,8 +1,8 @@
-"""Whether a camera has moved against a robot since it was calibrated, by pictures of the same board on the same place.
+"""Test whether a camera has moved relative to a robot since its calibration, from new pictures of the same board.
 
-In each new picture the board is where the calibration and the robot's pose put it, up to errors like those of the
-calibration's own pictures, whose size is known from their residuals. A common displacement beyond that is a motion: of
-the camera, of the robot's base, or of the board on its holder; pictures of the board alone do not tell which.
+Without motion, the board in each new picture is at its pose predicted by calibration and robot, up to errors of the
+size of the calibration's residuals. A larger common displacement is a motion of the camera, of the robot's base, or of
+the board on its holder; pictures of the board cannot distinguish these.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ import numpy as np
 from dextera_build.geometry import hand_eye, registration, transforms
 
 SURE = 1e-3
-"""The camera moved if a displacement as large would come up by chance less often than this."""
+"""Significance level at which a displacement is a motion."""
 DOUBTFUL = 0.05
-"""It did not move if one as large would come up more often than this, and a notable motion would have been seen."""
+"""Significance level above which there is no motion, if a notable motion would have been detected."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What new pictures say."""
+    """Result of the test."""
 
     state: Literal["unmoved", "moved", "unsure"]
-    chance: float  # of a displacement as large as the one seen, if nothing moved
+    chance: float  # of a displacement as large as the observed one without motion
     motion: np.ndarray  # (4, 4) of the board in the camera's frame, about the board: seen = motion @ expected
     shift_m: float  # its length at the board
     turn_rad: float  # its rotation
@@ -36,13 +36,13 @@ class Verdict:
 def judge(
     expected: np.ndarray, seen: np.ndarray, residuals: np.ndarray, notable: tuple[float, float] = (0.005, 0.009)
 ) -> Verdict:
-    """Compare poses T_camera_board (N, 4, 4) expected and seen.
+    """Compare predicted and measured poses T_camera_board (N, 4, 4).
 
     Args:
-        expected: By the calibration and the robot's poses.
-        seen: By the pictures.
+        expected: Predicted by the calibration and the robot's poses.
+        seen: Measured in the pictures.
         residuals: (K, 2) of the calibration's own pictures: translation [m] and rotation [rad], K > 2.
-        notable: Motion [m, rad] that would matter; if it could hide in the errors, the answer is `unsure`.
+        notable: Relevant motion [m, rad]; if the errors could hide it, the answer is `unsure`.
     """
     from scipy.stats import f
 
@@ -52,7 +52,8 @@ def judge(
     )
     shift, turn = shifts.mean(axis=0), turns.mean(axis=0)
     count, rows = len(expected), len(residuals)
-    # Twelve numbers were fitted to six residuals per picture, so the errors are larger than the residuals by this.
+    # Twelve numbers were fitted to six residuals per picture, so the errors are larger than the residuals by this
+    # factor.
     left = max(6 * rows - 12, 6) / (6 * rows)
     of_one = np.sqrt((residuals**2).mean(axis=0) / 3 / left)  # along each axis
     sigma = of_one * np.sqrt(1 / count + 1 / rows)

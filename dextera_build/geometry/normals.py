@@ -1,7 +1,7 @@
 """Local planes of an organised depth image.
 
-A plane in space is linear in inverse depth over the image: w = 1/z = a u + b v + c, and the noise of a triangulating
-camera is even in w. So local planes are fitted to w, which is exact for planes at any slant.
+The inverse depth of a plane is linear over the image: w = 1/z = a u + b v + c, and the noise of a triangulating camera
+is uniform in w. Local planes are therefore fitted to w, which is exact for planes at any slant.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class LocalPlanes:
     b: np.ndarray  # (H, W) slope along rows [1/(m px)]
     c: np.ndarray  # (H, W) inverse depth at the pixel [1/m]
     residual: np.ndarray  # (H, W) root mean square of w about the plane [1/m]
-    count: np.ndarray  # (H, W) pixels that took part
+    count: np.ndarray  # (H, W) pixels used
 
     def at(self, rows: np.ndarray, columns: np.ndarray, down: np.ndarray, right: np.ndarray) -> np.ndarray:
         """Inverse depth that the plane of pixel (row, column) predicts `down` rows and `right` columns away."""
@@ -28,7 +28,7 @@ class LocalPlanes:
         )
 
     def normals(self, k: np.ndarray) -> np.ndarray:
-        """Unit normals (H, W, 3) towards the camera, camera frame; 0 where there is no plane.
+        """Unit normals (H, W, 3) towards the camera, camera frame; 0 without a plane.
 
         Args:
             k: (3, 3) intrinsics of this (sub-)image [px].
@@ -57,7 +57,7 @@ def fit(inverse: np.ndarray, tolerance: np.ndarray, radius: int = 4) -> LocalPla
 
 
 def sharpen(planes: LocalPlanes, inverse: np.ndarray, tolerance: np.ndarray, reach: int = 4) -> LocalPlanes:
-    """Near creases, take the plane of a neighbour whose window does not cross the crease.
+    """Near creases, use the plane of a neighbour whose window does not cross the crease.
 
     A pixel keeps its own plane if that explains its window within the noise, so curved surfaces stay smooth.
     """

@@ -1,8 +1,8 @@
 """The photometric terms of scene alignment (the paper's Eq. 1): colours and structural similarity over valid pixels.
 
 The rendered picture moves with its surfaces: a pixel's colour changes by minus its gradient times the flow of the
-rendered depth (Lucas and Kanade, 1981). That derivative is exact but for edges of surfaces and for light that depends
-on the direction, and it needs no more of a renderer than colours and depth.
+rendered depth (Lucas and Kanade, 1981). This derivative is exact except at edges of surfaces and for view-dependent
+light, and requires only colours and depth from a renderer.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ RADIUS_PX, SIGMA_PX = 5, 1.5
 STEADY = (0.01**2, 0.03**2)
 """Constants of SSIM for values 0..1."""
 SOLID = 0.5
-"""Less opacity than this is a place that G does not show."""
+"""Opacity below which G is not visible."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """G as a camera sees it."""
+    """Rendering of G by a camera."""
 
     rgb: np.ndarray  # (H, W, 3) 0..1
-    depth: np.ndarray  # (H, W) image-plane z in lengths of G, 0 without a surface
+    depth: np.ndarray  # (H, W) image-plane z in the unit of G, 0 without a surface
     opacity: np.ndarray  # (H, W) 0..1
 
     @property
@@ -39,7 +39,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Exposure:
-    """What the camera's exposure and white balance make of a rendered colour: gain * colour + offset."""
+    """Exposure and white balance of the camera applied to a rendered colour: gain * colour + offset."""
 
     gain: np.ndarray  # (3,)
     offset: np.ndarray  # (3,)
@@ -53,9 +53,9 @@ SAME = Exposure(np.ones(3), np.zeros(3))
 
 
 def exposure(drawn: Drawn, photo: np.ndarray, valid: np.ndarray) -> Exposure:
-    """The exposure that explains the photograph best over `valid` (H, W), twice, without pixels that are far off.
+    """The exposure that explains the photograph best over `valid` (H, W), in two passes, the second without outliers.
 
-    Gains are kept within 1/4 to 4: over a picture without contrast a gain is unknown.
+    Gains are limited to 1/4 to 4, because a picture without contrast does not determine them.
     """
     gain, offset = np.ones(3), np.zeros(3)
     for channel in range(3):
@@ -78,16 +78,16 @@ def photometric(
 ) -> Terms:
     """lambda_rgb |I - I^R|^2 + lambda_ssim (1 - SSIM), both means over Omega: `valid` where G shows a surface.
 
-    SSIM counts where its whole window lies in Omega. A mean does not grow with Omega, as a sum would.
+    SSIM is evaluated where its whole window is in Omega. Means do not depend on the size of Omega.
 
     Args:
-        drawn: G from the camera's place, the rendered I.
+        drawn: G from the camera's pose, the rendered I.
         photo: (H, W, 3) I^R, 0..1.
-        valid: (H, W) pixels of the photograph that count.
+        valid: (H, W) usable pixels of the photograph.
         k: (3, 3) intrinsics [px].
         weights: See `Weights`.
         unit: Length of a unit of shift in G.
-        light: Exposure of the photograph against G.
+        light: Exposure of the photograph relative to G.
     """
     omega = eroded(valid & drawn.solid, 1)
     made = np.where(omega[..., None], light.of(drawn.rgb), photo)
@@ -142,7 +142,7 @@ def _structure(
 
 
 def _motion(drawn: Drawn, light: Exposure, k: np.ndarray, unit: float, there: np.ndarray) -> np.ndarray:
-    """(N, 3, 6): how the colours of the pixels `there` change with a step; 0 at edges of what G shows."""
+    """(N, 3, 6): change of the colours of the pixels `there` with a step; 0 at edges of G."""
     bright = drawn.rgb * light.gain
     inner = eroded(drawn.solid, 1)[there][:, None]
     down, across = (np.gradient(bright, axis=axis)[there] * inner for axis in (0, 1))
@@ -159,7 +159,7 @@ def _window(pictures: np.ndarray) -> np.ndarray:
 
 
 def eroded(mask: np.ndarray, reach: int) -> np.ndarray:
-    """Pixels (H, W) whose square of `reach` to all sides lies in the mask and in the picture."""
+    """Pixels (H, W) whose square of `reach` to all sides is inside the mask and the picture."""
     import cv2
 
     square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)

@@ -1,4 +1,4 @@
-"""Pictures as arrays of pixels: which one it is, and points in it that stand for an area."""
+"""Pixel-level identity of pictures, and representative points of masks."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 
 Plane = tuple[np.ndarray, float]
 NOISY = 5.0
-"""Noise between neighbouring pixels, in that of the noise model, from which depth is no more than noise.
+"""Ratio of the noise between neighbouring pixels to that of the noise model above which depth is only noise.
 
 Real captures had up to 0.1.
 """
@@ -25,9 +25,10 @@ def depth_sigma(z: np.ndarray) -> np.ndarray:
 
 
 def pixel_noise(depth: np.ndarray) -> float:
-    """Standard deviation of a depth image (H, W) [m] between neighbours; 0 is "not measured". NaN if none is measured.
+    """Standard deviation of a depth image (H, W) [m] between neighbours; 0 is not measured. NaN if none is measured.
 
-    The median second difference along rows does not see surfaces and few borders; that of white noise is 1.65 sigma.
+    The median second difference along rows is insensitive to surfaces and to a few borders; that of white noise is 1.65
+    sigma.
     """
     left, middle, right = depth[:, :-2], depth[:, 1:-1], depth[:, 2:]
     whole = (left > 0) & (middle > 0) & (right > 0)
@@ -35,13 +36,13 @@ def pixel_noise(depth: np.ndarray) -> float:
 
 
 def mostly_noise(depth: np.ndarray) -> tuple[float, float] | None:
-    """`pixel_noise` and median of a depth image (H, W) [m] whose noise is over `NOISY` times that of `depth_sigma`."""
+    """`pixel_noise` and median of a depth image (H, W) [m] with noise above `NOISY` times `depth_sigma`."""
     noise, middle = pixel_noise(depth), float(np.median(depth[depth > 0]))
     return (noise, middle) if noise > NOISY * float(depth_sigma(np.array(middle))) else None
 
 
 def fit(points: np.ndarray, weights: np.ndarray | None = None) -> Plane:
-    """Weighted total least squares plane of (N, 3) points; the sign of the normal is free."""
+    """Weighted total least squares plane of (N, 3) points; the sign of the normal is arbitrary."""
     w = np.ones(len(points)) if weights is None else weights
     middle = (points * w[:, None]).sum(axis=0) / w.sum()
     centred = points - middle
@@ -63,7 +64,7 @@ def facing(plane: Plane) -> Plane:
 def ransac(
     points: np.ndarray, sigma: np.ndarray, rng: np.random.Generator, *, trials: int = 300, gate: float = 3.0
 ) -> Plane:
-    """The plane with the most points within `gate` standard deviations, near ones counting more (MSAC), refined.
+    """The plane with the most points within `gate` standard deviations, weighted by proximity (MSAC), refined.
 
     Args:
         points: (N, 3), at least three.

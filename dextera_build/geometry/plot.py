@@ -79,7 +79,7 @@ def _draw(pen: object, places: np.ndarray, line: Line) -> None:
 
 
 def _limits(groups: Sequence[np.ndarray], *, equal: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner (2,) of the finite points, with some room."""
+    """Lower and upper corner (2,) of the finite points, with a margin."""
     points = np.concatenate([np.zeros((0, 2)), *groups])
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):

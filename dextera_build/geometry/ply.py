@@ -1,6 +1,6 @@
 """PLY files of scalar columns (G. Turk, The PLY Polygon File Format, 1994), as point clouds and Gaussians need them.
 
-Files of all three encodings are read. Elements with lists, such as the faces of a mesh, are skipped where they follow.
+Files of all three encodings are read. Later elements with lists, such as the faces of a mesh, are skipped.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _NAMES = {code: name for name, code in reversed(_TYPES.items())}
 """Type code -> its name in a header, the older one of the two."""
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
 _LONGEST_HEADER = 1 << 16
-"""[bytes]; the end of a header is not searched for in the data of a file that has none."""
+"""Maximum length of a header [bytes], so that its end is not searched in data."""
 
 
 @dataclass
@@ -97,7 +97,7 @@ def written(table: np.ndarray, comments: tuple[str, ...] = (), *, element: str =
 
 
 def _header(data: bytes) -> tuple[str, list[_Element], tuple[str, ...], int]:
-    """Byte order ("" for ASCII), elements, comments and the place of the first byte of data."""
+    """Byte order ("" for ASCII), elements, comments and the offset of the data."""
     end = data.find(b"end_header", 0, _LONGEST_HEADER)
     stop = data.find(b"\n", end)
     if not data.startswith(b"ply") or end < 0 or stop < 0:

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def from_matrix(rotation: np.ndarray) -> np.ndarray:
-    """(4,) unit quaternion with w >= 0 of a (3, 3) rotation (Bar-Itzhack 2000: also right for slightly noisy ones)."""
+    """(4,) unit quaternion with w >= 0 of a (3, 3) rotation (Bar-Itzhack 2000: robust to slightly noisy ones)."""
     m = rotation.astype(np.float64)
     vector = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
     k = np.zeros((4, 4))
@@ -14,7 +14,7 @@ def from_matrix(rotation: np.ndarray) -> np.ndarray:
     k[0, 1:] = k[1:, 0] = vector
     k[1:, 1:] = m + m.T - np.trace(m) * np.eye(3)
     quaternion = np.linalg.eigh(k / 3.0)[1][:, -1]
-    # Half turns have w = 0: the first clear component decides the sign, which gives equal rotations equal bytes.
+    # Half turns have w = 0: the first nonzero component determines the sign, so that equal rotations have equal bytes.
     leading = quaternion[int(np.argmax(np.abs(quaternion) > 1e-9))]
     return np.asarray(quaternion if leading > 0 else -quaternion)
 
@@ -62,7 +62,7 @@ def multiply(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def slerp(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
-    """The unit quaternion (4,) at `share` of the shorter way between two rotations (Shoemake 1985)."""
+    """The unit quaternion (4,) at fraction `share` of the shorter arc between two rotations (Shoemake 1985)."""
     near = second if float(first @ second) >= 0 else -second
     angle = 2 * np.arctan2(np.linalg.norm(near - first), np.linalg.norm(near + first))
     if angle < 1e-9:

@@ -30,7 +30,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Render:
-    """Surfaces as a camera sees them."""
+    """Rendering of surfaces by a camera."""
 
     depth: np.ndarray  # (H, W) float64, image-plane z [m]; 0 without a surface
     index: np.ndarray  # (H, W) int32, position in the list of surfaces; -1 without one
@@ -63,7 +63,7 @@ def cast(surfaces: Sequence[Surface], rays: np.ndarray) -> Render:
 
     Args:
         surfaces: The scene.
-        rays: (..., 6) origin and direction in the world frame; `depth` counts in lengths of the direction.
+        rays: (..., 6) origin and direction in the world frame; `depth` is in units of the direction's length.
     """
     shape = rays.shape[:-1]
     index = np.full(shape, -1, np.int32)
@@ -83,9 +83,9 @@ def cast(surfaces: Sequence[Surface], rays: np.ndarray) -> Render:
 
 
 def distances(surfaces: Sequence[Surface], rays: np.ndarray) -> np.ndarray:
-    """Distances (...) float32 of the first hits of free rays, as `depth` of `cast`; infinite without one.
+    """Distances (...) float32 of the first hits of free rays, as `depth` of `cast`; infinite without a hit.
 
-    Fits cast some thousand times and need nothing else.
+    A fast path for fits, which cast some thousand times.
 
     Args:
         surfaces: The scene; not empty.
@@ -95,7 +95,7 @@ def distances(surfaces: Sequence[Surface], rays: np.ndarray) -> np.ndarray:
 
 
 def _answer(surfaces: Sequence[Surface], rays: np.ndarray) -> Any:
-    """What Open3D says of rays (..., 6)."""
+    """Open3D's result for rays (..., 6)."""
     import open3d as o3d
 
     scene = surfaces.tree if isinstance(surfaces, Sorted) else _tree(surfaces)
@@ -103,7 +103,7 @@ def _answer(surfaces: Sequence[Surface], rays: np.ndarray) -> Any:
 
 
 class Sorted(tuple[Surface, ...]):
-    """Surfaces that are sorted into a tree once, for many renders of the same ones."""
+    """Surfaces with a prebuilt tree, for many renders."""
 
     @cached_property
     def tree(self) -> Any:

@@ -60,11 +60,11 @@ def centroid(polygon: np.ndarray) -> np.ndarray:
 
 
 def inside_convex(points: np.ndarray, polygon: np.ndarray, margin: float = 0.0) -> np.ndarray:
-    """Which of (..., 2) points lie inside a convex counter-clockwise polygon grown by `margin`."""
+    """Which of (..., 2) points are inside a convex counter-clockwise polygon expanded by `margin`."""
     x, y = points[..., 0].ravel(), points[..., 1].ravel()
     left = np.arange(len(x))
     following = np.roll(polygon, -1, axis=0)
-    # Most points are outside: edges far apart from one another rule them out soon.
+    # Most points are outside: edges far apart from one another exclude them early.
     for corner in np.argsort(np.arange(len(polygon)) * 0.618034 % 1.0, kind="stable"):
         a, b = polygon[corner], following[corner]
         edge = (b - a) / max(float(np.linalg.norm(b - a)), 1e-12)
@@ -109,7 +109,7 @@ def _root(parent: np.ndarray, index: int) -> int:
 
 
 def without_pinholes(mask: np.ndarray) -> np.ndarray:
-    """A mask (H, W) bool without holes smaller than 1/500 of it: they are errors, not handles."""
+    """A mask (H, W) bool without holes smaller than 1/500 of it, which are errors, not handles."""
     holes, _ = label(~mask)
     sizes = np.bincount(holes.ravel())
     small = sizes < max(12.0, 0.002 * np.count_nonzero(mask))

@@ -1,8 +1,8 @@
-"""Similarity registration of a whole model to the part of it that a camera saw.
+"""Similarity registration of a whole model to its visible part.
 
-Plain nearest-neighbour ICP with a free scale collapses: all seen points find a partner when the model shrinks onto
-them. Here only model points that the camera would see take part, both directions count the same, the worst pairs are
-left out, and the scale has a prior.
+Nearest-neighbour ICP with a free scale collapses, because all seen points find a partner when the model shrinks onto
+them. Here only visible model points are used, both directions have equal weights, the worst pairs are trimmed, and the
+scale has a prior.
 """
 
 from __future__ import annotations
@@ -32,43 +32,43 @@ class Similarity:
 
 
 Visible = Callable[[Similarity], tuple[np.ndarray, np.ndarray]]
-"""Model-frame points (N, 3) and outward normals (N, 3) that the camera would see of the placed model."""
+"""Model-frame points (N, 3) and outward normals (N, 3) of the placed model that are visible to the camera."""
 
 FREE = np.eye(7)
-"""All motions: rotation x y z, translation x y z, log scale."""
+"""Basis of all motions: rotation x y z, translation x y z, log scale."""
 UPRIGHT = FREE[:, [2, 3, 4, 5, 6]]
-"""The model's up axis stays."""
+"""Basis of the motions that keep the model's up axis."""
 RESTING = FREE[:, [2, 3, 4, 6]]
-"""The up axis and the contact with z = 0 stay."""
+"""Basis of the motions that keep the up axis and the contact with z = 0."""
 HUBER = 4.0
-"""Pairs further apart than this many standard deviations pull with constant force."""
+"""Residual, in standard deviations, above which the influence of a pair is constant."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """How `icp` looks for its minimum."""
+    """Parameters of `icp`."""
 
     freedom: np.ndarray  # (7, K) basis of the allowed motions, one of FREE, UPRIGHT, RESTING
     scale: float  # centre of the scale prior
     scale_sigma: float  # its relative standard deviation
     iterations: int = 30
     keep: float = 0.98  # fraction of the pairs that remain after trimming
-    point_weight: float = 0.15  # of the point-to-point term beside point-to-plane; holds flat faces in place
+    point_weight: float = 0.15  # relative weight of point-to-point; constrains flat faces in their plane
     noise_m: float = 0.002  # standard deviation of a pair [m]
-    samples: float = 50.0  # number of independent measurements equivalent to all pairs
+    samples: float = 50.0  # effective number of independent measurements of all pairs
 
 
 def icp(start: Similarity, visible: Visible, seen: np.ndarray, search: Search) -> Similarity:
     """Bidirectional trimmed point-to-plane ICP over similarities.
 
     Args:
-        start: First guess.
+        start: Initial similarity.
         visible: Renders the model.
         seen: (N, 3) seen points in the world frame [m].
         search: See `Search`.
 
     Returns:
-        The refined similarity, or the start if the model is out of the camera's sight.
+        The refined similarity, or the start if the model is not visible to the camera.
     """
     from scipy.spatial import KDTree
 
@@ -86,7 +86,7 @@ def icp(start: Similarity, visible: Visible, seen: np.ndarray, search: Search) -
         also = _trimmed(backward, search.keep)
         own = np.concatenate([np.flatnonzero(keep), owner[also]])
         target = np.concatenate([seen[nearest[keep]], seen[also]])
-        # Pairs at the outline hold flat faces in place, so far ones are weighed down, not dropped.
+        # Pairs at the outline constrain flat faces within their plane, so distant ones are downweighted, not dropped.
         weights = np.concatenate([_weights(forward[keep], search), _weights(backward[also], search)])
         step = _step(placed[own], normals[own], target, weights, now.scale, search)
         now = _moved(now, step)
@@ -119,7 +119,7 @@ def _step(
     """Gauss-Newton step of the weighted pairs and the scale prior, in the allowed motions."""
     pivot = placed.mean(axis=0)
     if search.freedom.shape[1] == RESTING.shape[1]:
-        pivot = pivot * [1.0, 1.0, 0.0]  # scaling about a point of the support keeps the contact
+        pivot = pivot * [1.0, 1.0, 0.0]  # scaling about a point of the support preserves the contact
     arms = placed - pivot
     offsets = target - placed
     # d placed / d motion = [-[arm]x, I, arm]
@@ -132,7 +132,7 @@ def _step(
     # n . d placed, row by row
     along = np.column_stack([np.cross(arms, normals), normals, (arms * normals).sum(axis=1)])
     trust = search.samples / search.noise_m**2
-    # Rows of both terms below each other; matrix products are ten times as fast as contractions of (N, 3, 7).
+    # Rows of both terms are stacked; matrix products are ten times as fast as contractions of (N, 3, 7).
     rows = np.concatenate([along, jacobian.reshape(-1, 7)])
     each = trust * np.concatenate([weights, np.repeat(search.point_weight * weights, 3)])
     wanted = np.concatenate([(normals * offsets).sum(axis=1), offsets.reshape(-1)])
@@ -184,7 +184,7 @@ def robust_extent(points: np.ndarray, tail: float = 0.01) -> np.ndarray:
 
 
 def extent_scale(model: np.ndarray, seen: np.ndarray, whole: np.ndarray, tail: float = 0.01) -> float | None:
-    """Median ratio of seen to model extents over the axes whose two ends were seen.
+    """Median ratio of seen to model extents over the axes of which both ends are visible.
 
     Args:
         model: (N, 3) model points that the camera would see, axes as in `seen`.
@@ -214,12 +214,12 @@ def cube_rotations() -> np.ndarray:
 
 
 def yaws(count: int, span: float = 2.0 * np.pi) -> np.ndarray:
-    """`count` even rotations about z over `span` [rad], (count, 3, 3)."""
+    """`count` equally spaced rotations about z over `span` [rad], (count, 3, 3)."""
     return np.array([rotation(np.array([0.0, 0.0, span * k / count])) for k in range(count)])
 
 
 def spread_rotations(count: int) -> np.ndarray:
-    """`count` rotations (count, 3, 3) spread over SO(3): super-Fibonacci spirals (Alexa, CVPR 2022)."""
+    """`count` rotations (count, 3, 3) distributed over SO(3): super-Fibonacci spirals (Alexa, CVPR 2022)."""
     phi, psi = np.sqrt(2.0), 1.533751168755204288118041
     s = np.arange(count) + 0.5
     r, big = np.sqrt(s / count), np.sqrt(1.0 - s / count)

@@ -1,4 +1,4 @@
-"""Close triangle meshes: weld vertices, drop faces that count for nothing, turn faces one way round, fill holes."""
+"""Closing of triangle meshes: weld vertices, drop degenerate and duplicate faces, orient faces, fill holes."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from dataclasses import dataclass, field
 import numpy as np
 
 _LONGEST_EXACT = 300
-"""Edges of a hole up to which the smallest surface is searched for; a longer one becomes a fan around its middle."""
+"""Maximum number of edges of a hole for which the minimal surface is computed; a longer one is closed by a fan."""
 
 
 @dataclass
 class Triangles:
-    """A mesh under repair, with what became of its faces."""
+    """A mesh under repair, with the history of its faces."""
 
     vertices: np.ndarray  # (V, 3) float64
     faces: np.ndarray  # (F, 3) int64
-    source: np.ndarray  # (F, 3) the corner 3 f + k of the mesh that was given which each corner was; -1 for a new face
-    counts: dict[str, int] = field(default_factory=dict)  # what was changed -> how often
+    source: np.ndarray  # (F, 3) original corner 3 f + k of each corner; -1 for a new face
+    counts: dict[str, int] = field(default_factory=dict)  # kind of change -> count
 
 
 def repaired(vertices: np.ndarray, faces: np.ndarray, weld_m: float | None, longest_hole: int) -> Triangles:
-    """The mesh after every repair that keeps its surface; it may still be open.
+    """The mesh after all repairs that preserve its surface; it may still be open.
 
     Args:
         vertices: (V, 3) [m].
         faces: (F, 3).
-        weld_m: Vertices at most this far apart become one [m]; None welds nothing, not even at one place.
-        longest_hole: Holes with at most so many edges are filled.
+        weld_m: Vertices at most this far apart are merged [m]; None merges none, not even coincident ones.
+        longest_hole: Maximum number of edges of a hole that is filled.
     """
     source = np.arange(3 * len(faces)).reshape(-1, 3)
     mesh = Triangles(vertices.astype(np.float64), faces.astype(np.int64), source)
@@ -81,7 +81,7 @@ def _weld(mesh: Triangles, distance: float) -> None:
 
 
 def _drop(mesh: Triangles) -> None:
-    """Drop faces without an area by their indices, and all but one of those with the same corners."""
+    """Drop faces that are degenerate by their indices, and duplicates of faces with the same corners."""
     a, b, c = mesh.faces.T
     kept = np.flatnonzero((a != b) & (b != c) & (c != a))
     mesh.counts["faces without area dropped"] = len(mesh.faces) - len(kept)
@@ -92,7 +92,7 @@ def _drop(mesh: Triangles) -> None:
 
 
 def _turn(mesh: Triangles) -> None:
-    """Turn faces until neighbours agree; in each connected part as few as possible."""
+    """Flip faces until neighbours agree, as few as possible in each connected part."""
     flip = np.zeros(len(mesh.faces), bool)
     for part, turned in _agreement(mesh.faces):
         flip[part] = turned if 2 * turned.sum() <= len(turned) else ~turned
@@ -102,7 +102,7 @@ def _turn(mesh: Triangles) -> None:
 
 
 def _agreement(faces: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Faces (P,) of each connected part, and whether each has to be turned (P,) to agree with the first of them."""
+    """Faces (P,) of each connected part, and whether each must be flipped (P,) to agree with the first."""
     directed = _directed(faces)
     keys = np.sort(directed, axis=1)
     order = np.lexsort(keys.T)
@@ -151,7 +151,7 @@ def _fill(mesh: Triangles, longest: int) -> None:
 
 
 def _joined(loop: np.ndarray, edges: set[tuple[int, int]]) -> np.ndarray:
-    """Whether an edge joins two vertices of a loop that are not neighbours in it, (n, n); a second one must not."""
+    """Whether an edge joins two vertices of a loop that are not neighbours in it, (n, n); it must not be used again."""
     joined = np.zeros((len(loop), len(loop)), bool)
     place = {int(vertex): number for number, vertex in enumerate(loop)}
     pairs = [(place[a], place[b]) for a, b in edges if a in place and b in place]
@@ -178,7 +178,7 @@ def _holes(faces: np.ndarray) -> Iterator[np.ndarray]:
             onward = following[here].pop()
             if not following[here]:
                 del following[here]
-            if onward in place:  # where a loop touches itself, what was walked since is a loop of its own
+            if onward in place:  # where a loop touches itself, it is split
                 loop = walk[place[onward] :]
                 if len(loop) > 2:
                     yield np.array(loop)
@@ -193,7 +193,7 @@ def _holes(faces: np.ndarray) -> Iterator[np.ndarray]:
 def _smallest(points: np.ndarray, forbidden: np.ndarray) -> np.ndarray | None:
     """Triangles (n - 2, 3) that span a polygon (n, 3) with the least area (Barequet and Sharir 1995).
 
-    None if every such surface has one of the `forbidden` diagonals, (n, n).
+    None if every such surface uses one of the `forbidden` diagonals, (n, n).
     """
     count = len(points)
     cost, split = np.where(forbidden, np.inf, 0.0), np.zeros((count, count), np.int64)
@@ -218,7 +218,7 @@ def _smallest(points: np.ndarray, forbidden: np.ndarray) -> np.ndarray | None:
 
 
 def _turn_outwards(mesh: Triangles) -> None:
-    """Turn every face if the enclosed volume is negative."""
+    """Flip all faces if the enclosed volume is negative."""
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
     if open_edges(mesh.faces) == 0 and float((np.cross(a, b) * c).sum()) < 0:
         mesh.faces, mesh.source = mesh.faces[:, ::-1].copy(), mesh.source[:, ::-1].copy()

@@ -1,4 +1,4 @@
-"""How well balanced ICP knows its correction: by its residuals, and by what these do not show."""
+"""Covariance of the correction by balanced ICP: from its residuals, and from errors that residuals do not show."""
 
 from __future__ import annotations
 
@@ -10,31 +10,33 @@ from dextera_build.geometry import transforms
 from dextera_build.geometry.robot_pairs import Pairs
 
 INDEPENDENT = 40.0
-"""Measurements that the points of a link in one pose count as, however many they are."""
+"""Effective number of independent measurements of a link's points in one pose."""
 
 
 @dataclass(frozen=True)
 class Doubts:
-    """What is known of the joints' errors, as standard deviations [rad]."""
+    """Standard deviations of joint and surface errors [rad, m]."""
 
     joint_rad: float = 0.0
-    """Of each joint's zero, the same in all poses."""
+    """Zero offset of each joint, the same in all poses [rad]."""
     encoder_rad: float = 0.0
-    """Of each reading."""
+    """Error of each joint reading [rad]."""
     surface_m: float = 0.0003
-    """Of a link's surface from its model's, along its normals; matching itself leaves 0.2 mm on round fingers."""
+    """Distance of a link's surface from its model, along its normals [m]; matching itself leaves 0.2 mm on round
+    fingers."""
 
 
 def covariance(
     row: np.ndarray, off: np.ndarray, weight: np.ndarray, pairs: Pairs, motion: np.ndarray, doubts: Doubts
 ) -> np.ndarray:
-    """(6, 6) about the points' middle: of what the residuals show, and of joints, whose errors they do not show.
+    """(6, 6) covariance about the centre of the points, from the residuals and from joint errors.
 
-    An error of the first joint's zero is a rotation of the base, so no residual tells it; it is taken as stated.
+    A zero offset of the first joint is a rotation of the base, which no residual shows; its stated value is used.
     """
     inverse = np.linalg.pinv(row.T @ (row * weight[:, None]), rcond=1e-12)
     total = np.zeros((6, 6))
-    # Neighbouring pixels err together, so thousands of points of a link in a pose count as few measurements.
+    # Errors of neighbouring pixels are correlated, so thousands of points of a link in a pose count as few
+    # measurements.
     _, cluster, count = np.unique(
         (pairs.part * 1000 + pairs.link) * 10000 + pairs.pose, return_inverse=True, return_counts=True
     )
@@ -57,23 +59,23 @@ def covariance(
 def _of_surfaces(
     row: np.ndarray, off: np.ndarray, weight: np.ndarray, pairs: Pairs, part: int, stated: float
 ) -> np.ndarray:
-    """(6, 6): links of a component may be larger or smaller than their model, as their mean residuals show."""
+    """(6, 6) covariance due to links larger or smaller than their model, from the mean residuals of the links."""
     groups = [
         np.flatnonzero((pairs.part == part) & (pairs.link == link) & (weight > 0)) for link in np.unique(pairs.link)
     ]
     groups = [own for own in groups if len(own)]
     if not groups:
         return np.zeros((6, 6))
-    # The fit takes a part of the offsets away, as that of any six parameters does.
+    # The fit absorbs a part of the offsets, as any six parameters do.
     left = max(len(groups) - 3, 1) / len(groups)
     shown = np.average([off[own].mean() ** 2 for own in groups], weights=[weight[own].sum() for own in groups]) / left
     each = np.array([(row[own] * weight[own, None]).sum(axis=0) for own in groups])
-    # All links of a component may err alike, too: by covers over all of them, or by the depth camera's own bias.
+    # All links of a component may have a common error: covers over all of them, or the depth camera's bias.
     return np.asarray(max(stated**2, float(shown)) * (each.T @ each + np.outer(each.sum(axis=0), each.sum(axis=0))))
 
 
 def moved(about: np.ndarray, middle: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """Covariance of dT from that of a translation and a rotation about the points' middle."""
+    """Covariance of dT from that of a translation and a rotation about the centre of the points."""
     # dT = Exp(dr) about `middle`, so its translation also moves by dr x (t - middle).
     by = np.eye(6)
     by[:3, 3:] = -transforms.cross_matrix(motion[:3, 3] - middle)

@@ -1,4 +1,4 @@
-"""Which measured pixels are on a robot, by its rendered depth: within a tolerance of it, and grown over its outline."""
+"""Measured pixels on a robot, by comparison with its rendered depth, including a margin around its outline."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 def near(
     rendered: np.ndarray, labels: np.ndarray, measured: np.ndarray, tolerance_m: float, grow_px: int
 ) -> np.ndarray:
-    """Labels (H, W) of measured pixels: of the rendered pixel that is nearest in the picture, if their depths agree.
+    """Labels (H, W) of measured pixels: that of the nearest rendered pixel in the picture, if their depths agree.
 
     Args:
-        rendered: (H, W) depth of the robot's model at its joint positions [m]; 0 beside it.
-        labels: (H, W) int, what each rendered pixel is a part of; 0 beside the robot.
+        rendered: (H, W) depth of the robot's model at its joint positions [m]; 0 outside it.
+        labels: (H, W) int, part of each rendered pixel; 0 outside the robot.
         measured: (H, W) depth [m]; 0 where nothing was measured.
         tolerance_m: Largest difference of both depths.
-        grow_px: How far beyond the rendered outline a pixel may be; as far as the calibration may be wrong.
+        grow_px: Maximum distance of a pixel outside the rendered outline, for calibration errors.
     """
     from scipy.ndimage import distance_transform_edt
 
@@ -28,9 +28,9 @@ def near(
 
 
 def inner(labels: np.ndarray, depth: np.ndarray, step: float = 0.01) -> np.ndarray:
-    """Pixels (H, W) bool of a rendered robot whose four neighbours are of the same part and of nearly the same depth.
+    """Pixels (H, W) bool of a rendered robot whose four neighbours have the same part and nearly the same depth.
 
-    At outlines a camera measures a mixture, and between two parts it is not clear which one was seen.
+    At outlines a camera measures mixed depth, and between two parts the assignment is ambiguous.
     """
     found = labels > 0
     for axis in (0, 1):

@@ -1,4 +1,4 @@
-"""Pairs of points of balanced ICP: what is drawn of the model's surface, and what each point is paired with."""
+"""Point pairs of balanced ICP: sampling of the model's surface, and matching."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Surface:
 
     model: np.ndarray  # (N, 3) visible points of the model, at the first calibration [m]
     normals: np.ndarray  # (N, 3) of the model, unit
-    link: np.ndarray  # (N,) int, number of the link that each belongs to; links err together
-    seen: np.ndarray  # (M, 3) points that the camera measured on this component [m]
+    link: np.ndarray  # (N,) int, number of the link of each point; errors within a link are correlated
+    seen: np.ndarray  # (M, 3) measured points on this component [m]
     drift: np.ndarray | None = None  # (N, 3, Q) motion of the points per motion of each joint [m/rad]
 
 
@@ -37,10 +37,10 @@ class Pairs:
 def drawn(
     poses: Sequence[Mapping[str, Surface]], names: list[str], points: int, balanced: bool, draw: np.random.Generator
 ) -> Pairs:
-    """Points of the model's surfaces by draw: so many of each component over all poses, or of both without balance.
+    """Random points of the model's surfaces: so many of each component over all poses, or of both without balance.
 
     Raises:
-        ValueError: There are fewer than 20 points of a component, or nothing was seen.
+        ValueError: A component has fewer than 20 points, or no component is visible.
     """
     rows = []
     totals = {name: sum(len(pose[name].model) for pose in poses if name in pose) for name in names}
@@ -85,8 +85,8 @@ def nearest(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Seen points (N, 3) nearest to the moved model, of the same component and pose, and normals (N, 3) of the pairs.
 
-    The mean of the model's normals at both ends of a pair, because between the tangent at one end and the next point
-    of a round surface there is a gap (the symmetric objective of Rusinkiewicz 2019): on fingers it was 0.2 mm.
+    Normals are the mean of the model's normals at both ends of a pair (the symmetric objective of Rusinkiewicz 2019),
+    because on a curved surface the tangent plane at one end misses the point at the other: by 0.2 mm on fingers.
     """
     target, normals = np.full_like(pairs.model, np.nan), pairs.normals.copy()
     for key, matcher in trees.items():

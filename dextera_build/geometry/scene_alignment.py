@@ -3,8 +3,8 @@
     L_scene(theta) = lambda_rgb |I(theta) - I^R|^2_Omega + lambda_ssim [1 - SSIM(I(theta), I^R)]
                    + lambda_pix / |M| sum_m |u_m(theta) - u_m^R|_1 / d_img + lambda_dep / |M| sum_m |z_m(theta) - z_m^R|
 
-with theta = (T_G_C, s_G). It is minimised by Levenberg and Marquardt's method; every step is kept only if the whole
-objective, rendered again, is smaller. Exposure is a nuisance that is solved for between steps.
+with theta = (T_G_C, s_G). It is minimised by the Levenberg-Marquardt method; a step is accepted only if the whole
+objective, rendered again, decreases. Exposure is a nuisance parameter that is solved for between steps.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from dextera_build.geometry.scene_pose import ScenePose
 from dextera_build.geometry.scene_terms import Correspondences, Terms, Weights
 
 Render = Callable[[np.ndarray, np.ndarray, tuple[int, int]], Drawn]
-"""G from T_G_C (4, 4) in lengths of G, with intrinsics (3, 3), in a picture of (rows, columns)."""
+"""G from T_G_C (4, 4) in the unit of G, with intrinsics (3, 3), in a picture of (rows, columns)."""
 
 STEPS = 10
-"""Most steps on one level before its pixels are chosen again."""
+"""Maximum number of steps on one level before its pixels are selected again."""
 DONE = 1e-5
-"""The search ends where a step lowers the objective by less than this part."""
+"""Relative decrease of the objective below which the search ends."""
 STILL = 2e-5
-"""It also ends where a step is shorter [rad, units of shift, logarithm of the scale]."""
+"""Step size below which the search ends, too [rad, units of shift, logarithm of the scale]."""
 
 
 @dataclass(frozen=True)
@@ -37,21 +37,21 @@ class Level:
 
     rgb: np.ndarray  # (H, W, 3) I^R, 0..1
     depth: np.ndarray  # (H, W) [m], 0 where it is invalid
-    valid: np.ndarray  # (H, W) pixels that may count: not of the robot or an object, not saturated, depth measured
+    valid: np.ndarray  # (H, W) usable pixels: not of the robot or an object, not saturated, depth measured
     k: np.ndarray  # (3, 3) [px]
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Where the search ended."""
+    """Result of the search."""
 
     pose: ScenePose
-    covariance: np.ndarray  # (7, 7) of steps, see `ScenePose.moved`
-    condition: float  # of the curvature, its largest eigenvalue over its least
+    covariance: np.ndarray  # (7, 7) covariance of steps, see `ScenePose.moved`
+    condition: float  # condition number of the curvature
     terms: Terms
     light: Exposure
     drawn: Drawn | None  # G at the last level
-    omega: np.ndarray | None  # (H, W) pixels that counted there
+    omega: np.ndarray | None  # (H, W) pixels used there
 
 
 def align_sparse(
@@ -68,23 +68,23 @@ def align_sparse(
 
 @dataclass(frozen=True)
 class Problem:
-    """What Eq. 1 is made of besides theta."""
+    """Input of Eq. 1 apart from theta."""
 
     matches: Correspondences  # M, in pixels of the photograph at its own size
     k: np.ndarray  # (3, 3) intrinsics at that size [px]
     size: tuple[int, int]  # rows and columns at that size
-    levels: list[Level]  # the photograph from coarse to fine
-    render: Render  # draws G
+    levels: list[Level]  # the photograph, coarse to fine
+    render: Render  # renders G
     weights: Weights
     unit: float  # length of a unit of shift in G; the median depth makes 0.001 about a milliradian
-    apart: float  # surfaces whose depths differ by more than this part are not the same: their pixels do not count
+    apart: float  # relative depth difference above which surfaces differ and pixels are ignored
 
 
 def align(pose: ScenePose, given: Problem) -> Solution:
     """The minimum of all four terms near `pose`."""
     for level in given.levels:
         drawn = given.render(pose.scene_from_camera, level.k, level.depth.shape)
-        for _ in range(2):  # Omega and the exposure belong to a pose, so they are made again where it has moved
+        for _ in range(2):  # Omega and the exposure depend on the pose, so they are recomputed after it has moved
             within = _near(drawn.depth * pose.scale, level.depth, given.apart)
             here = _Compared(given, level, level.valid & drawn.solid & within, drawn)
             pose, (terms, drawn) = _descended(pose, here.terms(pose, drawn), here.at, given.unit, STEPS)
@@ -92,7 +92,7 @@ def align(pose: ScenePose, given: Problem) -> Solution:
 
 
 class _Compared:
-    """All four terms at one size, over pixels that stay the same."""
+    """All four terms at one size, over a fixed set of pixels."""
 
     def __init__(self, given: Problem, level: Level, omega: np.ndarray, drawn: Drawn) -> None:
         self._given, self._level, self.omega = given, level, omega
@@ -104,7 +104,7 @@ class _Compared:
         return self.terms(pose, drawn)
 
     def terms(self, pose: ScenePose, drawn: Drawn) -> tuple[Terms, Drawn]:
-        """The terms, where G was drawn from `pose` already."""
+        """The terms for an existing rendering of G from `pose`."""
         given, level, weights, unit = self._given, self._level, self._given.weights, self._given.unit
         found = scene_terms.sparse(pose, given.matches, given.k, given.size, weights, unit)
         found += surface_term.surface(drawn, pose.scale, level.depth, self.omega, level.k, weights, unit)
@@ -126,7 +126,7 @@ def _descended(
     unit: float,
     steps: int,
 ) -> tuple[ScenePose, tuple[Terms, Seen]]:
-    """Levenberg-Marquardt with the true objective as judge; `here` is `at(pose)`."""
+    """Levenberg-Marquardt on the true objective; `here` is `at(pose)`."""
     damping = 1e-3
     for _ in range(steps):
         terms, _ = here
@@ -152,10 +152,10 @@ def _descended(
 def _spread(terms: Terms) -> tuple[np.ndarray, float]:
     """Covariance of steps (7, 7) and condition of the curvature.
 
-    The estimate has no slope, so an error is the inverse curvature times the slopes that the noise makes. Those of one
-    cell of the picture err together, those of different cells do not: a sandwich over clusters (Huber, 1967), without
-    the pull of each cell on the estimate itself (CR3: Bell and McCaffrey, 2002), and as wide as Hotelling's
-    distribution makes the 95 % region for so few cells. Nothing is assumed about the noise; the residuals show it.
+    The gradient at the optimum is zero, so an error is the inverse curvature times the gradient due to noise. Gradients
+    are correlated within a cell of the picture and independent between cells: a sandwich estimator over clusters
+    (Huber, 1967), corrected for the influence of each cell on the estimate (CR3: Bell and McCaffrey, 2002), and scaled
+    to the 95 % region of Hotelling's distribution for few cells. The noise is estimated from the residuals alone.
     """
     from scipy.special import chdtri, fdtri
 

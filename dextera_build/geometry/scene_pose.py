@@ -1,8 +1,8 @@
-"""Theta of scene alignment: where a camera is in a generated scene G, and how long a length of G is in metres.
+"""Theta of scene alignment: the pose of a camera in a generated scene G, and the length of a unit of G in metres.
 
-The paper's Eq. 1 has theta = (T_G_C, s_G). A point X of G is at Y = T_C_G X in lengths of G, and at s_G Y in metres:
-the scale comes first and the motion after it. A picture of G depends on T_C_G alone, so colours and pixels say nothing
-about s_G; measured depth is the only thing that does.
+The paper's Eq. 1 has theta = (T_G_C, s_G). A point X of G is at Y = T_C_G X in the unit of G, and at s_G Y in metres:
+the scale is applied before the motion. A picture of G depends on T_C_G only, so colours and pixels carry no information
+on s_G; only measured depth does.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from dextera_build.geometry.registration import rotation, rotation_vector
 class ScenePose:
     """Theta. Steps (7,) are a rotation vector [rad] and a shift, both about the camera's axes, and log s_G."""
 
-    camera_from_scene: np.ndarray  # (4, 4) T_C_G, OpenCV axes, in lengths of G
-    scale: float  # s_G [m per length of G]
+    camera_from_scene: np.ndarray  # (4, 4) T_C_G, OpenCV axes, in the unit of G
+    scale: float  # s_G [m per unit of G]
 
     @property
     def scene_from_camera(self) -> np.ndarray:
-        """T_G_C (4, 4) in lengths of G, for renderers."""
+        """T_G_C (4, 4) in the unit of G, for renderers."""
         return transforms.invert(self.camera_from_scene)
 
     @property
@@ -33,22 +33,22 @@ class ScenePose:
         return transforms.rigid(self.camera_from_scene[:3, :3], self.scale * self.camera_from_scene[:3, 3])
 
     def seen(self, points: np.ndarray) -> np.ndarray:
-        """Points (N, 3) of G in the axes of the camera, in lengths of G."""
+        """Points (N, 3) of G in the axes of the camera, in the unit of G."""
         return transforms.apply(self.camera_from_scene, points)
 
     def moved(self, step: np.ndarray, unit: float) -> ScenePose:
-        """Theta after a step (7,), whose shift is in `unit` lengths of G: Y' = Exp(step[:3]) Y + unit step[3:6]."""
+        """Theta after a step (7,), whose shift is in `unit` units of G: Y' = Exp(step[:3]) Y + unit step[3:6]."""
         motion = transforms.rigid(rotation(step[:3]), unit * step[3:6])
         return ScenePose(motion @ self.camera_from_scene, self.scale * float(np.exp(step[6])))
 
     def step_to(self, other: ScenePose, unit: float) -> np.ndarray:
-        """The step (7,) after which theta is `other`."""
+        """The step (7,) that leads to `other`."""
         motion = other.camera_from_scene @ transforms.invert(self.camera_from_scene)
         turn = rotation_vector(motion[:3, :3])
         return np.array([*turn, *motion[:3, 3] / unit, np.log(other.scale / self.scale)])
 
     def covariance(self, of_steps: np.ndarray, unit: float) -> np.ndarray:
-        """Covariance (7, 7) as `artifacts.pose.Similarity` has it, from that of steps.
+        """Covariance (7, 7) as in `artifacts.pose.Similarity`, from that of steps.
 
         With matrix = [R t] and t = s tau, a step changes t by w x t + s unit v + l t, R by w and log s by l.
         """
@@ -64,7 +64,7 @@ class ScenePose:
 
 
 def flow(seen: np.ndarray, k: np.ndarray, unit: float) -> np.ndarray:
-    """How pixels move with a step: (..., 2, 7) [px] for points (..., 3) in the axes of the camera, in lengths of G."""
+    """Pixel motion with a step: (..., 2, 7) [px] for points (..., 3) in the axes of the camera, in the unit of G."""
     x, y, z = np.moveaxis(seen, -1, 0)
     found = np.zeros((*seen.shape[:-1], 2, 7))
     for axis, focal in enumerate((k[0, 0], k[1, 1])):
@@ -80,7 +80,7 @@ def flow(seen: np.ndarray, k: np.ndarray, unit: float) -> np.ndarray:
 
 
 def nearing(seen: np.ndarray, scale: float, unit: float) -> np.ndarray:
-    """How metric depths s_G Y_z change with a step: (N, 7) [m] for points (N, 3) in the axes of the camera."""
+    """Change of metric depths s_G Y_z with a step: (N, 7) [m] for points (N, 3) in the axes of the camera."""
     found = np.zeros((len(seen), 7))
     found[:, 0], found[:, 1] = scale * seen[:, 1], -scale * seen[:, 0]
     found[:, 5] = scale * unit

@@ -10,32 +10,32 @@ import numpy as np
 from dextera_build.geometry.scene_pose import ScenePose, flow, nearing
 
 CELLS = (9, 12)
-"""Rows and columns into which a picture is cut for the covariance: what errs together is taken as one."""
+"""Rows and columns of cells for the covariance; errors within a cell are treated as fully correlated."""
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of Eq. 1. The paper states none; these count 3 mm of depth as much as a pixel of 640."""
+    """Weights of Eq. 1. The paper states none; with these, 3 mm of depth weigh as much as a pixel of 640."""
 
-    rgb: float = 20.0  # lambda_rgb, of the mean squared difference of colours 0..1
-    ssim: float = 1.0  # lambda_ssim, of 1 - SSIM
-    pixel: float = 10.0  # lambda_pix, of the mean distance in image diagonals
-    depth: float = 4.0  # lambda_dep, of the mean difference [m]
-    surface: float = 0.0  # lambda_sur, of the mean difference of all depths [m]; Eq. 1 has no such term
+    rgb: float = 20.0  # lambda_rgb, weight of the mean squared difference of colours 0..1
+    ssim: float = 1.0  # lambda_ssim, weight of 1 - SSIM
+    pixel: float = 10.0  # lambda_pix, weight of the mean distance in image diagonals
+    depth: float = 4.0  # lambda_dep, weight of the mean depth difference of points [m]
+    surface: float = 0.0  # lambda_sur, weight of the mean difference of all depths [m]; not in Eq. 1
     soft_px: float = 1.0  # |r| is sqrt(r^2 + soft^2) - soft, which has a second derivative
     huber_m: float = 0.03  # |r| is r^2 / (2 huber) below it
 
 
 @dataclass(frozen=True)
 class Correspondences:
-    """M: points of G that were found in the photograph."""
+    """M: points of G matched in the photograph."""
 
-    anchors: np.ndarray  # (M, 3) in lengths of G: the rendered pixel at its rendered depth
+    anchors: np.ndarray  # (M, 3) in the unit of G: the rendered pixel at its rendered depth
     pixels: np.ndarray  # (M, 2) u^R [px]
     depths: np.ndarray  # (M,) z^R [m], 0 where it is invalid
 
     def __getitem__(self, chosen: np.ndarray) -> Correspondences:
-        """Some of them."""
+        """A subset."""
         return Correspondences(self.anchors[chosen], self.pixels[chosen], self.depths[chosen])
 
     def __len__(self) -> int:
@@ -49,12 +49,12 @@ class Terms:
 
     value: float
     gradient: np.ndarray  # (7,)
-    step: np.ndarray  # (7, 7) positive matrix for steps: Gauss-Newton, reweighted
+    step: np.ndarray  # (7, 7) positive semidefinite matrix for steps: reweighted Gauss-Newton
     cells: np.ndarray  # (C, 7) gradient by cell of the picture; the sum is `gradient`
     bends: np.ndarray  # (C, 7, 7) second derivative by cell; the sum is `curvature`
 
     def __add__(self, other: Terms) -> Terms:
-        """Both together."""
+        """The sum of both."""
         return Terms(
             self.value + other.value,
             self.gradient + other.gradient,

@@ -1,4 +1,4 @@
-"""How sharp a photograph is, beside others of the same capture or by itself."""
+"""Sharpness of a photograph, relative to others of the same capture or absolute."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import numpy as np
 
 
 def steepest(pixels: np.ndarray) -> np.ndarray:
-    """(4,) how steep the steepest edges of a picture (H, W, 3) uint8 are, across, down and along both diagonals.
+    """(4,) steepness of the steepest edges of a picture (H, W, 3) uint8, across, down and along both diagonals.
 
-    Relative to the picture's contrast, and apart by direction, because motion blurs one direction only.
+    Relative to the picture's contrast, and separate by direction, because motion blur affects one direction only.
     """
     grey = pixels.mean(axis=2, dtype=np.float32)
     low, high = np.quantile(grey, (0.02, 0.98))
@@ -23,7 +23,7 @@ def steepest(pixels: np.ndarray) -> np.ndarray:
 
 
 def left_by_blur(grey: np.ndarray) -> float:
-    """Part of the edges of a grey picture (H, W) that a blur of 2.5 px leaves: near 1 if it is blurred already."""
+    """Fraction of the edges of a grey picture (H, W) left by a blur of 2.5 px: near 1 if it is already blurred."""
     import cv2
 
     sharp, soft = (_edges(cv2.GaussianBlur(grey, (0, 0), sigma)) for sigma in (1.0, 2.5))

@@ -47,8 +47,8 @@ def box(size: Sequence[float] | np.ndarray, centre: Sequence[float] | np.ndarray
 def loft(rings: np.ndarray) -> Solid:
     """A skin over closed rings (K, M, 3), with a flat fan as first and as last cap.
 
-    Each ring runs counter-clockwise seen from above. Rings that go up the outside, over a rim and down the inside
-    make a vessel: its last cap is the floor of the cavity.
+    Each ring is counter-clockwise seen from above. Rings up the outside, over a rim and down the inside form a vessel,
+    whose last cap is the floor of the cavity.
     """
     vertices = np.concatenate([rings.reshape(-1, 3), [rings[0].mean(axis=0), rings[-1].mean(axis=0)]])
     return Solid(vertices, _skin(*rings.shape[:2]))
@@ -56,7 +56,7 @@ def loft(rings: np.ndarray) -> Solid:
 
 @lru_cache(maxsize=64)
 def _skin(count: int, size: int) -> np.ndarray:
-    """Faces of a loft over `count` rings of `size` corners, read-only: fits build the same loft a thousand times."""
+    """Faces of a loft over `count` rings of `size` corners; cached, because fits build the same loft repeatedly."""
     own = np.arange(count * size).reshape(count, size)
     following = np.roll(own, -1, axis=1)
     lower, lower_next, upper, upper_next = own[:-1], following[:-1], own[1:], following[1:]
@@ -88,7 +88,7 @@ def _superellipse(exponent: float, count: int) -> tuple[np.ndarray, np.ndarray, 
 
 
 def join(parts: Sequence[Solid]) -> Solid:
-    """Several closed surfaces as one mesh, untouched: each stays a connected component of its own."""
+    """Several closed surfaces as one mesh without merging: each remains a separate connected component."""
     starts = np.cumsum([0] + [len(part.vertices) for part in parts[:-1]])
     faces = [part.faces + start for part, start in zip(parts, starts, strict=True)]
     return Solid(np.concatenate([part.vertices for part in parts]), np.concatenate(faces))
@@ -100,7 +100,7 @@ def extrude(outline: np.ndarray, low: float, high: float) -> Solid:
 
 
 def extrude_rings(outlines: Sequence[np.ndarray], low: float, high: float) -> Solid:
-    """A prism over the region that polygons (P, 2) enclose an odd number of times: holes are rings inside."""
+    """A prism over the region that polygons (P, 2) enclose an odd number of times, so that inner rings are holes."""
     import manifold3d as m3
 
     section = m3.CrossSection([np.asarray(outline, np.float64) for outline in outlines], m3.FillRule.EvenOdd)

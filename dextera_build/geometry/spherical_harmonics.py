@@ -41,10 +41,10 @@ def flat(colours: np.ndarray) -> np.ndarray:
 
 
 def rotation(turn: np.ndarray, count: int) -> np.ndarray:
-    """Matrix (count, count) that turns coefficients as the rotation (3, 3) turns space: f'(R d) = f(d).
+    """Matrix (count, count) that transforms coefficients under a rotation (3, 3) of space: f'(R d) = f(d).
 
-    It is found from the values in probe directions, so it has the order and the signs of `basis` by construction. Bands
-    do not mix; within a band the matrix is the real Wigner D matrix.
+    It is computed from values in probe directions, so it follows the order and the signs of `basis` by construction.
+    Bands do not mix; within a band the matrix is the real Wigner D matrix.
     """
     turned = np.zeros((count, count))
     probes = _probes()

@@ -16,13 +16,13 @@ from dextera_build.geometry.gaussians import Gaussians
 
 _LOW_PASS_PX2 = 0.3
 _LEAST, _MOST = 1 / 255, 0.99
-"""Opacities in one pixel: less is left out, more is lowered."""
+"""Opacities in one pixel: lower ones are skipped, higher ones are clipped."""
 _WIDEST = 1.3
-"""Directions are linearised at most at this multiple of half the field of view."""
+"""Limit of the directions of linearisation, as a multiple of half the field of view."""
 _PAIRS = 2_000_000
-"""Pairs of a Gaussian and a pixel that are held in memory at once."""
+"""Maximum number of pairs of a Gaussian and a pixel in memory."""
 _PREVIEW = 100_000
-"""Gaussians in a preview."""
+"""Maximum number of Gaussians in a preview."""
 _SIZE = (240, 320)
 """Rows and columns of a preview [px]."""
 
@@ -44,8 +44,8 @@ def render(
         k: (3, 3) intrinsics, integer pixel centres [px].
         world_from_camera: (4, 4) T_world_camera, OpenCV axes.
         size: Rows and columns [px].
-        paper: sRGB behind them: one grey, or (H, W, 3).
-        paper_m: (H, W) image-plane depth of the paper [m], inf where it is behind all; it hides means that are farther.
+        paper: Background in sRGB: one grey, or (H, W, 3).
+        paper_m: (H, W) image-plane depth of the background [m], inf where it is behind all; it hides farther means.
         near_m: Smallest depth of a drawn mean [m].
     """
     rows, columns = size
@@ -59,7 +59,7 @@ def render(
 def preview(gaussians: Gaussians) -> np.ndarray:
     """The Gaussians from their front left and above, (240, 320, 3) uint8 on white.
 
-    Of many, the 100,000 that cover most are drawn; the view is fitted to the middle 96 % of them along each axis.
+    At most the 100,000 largest are drawn; the view is fitted to the middle 96 % of them along each axis.
     """
     if not len(gaussians):
         return np.full((*_SIZE, 3), 255, np.uint8)
@@ -70,7 +70,7 @@ def preview(gaussians: Gaussians) -> np.ndarray:
     reach = max(float(np.linalg.norm(high - low)) / 2, 3 * float(np.median(gaussians.scales)), 1e-12)
     middle = (low + high) / 2
     view = np.array([-0.6, -0.8, 0.55])
-    # A multiple of the extent keeps the picture the same at every scale; `look_at` needs lengths that are not tiny.
+    # A multiple of the extent makes the picture independent of scale; `look_at` needs lengths that are not tiny.
     unit = shapes.moved(gaussians, np.eye(4), 1 / reach)
     pose = look_at(middle / reach + 3 * view / np.linalg.norm(view), middle / reach)
     focal = 1.4 * min(_SIZE)
@@ -79,7 +79,7 @@ def preview(gaussians: Gaussians) -> np.ndarray:
 
 
 class _Flat:
-    """Gaussians on the picture, from near to far."""
+    """Gaussians projected to the picture, sorted by depth."""
 
     def __init__(self, places: np.ndarray, conics: np.ndarray, boxes: np.ndarray, opacities: np.ndarray) -> None:
         self.centres, self.depths = places[:, :2], places[:, 2]  # (N, 2) column and row [px], (N,) [m]
@@ -140,9 +140,9 @@ def _chunks(areas: np.ndarray) -> Iterator[slice]:
 def _blend(
     flat: _Flat, chunk: slice, columns: int, light: np.ndarray, colour: np.ndarray, limit: np.ndarray | None
 ) -> None:
-    """Lay a run of Gaussians behind what is there; `light` (H W,) is what passes through, `colour` (H W, 3).
+    """Blend a run of Gaussians behind the existing ones; `light` (H W,) is the transmittance, `colour` (H W, 3).
 
-    Nothing farther than `limit` (H W,) is laid.
+    Gaussians farther than `limit` (H W,) are skipped.
     """
     areas = flat.areas[chunk]
     owner = np.repeat(np.arange(chunk.start, chunk.stop), areas)

@@ -1,7 +1,7 @@
-"""Depth of every valid pixel, beside the four terms of scene alignment (the paper's Eq. 1, which has none of it).
+"""Depth term over all valid pixels, in addition to the four terms of scene alignment (the paper's Eq. 1).
 
-It helps where G was made from a measurement. The depth of a generated scene is right in its large features at best, so
-there its weight is 0.
+It improves the alignment if G was made from a measurement. The depth of a generated scene is at best correct in its
+large features, so its weight is then 0.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ def surface(
     """lambda_sur times the mean of |s_G z - z^R| over `omega` where G shows a surface, as Huber's loss.
 
     Args:
-        drawn: G from the camera's place.
+        drawn: G from the camera's pose.
         scale: s_G.
         measured: (H, W) z^R [m].
-        omega: (H, W) pixels of the photograph that count.
+        omega: (H, W) usable pixels of the photograph.
         k: (3, 3) intrinsics [px].
         weights: See `Weights`.
         unit: Length of a unit of shift in G.
@@ -38,7 +38,7 @@ def surface(
     slope = (
         scale * np.stack([np.gradient(depth, axis=axis) for axis in (1, 0)], axis=-1)[inside]
     )  # along columns and rows [m/px]
-    # What a pixel shows moves on, and the surface beside it takes its place.
+    # The content of a pixel moves on and is replaced by the surface next to it.
     jacobian = nearing(seen, scale, unit) - np.einsum("na,naj->nj", slope, flow(seen, k, unit))
     apart = scale * depth[inside] - measured[inside]
     size, huber = np.abs(apart), weights.huber_m

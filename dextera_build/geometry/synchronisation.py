@@ -1,4 +1,4 @@
-"""Recordings of two devices over time: by how much their clocks differ, and when nothing moved."""
+"""Synchronisation of recordings of two devices: clock offset, and moments of rest."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 BLOCKS = 8
-"""Parts of a recording that are left out in turn to estimate a spread."""
+"""Number of parts of a recording that are left out in turn to estimate a spread."""
 WINDOW_S = 0.2
-"""Over which a speed is measured, so that the noise of encoders is no motion [s]."""
+"""Time window of a speed [s], so that encoder noise is not motion."""
 
 
 class Offset(NamedTuple):
@@ -20,22 +20,22 @@ class Offset(NamedTuple):
     sigma: float
     """Its standard deviation, by leaving out parts of the recording (jackknife) [s]."""
     correlation: float
-    """Of what changes in the pictures with how far the joints move, at this offset."""
+    """Correlation of changes in the pictures with joint motion, at this offset."""
     rival: float
-    """Largest correlation at any other local maximum; a motion that repeats has some."""
+    """Largest correlation at any other local maximum, which repetitive motions have."""
 
 
 def clock_offset(
     pictures: np.ndarray, changes: np.ndarray, stamps: np.ndarray, positions: np.ndarray, reach_s: float
 ) -> Offset | None:
-    """The offset at which pictures change while joints move; None if they do not move, or too little was recorded.
+    """Offset at which picture changes and joint motion correlate best; None without motion or with too little data.
 
     Args:
         pictures: (N,) times of pictures, increasing [s].
-        changes: (N - 1,) how much each picture differs from the one before, any unit.
+        changes: (N - 1,) difference of each picture from the previous one, any unit.
         stamps: (M,) times of joint measurements, increasing [s].
         positions: (M, J) joint positions [rad or m].
-        reach_s: Largest offset that is looked for [s].
+        reach_s: Largest offset that is searched [s].
     """
     if len(pictures) < 4 * BLOCKS or len(stamps) < 4 * BLOCKS:
         return None
@@ -56,7 +56,7 @@ def clock_offset(
         found.append(_peak(lags, _correlations(np.sqrt(moved), seen, kept)))
     spread = np.array(found)
     sigma = float(np.sqrt((BLOCKS - 1) / BLOCKS * ((spread - spread.mean()) ** 2).sum()))
-    # A jackknife of lags on a grid can be 0 by chance; the grid's own step cannot.
+    # A jackknife of lags on a grid can be 0 by chance; the resolution of the grid cannot.
     return Offset(best, float(np.hypot(sigma, step / np.sqrt(12.0))), float(scores.max()), _rival(scores))
 
 
@@ -69,7 +69,7 @@ def _correlations(moved: np.ndarray, seen: np.ndarray, kept: np.ndarray) -> np.n
 
 
 def _peak(lags: np.ndarray, scores: np.ndarray) -> float:
-    """Place of the maximum, between samples by a parabola."""
+    """Position of the maximum, interpolated by a parabola."""
     top = int(scores.argmax())
     if not 0 < top < len(scores) - 1:
         return float(lags[top])
@@ -79,7 +79,7 @@ def _peak(lags: np.ndarray, scores: np.ndarray) -> float:
 
 
 def _rival(scores: np.ndarray) -> float:
-    """The highest local maximum that is not the slope of the highest of all."""
+    """The highest other local maximum, without the slope of the highest one."""
     top = int(scores.argmax())
     low, high = top, top
     while low > 0 and scores[low - 1] <= scores[low]:
@@ -91,20 +91,20 @@ def _rival(scores: np.ndarray) -> float:
 
 
 def rests(stamps: np.ndarray, positions: np.ndarray, slow: float, shortest_s: float) -> list[tuple[float, float]]:
-    """First and last times [s] of the spans in which no joint moved; a gap in the measurements ends one.
+    """First and last times [s] of intervals without joint motion; a gap in the measurements ends an interval.
 
     Args:
         stamps: (M,) times, increasing [s].
         positions: (M, J) [rad or m].
-        slow: Largest speed that counts as rest [rad/s or m/s].
-        shortest_s: Shorter spans are left out [s].
+        slow: Largest speed at rest [rad/s or m/s].
+        shortest_s: Minimum duration of an interval [s].
     """
     half = WINDOW_S / 2
     at = [np.stack([np.interp(stamps + side, stamps, each) for each in positions.T], axis=1) for side in (-half, half)]
     spans = np.minimum(stamps + half, stamps[-1]) - np.maximum(stamps - half, stamps[0])
     speeds = np.abs(at[1] - at[0]).max(axis=1) / np.maximum(spans, 1e-9)
     still = np.append(speeds <= slow, False)
-    torn = np.append(np.diff(stamps, prepend=stamps[0]) > WINDOW_S, True)  # nobody knows what was in a gap
+    torn = np.append(np.diff(stamps, prepend=stamps[0]) > WINDOW_S, True)  # motion during a gap is unknown
     found, start = [], None
     for row, quiet in enumerate(still):
         if start is not None and (torn[row] or not quiet):

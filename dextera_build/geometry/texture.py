@@ -1,6 +1,6 @@
-"""Texture atlases: cut a mesh into charts that are seen flat from one of six sides, pack them, find each texel's place.
+"""Texture atlases: division of a mesh into flat charts by six directions, packing, and texel positions.
 
-Within a chart all normals have a positive part along the same axis, so no chart folds over itself.
+Within a chart all normals have a positive component along the same axis, so no chart overlaps itself.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from dextera_build.geometry import raycast
 
 GUTTER_PX = 3
-"""Texels around every chart that repeat its border, to keep filters from mixing charts [px]."""
+"""Width of the margin around every chart that repeats its border, to keep filters from mixing charts [px]."""
 SIDES = np.array(
     [
         [[0, 1, 0], [0, 0, 1]],
@@ -24,7 +24,7 @@ SIDES = np.array(
     ],
     np.float64,
 )
-"""Right and up on the chart as seen from +x, -x, +y, -y, +z, -z."""
+"""Right and up axes of a chart seen from +x, -x, +y, -y, +z, -z."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Texels:
 
     row: np.ndarray  # (N,) from the top
     column: np.ndarray  # (N,)
-    points: np.ndarray  # (N, 3) place on the surface, the mesh's frame [m]
+    points: np.ndarray  # (N, 3) position on the surface, the mesh's frame [m]
     normals: np.ndarray  # (N, 3) unit
 
 
@@ -74,7 +74,7 @@ def unwrap(vertices: np.ndarray, faces: np.ndarray, texel_m: float, most_px: int
 
 
 def texels(vertices: np.ndarray, faces: np.ndarray, atlas: Atlas) -> Texels:
-    """Every texel whose centre lies on a face."""
+    """All texels whose centre is on a face."""
     flat = atlas.uv.reshape(-1, 2) * [atlas.width, atlas.height]
     flat = np.concatenate([flat, np.zeros((len(flat), 1))], axis=1)
     rows, columns = np.indices((atlas.height, atlas.width))
@@ -89,7 +89,7 @@ def texels(vertices: np.ndarray, faces: np.ndarray, atlas: Atlas) -> Texels:
 
 
 def bled(pixels: np.ndarray, filled: np.ndarray) -> np.ndarray:
-    """The picture (H, W, 3) with every texel outside `filled` (H, W) taking the colour of the nearest one inside."""
+    """The picture (H, W, 3) with every texel outside `filled` (H, W) set to the colour of the nearest one inside."""
     from scipy import ndimage
 
     nearest = ndimage.distance_transform_edt(~filled, return_distances=False, return_indices=True)
@@ -104,7 +104,7 @@ def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _charts(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Side 0..5 that each face looks towards, and the number of its connected chart."""
+    """Direction 0..5 that each face looks towards, and the number of its connected chart."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -123,7 +123,7 @@ def _charts(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def packed(sizes: np.ndarray, most: int) -> tuple[np.ndarray, int, int] | None:
-    """Lower left corners (C, 2) of rectangles (C, 2) on shelves, with the width and height used; None if too large."""
+    """Lower left corners (C, 2) of rectangles (C, 2) packed on shelves, and the size used; None if too large."""
     if sizes.max() > most:
         return None
     width = int(np.clip(np.sqrt(sizes.prod(axis=1).sum()) * 1.1, sizes[:, 0].max(), most))

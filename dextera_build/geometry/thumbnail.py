@@ -1,4 +1,4 @@
-"""Small pictures of meshes from points on their surface: quick, and without a renderer."""
+"""Small pictures of meshes from points on their surface: fast, without a renderer."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def thumbnail(parts: Sequence[tuple[np.ndarray, Paint]], around: np.ndarray | No
     """Meshes from their front left and above, (240, 320, 3) uint8 on white.
 
     Args:
-        parts: Corners (F, 3, 3) of the faces of each mesh, z up, and how its points are coloured.
-        around: Points (N, 3) that the view is chosen for, so that pictures of moving parts can be compared; None: the
+        parts: Corners (F, 3, 3) of the faces of each mesh, z up, and a function that colours its points.
+        around: Points (N, 3) to which the view is fitted, so that pictures of moving parts can be compared; None: the
             meshes.
     """
     picture = np.full((*_SIZE, 3), _PAPER, np.uint8)
@@ -46,7 +46,7 @@ def scatter(points: np.ndarray, colours: np.ndarray) -> np.ndarray:
     """Points from their front left and above, (240, 320, 3) uint8 on white.
 
     Args:
-        points: (N, 3), z up; at most 300,000 are drawn, evenly chosen.
+        points: (N, 3), z up; at most 300,000 are drawn, evenly sampled.
         colours: (N, 3) sRGB, 0..1.
     """
     picture = np.full((*_SIZE, 3), _PAPER, np.uint8)
@@ -60,14 +60,14 @@ def scatter(points: np.ndarray, colours: np.ndarray) -> np.ndarray:
 
 
 def _viewpoint(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """T_world_camera (4, 4), the middle (3,) of the points (N, 3), and their reach from it across the view."""
+    """T_world_camera (4, 4), the centre (3,) of the points (N, 3), and their extent from it across the view."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     pose = look_at(middle + np.array([-0.6, -0.8, 0.55]), middle)
     return pose, middle, float(np.linalg.norm((points - middle) @ pose[:3, :2], axis=1).max())
 
 
 def _dotted(picture: np.ndarray, places: np.ndarray, colours: np.ndarray, wide: int) -> np.ndarray:
-    """The picture with a square of `wide` pixels at places (N, 3): right, down and forward, within 1 of the middle."""
+    """The picture with squares of `wide` pixels at (N, 3): right, down and forward, within 1 of the centre."""
     order = np.argsort(-places[:, 2], kind="stable")  # the nearest point is written last
     scaled = places[order, :2] * (0.48 * min(_SIZE))
     column, row = (np.round(scaled[:, axis] + _SIZE[1 - axis] / 2).astype(int) for axis in (0, 1))
@@ -89,7 +89,7 @@ def _points(
     area = np.linalg.norm(cross, axis=1)
     count = max(int(_SAMPLES * area.sum() / total), 1)
     face = np.searchsorted(np.cumsum(area), (np.arange(count) + 0.5) / count * area.sum()).clip(0, len(area) - 1)
-    # The same points in every call: the picture of a value never changes.
+    # Deterministic sampling, so that the picture of a value never changes.
     weight = np.random.default_rng(0).dirichlet(np.ones(3), count)
     points = (corners[face] * weight[..., None]).sum(axis=1) @ pose[:3, :3]
     facing = np.abs(cross[face] @ pose[:3, 2]) / np.maximum(area[face], 1e-18)

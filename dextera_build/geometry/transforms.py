@@ -53,13 +53,13 @@ def umeyama(source: np.ndarray, target: np.ndarray, *, with_scale: bool = True) 
     u, d, vt = np.linalg.svd(y.T @ x / len(x))
     sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(vt))])
     rotation = u @ sign @ vt
-    # The reflection sign belongs in the scale too, or noise on flat data inflates it.
+    # The reflection sign must be included in the scale, too, or noise on flat data inflates it.
     scale = float(np.trace(np.diag(d) @ sign) / (x**2).sum(axis=1).mean()) if with_scale else 1.0
     return scale, rigid(rotation, middle_t - scale * rotation @ middle_s)
 
 
 def rotation_between(source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Smallest (3, 3) rotation that turns direction `source` into direction `target`, both (3,)."""
+    """Smallest (3, 3) rotation that maps direction `source` to direction `target`, both (3,)."""
     a, b = source / np.linalg.norm(source), target / np.linalg.norm(target)
     cosine = float(a @ b)
     if cosine < -1.0 + 1e-12:

@@ -1,9 +1,8 @@
 """First-order propagation of covariance through rigid motions and similarities.
 
 An uncertain motion is p = p0 + dp, R = Exp(dr) R0, and for a similarity s = s0 exp(dl): translation [m], rotation
-vector [rad] about the axes of the parent frame, logarithm of the scale. Covariances are in this order, (6, 6) or
-(7, 7); the first six are those of `geometry_msgs/PoseWithCovariance`. Motions that are combined are taken as
-independent.
+vector [rad] about the axes of the parent frame, logarithm of the scale. Covariances are in this order, (6, 6) or (7,
+7); the first six are those of `geometry_msgs/PoseWithCovariance`. Combined motions are assumed to be independent.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ def compose(
     Args:
         first: T_a_b, (4, 4) rigid.
         second: T_b_c, (4, 4) rigid.
-        covariances: Of both, (6, 6), or (7, 7) for similarities.
+        covariances: Covariances of both, (6, 6), or (7, 7) for similarities.
         scale: Scale of the first, which also scales the translation of the second.
     """
     size = len(covariances[0])
@@ -42,7 +41,7 @@ def invert(motion: np.ndarray, covariance: np.ndarray, scale: float = 1.0) -> np
 
     Args:
         motion: T_a_b, (4, 4) rigid.
-        covariance: Of T_a_b, (6, 6), or (7, 7) for a similarity.
+        covariance: Covariance of T_a_b, (6, 6), or (7, 7) for a similarity.
         scale: Its scale.
     """
     back, size = motion[:3, :3].T, len(covariance)

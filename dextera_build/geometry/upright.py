@@ -1,4 +1,4 @@
-"""Quarter turns that bring a picture's up to the top, so that code may speak of rows below and above."""
+"""Quarter turns that make a picture upright, so that rows increase downwards in the scene."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def turns(world_from_camera: np.ndarray) -> int:
 
 
 def turned(picture: np.ndarray, count: int) -> np.ndarray:
-    """A picture (H, W, ...) turned counter-clockwise by `count` quarter turns; negative counts turn back."""
+    """A picture (H, W, ...) rotated counter-clockwise by `count` quarter turns; negative counts rotate back."""
     return np.ascontiguousarray(np.rot90(picture, count)) if count % 4 else picture
 
 

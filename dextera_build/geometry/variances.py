@@ -1,8 +1,8 @@
-"""Estimate how much two causes of error contribute, beside the parameters: restricted maximum likelihood.
+"""Joint estimation of parameters and of the variances of two error sources: restricted maximum likelihood.
 
 Observations e_i ~ N(A_i d, s2 I + B_i diag(variances) B_i^T) in blocks: measurement noise, and a disturbance of each
-block (a robot's pose) that reaches all its observations. Restricted likelihood counts the parameters that the same
-data determine (Patterson and Thompson 1971), so few blocks do not look better than they are.
+block (a robot's pose) that affects all its observations. Restricted likelihood accounts for the parameters estimated
+from the same data (Patterson and Thompson 1971), so that the variances of few blocks are not underestimated.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from typing import Any
 import numpy as np
 
 LIMIT = 1e3
-"""Standard deviations are this many times smaller or larger than the typical ones, at most."""
+"""Limit of the ratio of standard deviations to the typical ones, and of its inverse."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """Observations that share one disturbance, reduced to an orthonormal basis of what the parameters can explain."""
+    """Observations that share one disturbance, projected on an orthonormal basis of the space of the parameters."""
 
-    error: np.ndarray  # (R,) observed less predicted
-    design: np.ndarray  # (R, P) derivative of the prediction by the parameters
-    disturbance: np.ndarray  # (R, Q) derivative by the disturbance
+    error: np.ndarray  # (R,) observed minus predicted
+    design: np.ndarray  # (R, P) derivative of the prediction with respect to the parameters
+    disturbance: np.ndarray  # (R, Q) derivative with respect to the disturbance
     outside: float  # sum of squares that no parameter and no disturbance can explain
     freedom: int  # number of observations behind `outside`
 
 
 @dataclass(frozen=True)
 class Priors:
-    """What is known of the standard deviations before: medians, and how sure, as standard deviation of logarithms."""
+    """Prior of the standard deviations: medians, and standard deviation of their logarithms."""
 
     typical: np.ndarray  # (G,) measurement noise first, then each group of the disturbance
     groups: np.ndarray  # (Q,) group 1.. of each part of the disturbance
@@ -47,12 +47,12 @@ class Fit:
 
 
 def fit(blocks: Sequence[Block], priors: Priors, first: np.ndarray | None = None) -> Fit:
-    """Parameters' step with the standard deviations that make the observations likeliest.
+    """Step of the parameters with maximum-likelihood standard deviations.
 
     Args:
         blocks: At least as many observations as parameters.
         priors: See `Priors`.
-        first: (G,) standard deviations to begin with; None: the typical ones.
+        first: (G,) initial standard deviations; None: the typical ones.
     """
     from scipy.optimize import minimize
 
@@ -66,12 +66,12 @@ def fit(blocks: Sequence[Block], priors: Priors, first: np.ndarray | None = None
 
 
 def weighted(blocks: Sequence[Block], priors: Priors, sigmas: np.ndarray) -> Fit:
-    """Parameters' step with standard deviations (G,) that are known."""
+    """Step of the parameters with known standard deviations (G,)."""
     return _Stacked(blocks, priors).solved(sigmas)
 
 
 def block_covariance(block: Block, priors: Priors, sigmas: np.ndarray) -> np.ndarray:
-    """(R, R) of the errors of a block, with these standard deviations (G,)."""
+    """Covariance (R, R) of the errors of a block, with these standard deviations (G,)."""
     spread = block.disturbance * sigmas[priors.groups]
     return np.asarray(sigmas[0] ** 2 * np.eye(len(block.error)) + spread @ spread.T)
 
@@ -97,7 +97,7 @@ class _Stacked:
         return a.T @ a, a.T @ e, e, volume
 
     def limited(self, sigmas: np.ndarray) -> np.ndarray:
-        """Standard deviations within `LIMIT` of the typical ones; further off a matrix would lose all its digits."""
+        """Standard deviations within `LIMIT` of the typical ones, to keep matrices well-conditioned."""
         return np.asarray(np.clip(sigmas, self.priors.typical / LIMIT, self.priors.typical * LIMIT))
 
     def cost(self, logs: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""FLUX.2 [klein]: loading the pipeline for inpainting, and one call of it. Backends of several stages paint with it."""
+"""FLUX.2 [klein]: loading of the pipeline, and inpainting, shared by backends of several stages."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import Any, Protocol
 import numpy as np
 
 CELL_PX = 16
-"""Side of the cells that the model paints whole [px]; width and height are multiples of it."""
+"""Side of the cells that the model inpaints as a whole [px]; width and height are multiples of it."""
 
 
 class Painting(Protocol):
-    """How to paint; the options of a backend."""
+    """Settings of inpainting, provided by a backend's options."""
 
     @property
     def strength(self) -> float:
-        """1 paints from noise; less keeps something of the picture."""
+        """1 paints from pure noise; lower values keep more of the picture."""
 
     @property
     def steps(self) -> int:
-        """Steps of the sampling."""
+        """Number of sampling steps."""
 
     @property
     def guidance(self) -> float:
-        """Weight of the prompt."""
+        """Guidance scale of the prompt."""
 
     @property
     def seed(self) -> int:
@@ -32,7 +32,7 @@ class Painting(Protocol):
 
 
 def load(folder: Path, device: str) -> Any:
-    """The pipeline from a folder of weights; bfloat16 on a GPU."""
+    """Load the pipeline from a folder of weights; bfloat16 on a GPU."""
     import diffusers
     import torch
 
@@ -52,16 +52,16 @@ def paint(
     longest_px: int,
     reference: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The picture as the model paints it at some of its pixels (Black Forest Labs, 2025).
+    """The picture with some of its pixels inpainted by the model (Black Forest Labs, 2025).
 
     Args:
         pipeline: From `load`.
         pixels: (H, W, 3) uint8 sRGB.
-        taken: (H, W) bool, pixels to paint; the others come back nearly as they were.
-        prompt: What to paint.
-        how: Settings of the sampling.
-        longest_px: Longest side that the model paints [px]; the picture is resized to it.
-        reference: (h, w, 3) uint8 sRGB, a picture of what to paint.
+        taken: (H, W) bool, pixels to inpaint; the others are returned nearly unchanged.
+        prompt: Prompt of the model.
+        how: Sampling settings.
+        longest_px: Longest side of the model's input [px]; the picture is resized to it.
+        reference: (h, w, 3) uint8 sRGB, a reference picture.
 
     Returns:
         (H, W, 3) uint8 sRGB.
@@ -88,9 +88,9 @@ def paint(
 
 
 def _cells(taken: np.ndarray, size: list[int]) -> np.ndarray:
-    """The mask (h, w) uint8, 0 or 255, at this width and height: a cell is painted if any pixel of it is taken.
+    """The mask (h, w) uint8, 0 or 255, at this size: a cell is inpainted if any pixel of it is.
 
-    The pipeline looks at one pixel of each cell only.
+    The pipeline samples only one pixel of each cell.
     """
     from PIL import Image as Pillow
 

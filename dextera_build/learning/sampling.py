@@ -1,6 +1,6 @@
 """Sampling of batches: shuffled, and balanced over two domains.
 
-Shuffling 300 simulated and 30 recorded trajectories together would show ten of one for one of the other. Here every
+Shuffling 300 simulated and 30 recorded trajectories together would draw ten of one per one of the other. Here every
 batch contains equally many of each.
 """
 

@@ -1,4 +1,4 @@
-"""Photographs as vision models take them: resized and normalised as the processor saved beside the weights says."""
+"""Input of vision models: photographs resized and normalised by the processor settings stored with the weights."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class VisionInput:
-    """The numbers of an image processor of transformers, those of SAM 3 among them, which itself needs torchvision."""
+    """Settings of an image processor of transformers, including that of SAM 3, whose own class needs torchvision."""
 
     size: tuple[int, int]
     """Height and width of the model's input [px]."""
     mean: tuple[float, ...]
-    """Of red, green and blue, 0..1."""
+    """Mean of red, green and blue, 0..1."""
     std: tuple[float, ...]
-    """Of red, green and blue, 0..1."""
+    """Standard deviation of red, green and blue, 0..1."""
 
     @classmethod
     def read(cls, folder: Path, kind: str = "image_processor") -> VisionInput:
-        """The numbers in a folder of weights; those of its image processor if it has none of this kind."""
+        """Read the settings of processor `kind` in a folder of weights, or of its image processor."""
         names = ("processor_config.json", "preprocessor_config.json")
         said = json.loads(next(folder / name for name in names if (folder / name).is_file()).read_text())
         said = said.get(kind) or said.get("image_processor") or said
@@ -34,7 +34,7 @@ class VisionInput:
         return cls(size, tuple(said["image_mean"]), tuple(said["image_std"]))
 
     def tensor(self, pixels: np.ndarray) -> Tensor:
-        """Pixels (H, W, 3) uint8 as (1, 3, h, w) float32: resized without regard to their shape, and normalised."""
+        """Pixels (H, W, 3) uint8 as (1, 3, h, w) float32: resized without keeping the aspect ratio, and normalised."""
         import torch
 
         image = torch.from_numpy(pixels.transpose(2, 0, 1).copy())[None].float()

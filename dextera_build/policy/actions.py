@@ -1,8 +1,8 @@
-"""Kinds of actions: what the numbers of an action are, declared once for all robots.
+"""Kinds of actions: the meaning of an action's numbers, declared once for all robots.
 
-A world moves its robot by joint targets. An action of another kind says the same with other numbers, relative to the
-targets that were sent last, so that it means one motion wherever it is sent. Spaces of Gymnasium, the feature `action`
-of LeRobot and the table in the docs follow from here.
+A world moves its robot by joint targets. An action of another kind is an equivalent representation relative to the last
+targets, so that it produces the same motion in every world. Spaces of Gymnasium, the feature `action` of LeRobot and
+the table in the docs are generated from here.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dextera_build.artifacts.task import ActionKind, TaskSpec
 from dextera_build.errors import RuleError, listing
 
 PALM_M_S, PALM_RAD_S = 1.0, 3.0
-"""Largest speeds of a palm that an action of kind `end_effector` can command [m/s, rad/s]."""
+"""Maximum speeds of a palm that an action of kind `end_effector` can command [m/s, rad/s]."""
 PALM = ("dx", "dy", "dz", "rx", "ry", "rz")
 """Change of a palm's pose along and about the axes of the base: translation [m], rotation vector [rad]."""
 
@@ -41,9 +41,9 @@ class ActionSpec:
     names: tuple[str, ...]
     """Names of the numbers, in order."""
     lower: np.ndarray
-    """Least numbers (N,)."""
+    """Lower limits of the numbers (N,)."""
     upper: np.ndarray
-    """Largest numbers (N,)."""
+    """Upper limits of the numbers (N,)."""
     rate_hz: float
     """Actions per second [Hz]."""
 
@@ -52,12 +52,12 @@ def of_task(task: TaskSpec, robot: RobotModel, kind: ActionKind | None = None) -
     """The actions of a task.
 
     Args:
-        task: Gives the rate, and the kind where none is given.
+        task: The task, with the rate and the default kind.
         robot: The embodiment.
         kind: Another kind; None: the task's.
 
     Raises:
-        RuleError: There is no such kind, or the robot has no palm to move.
+        RuleError: There is no such kind, or the robot has no palm.
     """
     kind = task.action if kind is None else kind
     if kind not in ABOUT:
@@ -103,7 +103,7 @@ def palms_of(robot: RobotModel) -> tuple[str, ...]:
 
 
 def fingers_of(robot: RobotModel) -> np.ndarray:
-    """Places of the hands' joints of limbs with a palm among the robot's joints (H,)."""
+    """Indices of the hands' joints of limbs with a palm among the robot's joints (H,)."""
     hands = {joint for limb in palms_of(robot) for joint in robot.limbs[limb].hand}
     return np.array([number for number, joint in enumerate(robot.joints) if joint.name in hands], int)
 

@@ -1,6 +1,6 @@
-"""The interface of a robot cell, filled by the simulator, a simulated cell with a tracker, or a driver of hardware.
+"""The interface of a robot cell: the simulator, a simulated cell with a tracker, or a hardware driver.
 
-What measures and sends is a `RobotCell`; its `Guard` keeps every one of them to the same limits.
+A `RobotCell` measures and sends; its `Guard` enforces the same limits for all of them.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from dextera_build.policy.running import PolicyFault
 
 
 class RobotCell(Protocol):
-    """What a policy, an operator or a replay drives; once per control period it measures, then it sends."""
+    """Interface for policies, operators and replays; in every control period it first measures, then sends."""
 
     def measure(self, frames: Frames | None = None) -> Measurement:
-        """What is known at this control period, with the given frames of other cameras."""
+        """The measurements of this control period, with the given frames of other cameras."""
 
     def send(self, targets: np.ndarray) -> np.ndarray:
-        """Send joint targets (A,) [rad] for one control period; those that were sent, within limits.
+        """Send joint targets (A,) [rad] for one control period; returns the targets sent, within limits.
 
         Raises:
             Stopped: A limit of the cell is exceeded, and nothing was sent.
@@ -32,16 +32,16 @@ class RobotCell(Protocol):
 
 
 class Stopped(PolicyFault):
-    """The guard has stopped the robot, which holds the targets that were sent last."""
+    """The guard has stopped the robot, which holds the last targets."""
 
 
 class Guard:
-    """Lets targets pass that keep to a cell's limits.
+    """Enforces a cell's limits on targets.
 
-    Targets are limited to the range of each joint and to its speed; everything else stops the robot, until `begin`.
+    Targets are clamped to the range of each joint and to its speed; any other violation stops the robot, until `begin`.
 
     Args:
-        limits: Of the cell.
+        limits: Limits of the cell.
         robot: The embodiment.
         rate_hz: Control rate [Hz].
         palms: Joint positions (A,) to positions (L, 3) of the palms in the base frame [m], by `RobotModel.limb_names`.
@@ -61,15 +61,15 @@ class Guard:
         self._why = ""
 
     def begin(self, targets: np.ndarray) -> None:
-        """Begin with the targets (A,) that hold now [rad]."""
+        """Begin with the current targets (A,) [rad]."""
         self._last, self._why = np.array(targets, np.float64), ""
 
     def passed(self, targets: np.ndarray, forces: np.ndarray, silent_s: float) -> np.ndarray:
         """The targets (A,) that may be sent.
 
         Args:
-            targets: What is to be sent (A,) [rad].
-            forces: On the fingertips (F, 3) [N].
+            targets: Requested targets (A,) [rad].
+            forces: Forces on the fingertips (F, 3) [N].
             silent_s: Time since the last frame arrived [s].
 
         Raises:

@@ -1,4 +1,4 @@
-"""The agreement between a policy and the world that it runs in: made once at training, checked at every load."""
+"""The contract between a policy and the world that it runs in: made at training, checked at every load."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.layout import Layout, of_bundle, of_episodes
 
 VECTORS = ("joints", "objects", "displacement", "goal", "previous_action")
-"""Channels of numbers, in the order in which networks get them."""
+"""Vector channels, in the order of the networks' inputs."""
 CHANNELS = (*VECTORS, "rgb")
-"""All channels that a policy may take, none of them privileged."""
+"""All channels that a policy may use, none of them privileged."""
 
 
 def check_inputs(names: tuple[str, ...], known: tuple[str, ...] = CHANNELS) -> None:
-    """Refuse inputs that no policy can have, so that a recipe with one is refused before anything is built.
+    """Raise for inputs that no policy can have, so that a recipe with one is refused before anything is built.
 
     Args:
-        names: Channels that a policy is to take.
-        known: Those that it may take.
+        names: Channels of a policy.
+        known: Allowed channels.
 
     Raises:
-        ValueError: None is named, or one twice, or one that a robot cannot measure or that does not exist.
+        ValueError: There is none, a duplicate, one that a robot cannot measure, or one that does not exist.
     """
     if not names or len(set(names)) < len(names):
         raise ValueError("`inputs` must name one channel or more, each once")
@@ -37,12 +37,12 @@ def check_inputs(names: tuple[str, ...], known: tuple[str, ...] = CHANNELS) -> N
 
 
 def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> Channel:
-    """The channel called `name`, not normalised yet.
+    """The channel called `name`, not yet normalised.
 
     Args:
         layout: Layout of the data.
         name: One of `CHANNELS`.
-        only: Components that the policy takes, by name; None: all.
+        only: Components that the policy uses, by name; None: all.
 
     Raises:
         RuleError: `layout` has no such channel.
@@ -64,12 +64,12 @@ def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> C
 
 
 def offered(layout: Layout) -> tuple[str, ...]:
-    """Names of the channels that `layout` has."""
+    """Names of the channels that `layout` provides."""
     return (*VECTORS, "rgb") if layout.picture else VECTORS
 
 
 def check(contract: PolicyContract, bundle: TaskBundle, rate_hz: float | None = None, view: View | None = None) -> None:
-    """Refuse a policy that was trained for something else.
+    """Raise for a policy that was trained for another task, robot, rate or camera.
 
     Args:
         contract: Inputs and outputs of the policy.
@@ -78,7 +78,7 @@ def check(contract: PolicyContract, bundle: TaskBundle, rate_hz: float | None = 
         view: The camera of its pictures.
 
     Raises:
-        RuleError: Something differs; the error names all of it.
+        RuleError: There are differences; the error lists all of them.
     """
     found = differences(contract, of_bundle(bundle, view, rate_hz))
     if found:
@@ -91,10 +91,10 @@ def check(contract: PolicyContract, bundle: TaskBundle, rate_hz: float | None = 
 
 
 def check_data(bundle: TaskBundle, episodes: Episodes) -> None:
-    """Refuse a data set that was not recorded in this task with this robot.
+    """Raise for a data set that was not recorded in this task with this robot.
 
     Raises:
-        RuleError: Something differs; the error names all of it.
+        RuleError: There are differences; the error lists all of them.
     """
     here = of_bundle(bundle)
     there = of_episodes(episodes, here.goal)
@@ -173,6 +173,6 @@ def _compare_view(found: dict[str, str], wanted: Channel, here: Layout) -> None:
 
 
 def _listed(names: tuple[str, ...]) -> str:
-    """Names in their order, shortened, with their number."""
+    """Names in order, abbreviated, with their number."""
     shown = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
     return f"{len(names)} ({shown})" if names else "none"

@@ -1,6 +1,6 @@
 """Conversion of observation fields to the inputs of networks, shared by training and execution.
 
-`recorded` reads the fields out of an episode, `observed` out of a live observation; a `Reader` makes inputs of either.
+`recorded` reads the fields from an episode, `observed` from a live observation; a `Reader` converts either to inputs.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ def observed(observation: DeployableObservation) -> Fields:
 
 
 class Reader:
-    """Reads the vector inputs of a policy out of observation fields.
+    """Reads the vector inputs of a policy from observation fields.
 
-    Components are picked by name, so objects that the policy does not know are allowed among those that it does.
+    Components are selected by name, so that a world may have objects that are unknown to the policy.
 
     Args:
-        channels: Inputs of the policy, of which pictures are left out.
+        channels: Inputs of the policy; pictures are ignored.
         layout: Layout of the source of the fields.
     """
 
@@ -72,7 +72,7 @@ class Reader:
     def read(self, fields: Mapping[str, np.ndarray]) -> Fields:
         """Encoded and normalised inputs, float32 (N, tokens, features) each.
 
-        Objects are a token each; every other channel is one token.
+        Each object is one token; every other channel is one token.
         """
         return {channel.name: normalised(channel, self.encoded(channel, fields)) for channel in self._channels}
 
@@ -90,7 +90,7 @@ def tokens(channel: Channel) -> tuple[int, int]:
 
 
 def normalised(channel: Channel, samples: np.ndarray) -> np.ndarray:
-    """(N, tokens, features) minus the channel's mean, over its scale."""
+    """(N, tokens, features) minus the channel's mean, divided by its scale."""
     if not channel.scale:
         return samples
     shape = samples.shape[1:]

@@ -51,18 +51,18 @@ class Layout:
     def terms(
         self, cameras: Mapping[str, Camera] | None = None, sensors: Mapping[str, Sensor] | None = None
     ) -> tuple[Term, ...]:
-        """What can be observed or recorded here, without terms that have no component.
+        """Terms that can be observed or recorded here, without terms that have no component.
 
         Args:
             cameras: Name -> intrinsics; each has a picture, depth and a cloud.
-            sensors: Name of a term, or `name/camera` -> how it is measured; exactly for those that are left out.
+            sensors: Name of a term, or `name/camera` -> its sensor; other terms are exact.
         """
         given = sensors or {}
         found = []
         for declared in DECLARED:
             if declared.rows == "cameras":
                 for name, camera in (cameras or {}).items():
-                    # Points have the errors of the depth that they are made of.
+                    # Points have the errors of the depth that they are computed from.
                     source = "depth" if declared.name == "cloud" else declared.name
                     sensor = given.get(f"{source}/{name}", given.get(source, EXACT))
                     found.append(self._term(declared, (), _pixels(declared, camera), sensor, name))
@@ -138,7 +138,7 @@ def gathered(
     """Episodes of a task bundle with the names of the components of their arrays.
 
     Args:
-        bundle: The task that they were made in.
+        bundle: Their task.
         items: Index -> accepted episode.
         failures: Index -> discarded episode.
         attempts: Number of attempts behind both.

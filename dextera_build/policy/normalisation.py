@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.policy import Channel
 
 FLOOR = 0.02
-"""Smallest scale [m, rad, or 1]: a nearly constant component is not magnified to noise when it moves at run time."""
+"""Smallest scale [m, rad, or 1], so that noise of a nearly constant component is not amplified."""
 
 
 def fitted(channel: Channel, domains: Sequence[np.ndarray], weights: Sequence[float] | None = None) -> Channel:

@@ -1,8 +1,8 @@
-"""Deployable and privileged observations: two types, so one cannot be mistaken for the other.
+"""Deployable and privileged observations, as two types to prevent confusion.
 
-Table I of the paper; `declared` says what every field is. `Deployable` holds values that sensors and an object tracker
-also provide on hardware; `Privileged` is read from the simulator's state, for teachers and critics only. Poses and
-forces are expressed in the robot's base frame, which hardware knows without a world.
+Table I of the paper; `declared` describes every field. Deployable values are also available from sensors and an object
+tracker on hardware; privileged ones are read from the simulator's state, for teachers and critics only. Poses and
+forces are expressed in the robot's base frame, which is available on hardware without a world frame.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Frame:
-    """What one camera shows at one moment."""
+    """One camera's frame."""
 
     rgb: np.ndarray | None = None
     """Picture (H, W, 3) uint8 sRGB, or None."""
@@ -28,7 +28,7 @@ class Frame:
 Frames = Mapping[str, Frame]
 """Camera -> its frame."""
 PICTURE = "workspace"
-"""Name of a camera that has no other."""
+"""Name of a single camera."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,10 @@ class Measurement:
 
 @dataclass(frozen=True)
 class DeployableObservation:
-    """All inputs that a policy may get, made from a `Measurement`, never from a simulator's state."""
+    """All inputs that a policy may use, made from a `Measurement`, never from a simulator's state."""
 
     previous_action: np.ndarray
-    """Joint targets that were sent last (A,) float32 [rad]."""
+    """Last joint targets sent (A,) float32 [rad]."""
     joints: np.ndarray
     """Positions of the robot's joints (A,) float32 [rad]."""
     objects: np.ndarray
@@ -60,7 +60,7 @@ class DeployableObservation:
     goal: np.ndarray
     """Goal (G,) float32 in the base frame, see `dextera_build.artifacts.goals`."""
     frames: Frames = field(default_factory=dict)
-    """Frames of all cameras; `Frame` has the terms `rgb`, `depth` and `cloud`."""
+    """Frames of all cameras; a `Frame` has the terms `rgb`, `depth` and `cloud`."""
 
     @property
     def rgb(self) -> np.ndarray | None:
@@ -70,7 +70,7 @@ class DeployableObservation:
 
 @dataclass(frozen=True)
 class PrivilegedObservation:
-    """Values that only a simulator knows."""
+    """Values available only in a simulator."""
 
     contact: np.ndarray
     """Force on each fingertip (F, 3) float32 [N] in the base frame."""
@@ -93,7 +93,7 @@ class PrivilegedObservation:
 
 
 def deployable(measured: Measurement, previous_action: np.ndarray, goal: np.ndarray) -> DeployableObservation:
-    """The observation that a policy gets for one measurement; the only way to make one at run time."""
+    """The observation of a policy from one measurement; the only way to make one at run time."""
     return DeployableObservation(
         previous_action=np.asarray(previous_action, np.float32),
         joints=np.asarray(measured.joints, np.float32),

@@ -38,11 +38,11 @@ class PolicyFault(RuleError):  # noqa: N818 - the fault is the policy's, not dxb
 class Ensemble:
     """Joint targets from overlapping chunks (temporal ensembling, Zhao et al. 2023).
 
-    All chunks that reach the present step are averaged with weights exp(-forget * i), i = 0 for the oldest.
+    All chunks that include the current step are averaged with weights exp(-forget * i), i = 0 for the oldest.
 
     Args:
         every: Number of steps between new chunks; 1: a chunk at every step.
-        forget: How much more the oldest chunk counts; 0: all alike, below 0: the newest counts most.
+        forget: Decay of the weights; 0: equal weights, above 0: the oldest has most weight, below 0: the newest.
     """
 
     def __init__(self, every: int, forget: float) -> None:
@@ -55,11 +55,11 @@ class Ensemble:
         return step % self.every == 0 or not self._chunks
 
     def add(self, chunk: np.ndarray) -> None:
-        """Add a chunk (C, A) that begins at the present step."""
+        """Add a chunk (C, A) that begins at the current step."""
         self._chunks.append(chunk)
 
     def take(self) -> np.ndarray:
-        """Return the targets (A,) for the present step, and advance the chunks by one."""
+        """Return the targets (A,) for the current step, and advance the chunks by one."""
         weights = np.exp(-self.forget * np.arange(len(self._chunks)))
         mean = np.einsum("n,na->a", weights, np.stack([chunk[0] for chunk in self._chunks])) / weights.sum()
         self._chunks = [chunk[1:] for chunk in self._chunks if len(chunk) > 1]
@@ -85,7 +85,7 @@ class Policy:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the previous episode."""
+        """Clear the state of the previous episode."""
         settings = self.contract.settings
         self._step = 0
         self._ensemble = Ensemble(int(settings.get("every", 1)), float(settings.get("forget", 0.0)))

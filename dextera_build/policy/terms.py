@@ -1,7 +1,7 @@
-"""Terms: what can be observed and recorded in a task, declared once as data in `declared`.
+"""Terms: quantities that can be observed and recorded in a task, declared once as data in `declared`.
 
-Spaces of Gymnasium, features of LeRobot, topics and messages of ROS 2 recordings and the table in the docs follow from
-them. `Layout.terms` resolves a declaration for one robot, its objects and its cameras.
+Spaces of Gymnasium, features of LeRobot, topics and messages of ROS 2 recordings and the table in the docs are
+generated from them. `Layout.terms` resolves a declaration for one robot, its objects and its cameras.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ from typing import Literal
 from dextera_build.artifacts.noise import ColourNoise, DepthNoise
 
 Group = Literal["policy", "proprioception", "state", "contact", "goal", "privileged", "rgb", "depth", "cloud", "record"]
-"""The nine modalities of Table I, and `record` for what data sets hold beside observations."""
+"""The nine modalities of Table I, and `record` for additional recorded data."""
 Reader = Literal["policies", "critics", "data sets"]
-"""Who may see a term: `policies` everybody, `critics` only what has a simulator, `data sets` nobody while it runs."""
+"""Access to a term: `policies` unrestricted, `critics` only in a simulator, `data sets` only in recordings."""
 Rows = Literal["joints", "objects", "displacement", "goal", "tips", "limbs", "points", "cameras"]
-"""What the first axis of a term counts, or that there is one term per camera."""
+"""Meaning of the first axis of a term, or that there is one term per camera."""
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """How a term is measured; by default exactly, at once and in every control period.
+    """Sensor of a term; by default exact, without delay and in every control period.
 
-    A term that has a sensor is what the sensor reported last, see `dextera_build.sim.observe.sensors`.
+    The value of a term with a sensor is the last one available, see `dextera_build.sim.observe.sensors`.
     """
 
     rate_hz: float | None = None
     """Measurements per second [Hz]; None: one in every control period."""
     delay_s: float = 0.0
-    """Time from a measurement to its arrival [s]."""
+    """Delay from a measurement to its availability [s]."""
     sigma: float = 0.0
-    """Standard deviation of numbers in the term's unit, of poses that of each coordinate [m]."""
+    """Standard deviation of numbers in the term's unit, or of each coordinate of poses [m]."""
     turn_sigma_rad: float = 0.0
     """Standard deviation of the rotation of poses about each axis [rad]."""
     colour: ColourNoise | None = None
@@ -46,28 +46,28 @@ EXACT = Sensor()
 
 @dataclass(frozen=True)
 class Declared:
-    """A term as it is in every task."""
+    """Declaration of a term, common to all tasks."""
 
     name: str
     """Field of its observation type, of `Frame` or of `Episode`."""
     group: Group
     """Its modality."""
     rows: Rows
-    """What its first axis counts."""
+    """Meaning of its first axis."""
     parts: tuple[str, ...]
     """Components of each row; empty: a row is one number."""
     unit: str
     """Unit of its numbers."""
     frame: str
-    """Frame of its numbers; empty where there is none."""
+    """Frame of its numbers; empty if there is none."""
     about: str
     """Its meaning."""
     dtype: str = "float32"
     """Type of its numbers."""
     seen_by: Reader = "policies"
-    """Who may see it."""
+    """Access."""
     feature: str = ""
-    """Feature of a LeRobot data set that holds it; `{}` is the camera."""
+    """Feature of a LeRobot data set; `{}` is the camera."""
     topic: str = ""
     """Topic of ROS 2; `{}` is the row or the camera."""
     message: str = ""
@@ -79,9 +79,9 @@ class Term:
     """A term of one task."""
 
     declared: Declared
-    """What it is in every task."""
+    """Its declaration."""
     names: tuple[str, ...]
-    """Rows by name; empty where they have none."""
+    """Names of its rows; empty if they have none."""
     shape: tuple[int, ...]
     """Shape of one observation."""
     rate_hz: float
@@ -89,7 +89,7 @@ class Term:
     sensor: Sensor = EXACT
     """Its delay and noise."""
     camera: str = ""
-    """Its camera; empty where there is none."""
+    """Its camera; empty if there is none."""
 
     @cached_property
     def key(self) -> str:
@@ -104,7 +104,7 @@ class Term:
 
     @property
     def components(self) -> tuple[str, ...]:
-        """Names of its numbers, row by row: `mug.x`; rows of a single, nameless limb have none."""
+        """Names of its components, row by row: `mug.x`; rows of a single, nameless limb have no prefix."""
         if not self.declared.parts:
             return self.names
         alone = self.declared.rows == "limbs" and len(self.names) == 1

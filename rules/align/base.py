@@ -30,8 +30,8 @@ def base(
 ) -> Pose:
     """Return T_world_base [m] in the twin's world: T_world_camera @ T_camera_base if the latter was measured.
 
-    T_world_camera is that of the twin's picture, `support.camera_pose`, or `camera` of `align.camera` if the camera has
-    been moved since.
+    T_world_camera is that of the twin's picture, `support.camera_pose`, or, if the camera has been moved since,
+    `camera` of `align.camera`.
     """
     options = options or BaseOptions()
     if measured is None:

@@ -1,4 +1,4 @@
-"""What baselines of align.object share: measured points, points of the model, and their verdict."""
+"""Shared code of the baselines of align.object: measured points, points of the model, and scoring."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def model_points(body: Body) -> np.ndarray:
 
 
 def principal(model: np.ndarray, seen: np.ndarray) -> Similarity:
-    """Boxes along the principal axes of both point sets, laid onto each other by the size of their diagonals."""
+    """Align the boxes along the principal axes of both point sets; the scale is the ratio of their diagonals."""
     boxes = []
     for points in (model, seen):
         middle = points.mean(axis=0)
@@ -54,7 +54,7 @@ def principal(model: np.ndarray, seen: np.ndarray) -> Similarity:
 
 
 def upright(model: np.ndarray, seen: np.ndarray) -> list[Similarity]:
-    """The 24 rotations of the axes at the scale of the boxes' diagonals, middles upon each other."""
+    """The 24 axis-aligned rotations at the scale of the boxes' diagonals, with coincident centres."""
     scale = float(np.linalg.norm(np.ptp(seen, axis=0)) / np.linalg.norm(np.ptp(model, axis=0)))
     own, its = ((points.min(axis=0) + points.max(axis=0)) / 2.0 for points in (model, seen))
     turns = registration.cube_rotations()
@@ -64,15 +64,15 @@ def upright(model: np.ndarray, seen: np.ndarray) -> list[Similarity]:
 def sim3_icp(
     model: np.ndarray, seen: np.ndarray, starts: Sequence[Similarity], *, backwards: bool = False
 ) -> Similarity:
-    """Open3D's point-to-point ICP with scaling; the best fitness is taken, and of equal ones the least RMSE.
+    """Open3D's point-to-point ICP with scaling; returns the best fitness, and among equal ones the lowest RMSE.
 
-    Ends whose scale is a tenth or ten times that of their start are left out.
+    Results whose scale changed by a factor of ten or more are discarded.
 
     Args:
         model: (N, 3) points of the whole model, in its units.
         seen: (M, 3) measured points [m].
-        starts: Where it begins.
-        backwards: Register the seen points to the whole model, which is the direction of the smaller set.
+        starts: Initial similarities.
+        backwards: Register the seen points to the whole model, instead of the model to the seen points.
     """
     import open3d as o3d
 
@@ -89,7 +89,7 @@ def sim3_icp(
             guess, reach, pair = np.linalg.inv(guess), reach / start.scale, clouds[::-1]
         done = o3d.pipelines.registration.registration_icp(*pair, reach, guess, estimation, criteria)
         found = _similarity(np.asarray(done.transformation), backwards=backwards)
-        # Where few pairs remain, the scale runs away.
+        # With few correspondences the scale diverges.
         if found is not None and 0.1 < found.scale / start.scale < 10.0:
             ends.append((-done.fitness, done.inlier_rmse, found))
     return min(ends, key=lambda end: end[:2])[2] if ends else starts[0]
@@ -105,7 +105,7 @@ def _similarity(matrix: np.ndarray, *, backwards: bool) -> Similarity | None:
 
 
 def judged(body: Body, seen: Seen, found: Similarity, method: str) -> Placed:
-    """The placement of a baseline, which tells no uncertainty, and how its render agrees with the view."""
+    """The placement of a baseline, which has no uncertainty, and how its render agrees with the view."""
     vertices, faces = kinematics.posed_surface(body)
     score = ModelView(vertices, faces, seen).score(found)
     pose = Pose(parent="world", child="object", matrix=found.pose)

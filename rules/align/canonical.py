@@ -1,4 +1,4 @@
-"""align.canonical: which way up a body stands and where its front is."""
+"""align.canonical: canonical up and front axes of a body."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .chosen import Chosen
 
 
 class CanonicalBackend(Protocol):
-    """What a backend of align.canonical defines."""
+    """Interface of a backend of align.canonical."""
 
     def choose(self, ctx: Context, surface: Surface, seen_up: np.ndarray | None, options: Any) -> Chosen:
         """Choose up and front among the own axes of a surface; `seen_up` (3,) is up in the photograph."""
@@ -28,12 +28,12 @@ class CanonicalBackend(Protocol):
 
 @rule(version=1, packages=("numpy", "open3d", "scipy"), cpus=1)
 def canonical(ctx: Context[CanonicalBackend], body: Body, placement: Placement | None = None) -> CanonicalFrame:
-    """Return the canonical frame of a body: one of the 24 that point its own axes along z (up) and x (front).
+    """Return the canonical frame of a body: one of the 24 rotations that map its own axes to z (up) and x (front).
 
-    What the backend cannot tell is named in `undecided`, and a shape's symmetry is told by axis and order: fronts that
-    a symmetry turns into each other are not chosen between, unless their colours differ.
+    Axes that the backend cannot determine are named in `undecided`. A symmetry of the shape is given by axis and order:
+    of fronts that it maps to each other none is preferred, unless their colours differ.
 
-    `placement` says how the body stands in the photograph. `artifacts.similar` applies the frame to links, joints,
+    `placement` is the pose of the body in the photograph. `artifacts.similar` applies the frame to links, joints,
     masses, collision pieces and Gaussians.
     """
     vertices, faces = kinematics.posed_surface(body)
@@ -65,7 +65,7 @@ def canonical(ctx: Context[CanonicalBackend], body: Body, placement: Placement |
 
 
 def _same(found: Symmetry, chosen: Chosen) -> bool:
-    """Whether a symmetry turns the chosen front into another level direction."""
+    """Whether a symmetry maps the chosen front to another horizontal direction."""
     if found.is_ball:
         return True
     if found.round_axis is not None and abs(float(found.round_axis @ chosen.up)) > 0.99:

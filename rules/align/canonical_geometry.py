@@ -25,13 +25,13 @@ class GeometryOptions(Options):
     """Options of backend `geometry` of align.canonical."""
 
     clear_up: PositiveFloat = geometry.CLEAR
-    """Lead over the next direction from which up is decided."""
+    """Minimum margin of the best up direction over the next one."""
     clear_front: PositiveFloat = 1.0
-    """Lead over the next side from which the front is decided, in the least handle or picture that counts."""
+    """Minimum margin of the best front over the next side, in units of the smallest significant handle or picture."""
 
 
 def choose(ctx: Context, surface: Surface, seen_up: np.ndarray | None, options: GeometryOptions) -> Chosen:
-    """The directions with the best scores; undecided where the next is near."""
+    """The directions with the best scores; undecided if the next one is close."""
     samples = geometry.sample(surface.vertices, surface.faces, surface.paint)
     up_judged = geometry.ups(samples, surface.cast, seen_up)
     up = geometry.DIRECTIONS[int(np.argmax(up_judged.scores))]

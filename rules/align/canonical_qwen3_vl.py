@@ -1,4 +1,4 @@
-"""Backend qwen3_vl of align.canonical: the model is shown the body in each of its orientations and names one."""
+"""Backend qwen3_vl of align.canonical: the model is shown the body in each orientation and selects one."""
 
 from __future__ import annotations
 
@@ -40,20 +40,20 @@ FRONT = (
     "the right? A handle or a spout counts as the front. Answer with the number alone, or 0 if it cannot be told."
 )
 COLUMNS = 3
-"""Pictures in a row."""
+"""Number of pictures per row."""
 
 
 class Qwen3VlOptions(Options):
     """Options of backend `qwen3_vl` of align.canonical."""
 
     picture_tokens: PositiveInt = 1280
-    """Most tokens that the sheet of pictures becomes."""
+    """Maximum number of tokens for the sheet of pictures."""
     attempts: PositiveInt = 3
-    """How often the model is asked; each time it is told what was wrong before."""
+    """Maximum number of queries; each repeated query contains the error of the previous answer."""
 
 
 def choose(ctx: Context, surface: Surface, seen_up: np.ndarray | None, options: Qwen3VlOptions) -> Chosen:
-    """Up, and then front, as the model says; 0 leaves a choice undecided."""
+    """Up, and then front, as selected by the model; 0 leaves a choice undecided."""
     speaker = ctx.load(_speaker, "qwen3_vl")
 
     def asked(question: str, turns: list[np.ndarray]) -> int:
@@ -77,7 +77,7 @@ def choose(ctx: Context, surface: Surface, seen_up: np.ndarray | None, options: 
 
 
 def ask(say: Callable[[Chat], str], question: str, count: int, options: Qwen3VlOptions) -> int:
-    """The number that the model names, 0 to `count`.
+    """The number in the model's answer, 0 to `count`.
 
     Raises:
         RuleError: No answer was such a number.
@@ -98,7 +98,7 @@ def ask(say: Callable[[Chat], str], question: str, count: int, options: Qwen3VlO
 
 
 def _sheet(surface: Surface, turns: list[np.ndarray]) -> np.ndarray:
-    """The surface turned by each of (3, 3) `turns`, numbered, (H, W, 3) uint8."""
+    """The surface rotated by each of (3, 3) `turns`, numbered, (H, W, 3) uint8."""
     from PIL import Image, ImageDraw
 
     tiles = []
@@ -120,6 +120,6 @@ def _speaker(folder: Path, device: str) -> Speaker:
 
 
 def self_test(ctx: Context) -> None:
-    """The model says something about a grey picture."""
+    """Check that the model answers on a grey picture."""
     grey = np.full((64, 64, 3), 128, np.uint8)
     ctx.load(_speaker, "qwen3_vl").answer(grey, [("user", "What is this?")], 16, 4)

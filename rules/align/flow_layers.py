@@ -1,4 +1,4 @@
-"""Objects that move over pictures as layers: their motion since the first picture, and where they are seen."""
+"""Objects as layers that move over the pictures: their motion since the first picture, and their visible pixels."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from .flow_options import FlowOptions
 _MARGIN = 8
 """Pixels around an object in the crop where it is aligned with the first picture."""
 _AROUND = (5, 5)
-"""Width and height of the square in which colours are compared [px]."""
+"""Width and height of the window in which colours are compared [px]."""
 _TELLING = 0.25
-"""Part of an object that must be seen to tell how bright it is."""
+"""Minimum visible fraction of an object to estimate its brightness."""
 _CORRECTION_PX = 4.0
-"""A larger correction in one picture is none [px]."""
+"""Larger corrections in one picture are rejected [px]."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture of a film, as layers need it."""
+    """A picture of a film, prepared for layers."""
 
     colours: np.ndarray
     """(H, W, 3) uint8, slightly blurred."""
@@ -41,15 +41,15 @@ class Layer:
     """One object."""
 
     first: Picture
-    """Where it was marked."""
+    """The picture in which it was marked."""
     outline: np.ndarray
-    """(H, W) uint8, its mask there."""
+    """(H, W) uint8, its mask in that picture."""
     motion: np.ndarray
     """(3, 3), affine, from pixels of the first picture to those of the current one."""
     visible: np.ndarray
-    """(H, W) bool, where it is seen in the current picture."""
+    """(H, W) bool, visible pixels in the current picture."""
     light: float = 1.0
-    """Brightness in the current picture, in that of the first."""
+    """Brightness in the current picture relative to the first."""
     lost: bool = False
 
     @classmethod
@@ -61,8 +61,8 @@ class Layer:
         """Follow the flow to the next picture.
 
         Returns:
-            Difference (H, W) float32 to the object's colours in the first picture, infinite where it is not seen; and
-            the share of its flow that is consistent. `visible` stays for the caller, who knows the other objects.
+            Difference (H, W) float32 to the object's colours in the first picture, infinite where it is not visible;
+            and the fraction of consistent flow. `visible` is left to the caller, which has the other objects.
         """
         step, share = (None, 0.0) if self.lost else affine(way, self.visible, options.consistent_fraction)
         if step is not None:
@@ -80,16 +80,16 @@ class Layer:
 
     @property
     def inside(self) -> np.ndarray:
-        """The moved outline, hidden parts included, (H, W) bool."""
+        """The moved outline, including occluded parts, (H, W) bool."""
         return _moved(self.outline, self.motion) > 0
 
     @property
     def seen(self) -> float:
-        """The part of the moved outline where the object is seen."""
+        """The visible part of the moved outline."""
         return float(self.visible.sum() / max(self.inside.sum(), 1))
 
     def _correct(self, now: Picture, before: np.ndarray, least: float) -> None:
-        """Align the moved first picture with the current one, so that errors of single steps do not add up."""
+        """Align the moved first picture with the current one, to prevent drift."""
         import cv2
 
         inside = self.inside
@@ -107,7 +107,7 @@ class Layer:
             self.motion = shift @ change @ np.linalg.inv(shift) @ self.motion
 
     def _difference(self, now: Picture, before: np.ndarray, inside: np.ndarray) -> np.ndarray:
-        """Mean difference of colours to the moved first picture around each pixel of the outline, (H, W) float32."""
+        """Mean colour difference to the moved first picture around each pixel of the outline, (H, W) float32."""
         import cv2
 
         there = _moved(self.first.colours, self.motion, smooth=True).astype(np.float32)
@@ -120,7 +120,7 @@ class Layer:
 
 
 def _moved(picture: np.ndarray, motion: np.ndarray, *, smooth: bool = False) -> np.ndarray:
-    """A picture after an affine motion, 0 where nothing comes from; bilinear, or by the nearest pixel."""
+    """A picture after an affine motion, 0 outside the source; bilinear, or by the nearest pixel."""
     import cv2
 
     size = (picture.shape[1], picture.shape[0])

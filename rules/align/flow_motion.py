@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 _INNER = 7
-"""Width of the square that a pixel's surroundings must fill to count as inside a region [px]: flow is smoothed, so that
-at the border of a region it mixes the motions of both sides."""
+"""Width of the window that must be inside a region for its centre to be an inner pixel [px]: flow is smoothed, so that
+it mixes the motions of both sides at the border of a region."""
 _FEWEST = 20
-"""Fewest points that determine a motion."""
+"""Minimum number of points that determine a motion."""
 _MOST = 5000
-"""Points that are used at most."""
+"""Maximum number of points used."""
 _ROUNDS = 4
 
 
@@ -21,15 +21,16 @@ class Flow:
     """Dense optical flow between two grey pictures of one size."""
 
     there: np.ndarray
-    """(H, W, 2) float32, column and row of the way from a pixel of the first picture to the second [px]."""
+    """(H, W, 2) float32, column and row displacement from a pixel of the first picture to the second [px]."""
     back: np.ndarray
     """(H, W, 2) float32, from a pixel of the second picture to the first [px]."""
     consistent: np.ndarray
-    """(H, W) bool, pixels of the first picture whose way there and back leads to themselves, inside the second."""
+    """(H, W) bool, pixels of the first picture whose forward and backward flow return to themselves, inside the
+    second."""
 
 
 def flow(first: np.ndarray, second: np.ndarray) -> Flow:
-    """DIS optical flow (Kroeger et al., 2016) of (H, W) uint8, both ways.
+    """DIS optical flow (Kroeger et al., 2016) of (H, W) uint8, in both directions.
 
     Forward and backward flow are consistent within the bound of Sundaram et al. (2010).
     """
@@ -53,10 +54,10 @@ def grid(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def affine(seen: Flow, region: np.ndarray, least: float) -> tuple[np.ndarray | None, float]:
-    """The affine motion (3, 3) of a region of the first picture, and the share of the region with consistent flow.
+    """The affine motion (3, 3) of a region of the first picture, and the fraction of the region with consistent flow.
 
-    The motion is fitted to the consistent flow inside the region by least squares, without the points that are more
-    than 2.5 medians off. It is None if less than `least` of the region is consistent, or too little to tell.
+    The motion is fitted to the consistent flow inside the region by least squares, without points whose residual
+    exceeds 2.5 medians. It is None if less than `least` of the region is consistent, or if there are too few points.
     """
     import cv2
 

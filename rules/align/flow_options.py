@@ -11,11 +11,11 @@ class FlowOptions(Options):
     """Options of backend `flow` of align.follow."""
 
     consistent_fraction: Fraction = 0.3
-    """Part of an object whose forward and backward flow must agree; with less it is lost."""
+    """Minimum fraction of an object with consistent forward and backward flow; below it the object is lost."""
     area_fraction: Fraction = 0.02
-    """An object that shows less than this part of its area in the first frame is lost."""
+    """Minimum visible area of an object, as a fraction of its area in the first frame; below it the object is lost."""
     colour_difference: PositiveFloat = 20.0
-    """Mean difference to the colours in the first frame, at equal brightness, up to which a pixel shows the object,
-    0..255. A pixel that showed it before and moves with it may differ twice as much."""
+    """Maximum mean difference of a pixel of the object to the colours in the first frame, at equal brightness,
+    0..255. Doubled for pixels that belonged to the object before and move with it."""
     motion_px: PositiveFloat = 0.7
-    """Largest distance of the flow of a pixel from the motion of the object that it moves with [px]."""
+    """Maximum difference between the flow of a pixel and the motion of the object that it belongs to [px]."""

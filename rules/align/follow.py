@@ -18,14 +18,14 @@ class FollowOptions(Options):
     """Options of align.follow."""
 
     names: tuple[str, ...] = ()
-    """Name of label 1, 2, ... of a label map; left out, they are called `1`, `2`, ... A segmentation has names."""
+    """Names of labels 1, 2, ... of a label map; by default `1`, `2`, ... A segmentation has its own names."""
 
 
 class FollowBackend(Protocol):
-    """What a backend of align.follow defines."""
+    """Interface of a backend of align.follow."""
 
     def follow(self, ctx: Context, video: Video, first: np.ndarray, names: tuple[str, ...], options: Any) -> MaskTrack:
-        """The masks of all frames; `first` (H, W) uint8 has the labels of the first frame, and stays as it is."""
+        """The masks of all frames; `first` (H, W) uint8 has the labels of the first frame, which are kept."""
         ...
 
 
@@ -37,7 +37,7 @@ def follow(
     *,
     options: FollowOptions | None = None,
 ) -> MaskTrack:
-    """Return which pixels of every frame belong to which object of the first; an object that is lost has none."""
+    """Return the mask of each object of the first frame in every frame; a lost object has an empty mask."""
     labels, names = _objects(ctx, first, (options or FollowOptions()).names)
     size = f"{labels.shape[1]} x {labels.shape[0]} px"
     if labels.shape != (video.height, video.width):

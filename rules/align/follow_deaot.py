@@ -1,4 +1,4 @@
-"""Backend deaot of align.follow: DeAOT as Segment-and-Track-Anything runs it, in an environment of its own."""
+"""Backend deaot of align.follow: DeAOT as in Segment-and-Track-Anything, in its own environment."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class DeaotOptions(Options):
     """Options of backend `deaot` of align.follow."""
 
     memory_every: PositiveInt = 5
-    """Frames between two that are kept in memory, `long_term_mem_gap` of DeAOT."""
+    """Interval between frames that are added to the memory, `long_term_mem_gap` of DeAOT."""
 
 
 def follow(ctx: Context, video: Video, first: np.ndarray, names: tuple[str, ...], options: DeaotOptions) -> MaskTrack:
-    """Masks of DeAOT (Yang and Yang 2022), given those of the first frame; it says nothing of how sure it is."""
+    """Masks of DeAOT (Yang and Yang 2022), given those of the first frame; without confidence scores."""
     return ctx.outside("follow", MaskTrack, video=video, first=first, names=list(names))

@@ -1,4 +1,4 @@
-"""Backend flow of align.follow: each mask moves as the optical flow inside it, and is compared with the first frame."""
+"""Backend flow of align.follow: masks move with the optical flow inside them and are compared with the first frame."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ BACKEND = Backend(
 
 
 def follow(ctx: Context, video: Video, first: np.ndarray, names: tuple[str, ...], options: FlowOptions) -> MaskTrack:
-    """Masks by affine motions; of two objects that claim a pixel, the one with the smaller difference has it.
+    """Masks by affine motions; a pixel claimed by two objects belongs to the one with the smaller colour difference.
 
-    Colours tell what hides a part of an object and what shows again. An object that is lost stays lost. The score is
-    the share of the flow inside an object that is consistent, times the part of its moved outline where it is seen.
+    Occluded and reappearing pixels are detected by their colours. A lost object is not recovered. The score is the
+    fraction of consistent flow inside an object times the visible fraction of its moved outline.
     """
     return MaskTrack.of(names, video.stamps, _frames(ctx, video, first, len(names), options))
 

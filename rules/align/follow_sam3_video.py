@@ -31,14 +31,14 @@ BACKEND = Backend(
 
 @dataclass(frozen=True)
 class Tracker:
-    """The tracker of SAM 3 and the form of its input."""
+    """The tracker of SAM 3 and the data type of its input."""
 
     model: Any
     images: VisionInput
 
 
 def follow(ctx: Context, video: Video, first: np.ndarray, names: tuple[str, ...], options: Options) -> MaskTrack:
-    """Masks of SAM 3 (Meta, 2025), given those of the first frame; an object that was hidden may be found again.
+    """Masks of SAM 3 (Meta, 2025), given those of the first frame; an occluded object may be found again.
 
     A pixel has the label with the highest logit, if that is positive; the score is the model's probability that the
     object is in the frame. Frames are decoded one by one, and the memory does not grow with their number.
@@ -47,14 +47,14 @@ def follow(ctx: Context, video: Video, first: np.ndarray, names: tuple[str, ...]
 
 
 def self_test(ctx: Context) -> None:
-    """The tracker follows a square over two grey frames."""
+    """Check that the tracker follows a square over two grey frames."""
     grey, first = np.full((2, 64, 64, 3), 128, np.uint8), np.zeros((64, 64), np.uint8)
     first[16:48, 16:48] = 1
     assert len(list(answers(ctx.load(load_tracker, "sam3"), grey, first))) == 2
 
 
 def load_tracker(folder: Path, device: str) -> Tracker:
-    """The tracker from a folder with the weights of SAM 3, which hold its detector too."""
+    """Load the tracker from a folder with the weights of SAM 3, which also contain its detector."""
     import transformers
 
     library: Any = transformers  # partly typed
@@ -63,7 +63,7 @@ def load_tracker(folder: Path, device: str) -> Tracker:
 
 
 def answers(tracker: Tracker, frames: Iterable[np.ndarray], first: np.ndarray) -> Iterator[tuple[Tensor, Tensor]]:
-    """What the model says of each frame about each object that the first frame shows, in the order of their labels.
+    """Output of the model for each frame and each object of the first frame, in the order of their labels.
 
     Args:
         tracker: The model.
@@ -71,7 +71,7 @@ def answers(tracker: Tracker, frames: Iterable[np.ndarray], first: np.ndarray) -
         first: Labels (H, W) uint8 of the first frame.
 
     Returns:
-        Logits (K, h, w) of the masks, at the model's own size, and (K,) of the presence of the objects.
+        Logits (K, h, w) of the masks, at the model's resolution, and (K,) of the presence of the objects.
     """
     from transformers.models.sam3_tracker_video.modeling_sam3_tracker_video import Sam3TrackerVideoInferenceSession
 
@@ -112,7 +112,7 @@ def _frames(ctx: Context, video: Video, first: np.ndarray, count: int) -> Iterat
 
 
 def _prompt(mask: np.ndarray, size: tuple[int, int]) -> Tensor:
-    """A mask (H, W) bool as the tracker takes it, (1, 1, h, w) float32 of zeros and ones."""
+    """A mask (H, W) bool as input of the tracker, (1, 1, h, w) float32 of zeros and ones."""
     import torch
 
     given = torch.from_numpy(mask.astype(np.float32))[None, None]
@@ -121,7 +121,7 @@ def _prompt(mask: np.ndarray, size: tuple[int, int]) -> Tensor:
 
 
 def _forget(session: Any, number: int, kept: int) -> None:
-    """Drop what the model looks at no more: the picture, masks at its full size, and frames older than `kept`."""
+    """Drop data that the model no longer needs: the picture, masks at full size, and frames older than `kept`."""
     session.processed_frames.pop(number)
     for outputs in session.output_dict_per_obj.values():
         for each in outputs.values():

@@ -1,4 +1,4 @@
-"""Backend stub of align.follow: everything stays where it was, for tests."""
+"""Backend stub of align.follow: nothing moves, for tests."""
 
 from __future__ import annotations
 
@@ -14,5 +14,5 @@ BACKEND = Backend(summary="the masks of the first frame in all frames, for tests
 
 
 def follow(ctx: Context, video: Video, first: np.ndarray, names: tuple[str, ...], options: Options) -> MaskTrack:
-    """The label map of the first frame, as often as there are frames."""
+    """The label map of the first frame, repeated for all frames."""
     return MaskTrack.of(names, video.stamps, itertools.repeat((first, None), len(video.stamps)))

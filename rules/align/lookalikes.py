@@ -1,4 +1,4 @@
-"""Placements that explain mask and depth alike: which of them has the photograph's colours, if that can be told."""
+"""Choice by colour among placements that explain mask and depth equally well."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from dextera_build.geometry.symmetry import Symmetry
 from .model_view import ModelView
 
 CLEARLY = 0.08
-"""Difference of correlations from which colours decide."""
+"""Difference of correlations at which colours decide."""
 PLAIN = 0.03
-"""Standard deviation of the drawn colours, 0..1, under which the asset has no pattern."""
+"""Standard deviation of the rendered colours, 0..1, below which the asset has no pattern."""
 APART = np.radians(12.0)
-"""Angle from which two placements are not the same one."""
+"""Rotation angle above which two placements differ."""
 
 
 class Chosen(NamedTuple):
-    """The placement, and what was not decided."""
+    """The placement, and alternatives that remain undecided."""
 
     best: Similarity
-    rivals: int  # placements of another rotation that neither depth and mask nor colours tell from it
+    rivals: int  # placements with another rotation that depth, mask and colours do not distinguish from it
     by_colour: bool
 
 
 def choose(
     model: ModelView, body: Body, seen: Seen, best: Similarity, others: list[Similarity], symmetry: Symmetry
 ) -> Chosen:
-    """Compare the colours of the best placement, its turns by finite symmetries, and others that explain the view.
+    """Compare the colours of the best placement, its images under finite symmetries, and other equally good placements.
 
-    Rotations that a symmetry of the shape turns into each other are no rivals: nothing but colour tells them apart.
+    Rotations that a symmetry of the shape maps to each other are not alternatives: only colour distinguishes them.
     """
     same = [_turned(best, turn, symmetry.centre) for turn in symmetry.turns()[1:24]]
     rivals = [one for one in others if _angle(symmetry, one, best) > APART]
@@ -52,7 +52,7 @@ def choose(
 
 
 def _beats(one: float, other: float) -> bool:
-    """Whether a correlation is clearly better: by a step, or by half of what it leaves unexplained."""
+    """Whether a correlation is clearly better: by a fixed step, or by half of the unexplained part of the other."""
     return one > other + CLEARLY or 1.0 - one < 0.5 * (1.0 - other)
 
 
@@ -67,7 +67,7 @@ def _turned(placed: Similarity, turn: np.ndarray, centre: np.ndarray) -> Similar
 
 
 def _likeness(model: ModelView, body: Body, seen: Seen, placed: Similarity) -> float | None:
-    """Correlation of drawn and seen colours over common pixels, -1 to 1; None if the asset has no pattern there."""
+    """Correlation of rendered and seen colours over common pixels, -1 to 1; None if the asset has no pattern there."""
     drawn, where = model.painted(placed, body)
     if where.sum() < 100:
         return None
@@ -80,7 +80,7 @@ def _likeness(model: ModelView, body: Body, seen: Seen, placed: Similarity) -> f
 
 
 def _smooth(picture: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Colours (N, 3) of the pixels `where`, each the mean of its neighbourhood there: borders are off by a pixel."""
+    """Colours (N, 3) of the pixels `where`, averaged over neighbours in it, because borders are inexact by a pixel."""
     weight = ndimage.uniform_filter(where.astype(np.float64), 3)
     sums = ndimage.uniform_filter(np.where(where[..., None], picture, 0.0), (3, 3, 1))
     return np.asarray((sums / np.maximum(weight, 1e-9)[..., None])[where])

@@ -1,4 +1,4 @@
-"""align.matches: points of two pictures that show the same places."""
+"""align.matches: corresponding points of two pictures."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class MatchesOptions(Options):
     """Options of align.matches."""
 
     points: int = Field(2048, ge=8, le=100_000)
-    """Most points that are looked for in each picture."""
+    """Maximum number of keypoints per picture."""
 
 
 class MatchesBackend(Protocol):
-    """What a backend of align.matches defines."""
+    """Interface of a backend of align.matches."""
 
     def match(self, ctx: Context, first: Image, second: Image, common: MatchesOptions, options: Any) -> Matches:
-        """Points of both pictures that look the same, in any order."""
+        """Corresponding points of both pictures, in any order."""
         ...
 
 
@@ -37,7 +37,7 @@ class MatchesBackend(Protocol):
 def matches(
     ctx: Context[MatchesBackend], first: Image, second: Image, *, options: MatchesOptions | None = None
 ) -> Matches:
-    """Return pairs of pixels, best first. None of them is checked against a pose: outliers remain."""
+    """Return pairs of pixels, best first. They are not verified geometrically, so they contain outliers."""
     found = ctx.backend.match(ctx, first, second, options or MatchesOptions(), ctx.backend_options)
     for points, picture in ((found.first, first), (found.second, second)):
         height, width = picture.pixels.shape[:2]

@@ -1,4 +1,4 @@
-"""Backend `disk_lightglue` of align.matches: DISK with LightGlue, in an environment of its own."""
+"""Backend `disk_lightglue` of align.matches: DISK with LightGlue, in its own environment."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class DiskLightglueOptions(Options):
     """Options of backend `disk_lightglue` of align.matches."""
 
     least_confidence: float = Field(0.1, ge=0.0, le=1.0)
-    """Pairs below it are left out."""
+    """Minimum confidence of a pair."""
 
 
 def match(ctx: Context, first: Image, second: Image, common: MatchesOptions, options: DiskLightglueOptions) -> Matches:

@@ -27,7 +27,7 @@ class SiftOptions(Options):
     """Options of backend `sift` of align.matches."""
 
     ratio: float = Field(0.8, gt=0.0, le=1.0)
-    """Largest distance to the nearest descriptor, in distances to the second nearest (Lowe, 2004)."""
+    """Maximum ratio of the distances to the nearest and second nearest descriptor (Lowe, 2004)."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ class Points:
 
 
 def match(ctx: Context, first: Image, second: Image, common: MatchesOptions, options: SiftOptions) -> Matches:
-    """Pairs whose descriptors are nearest to each other; confidence is 1 less the ratio of distances."""
+    """Pairs of mutually nearest descriptors; the confidence is 1 minus the ratio of distances."""
     return paired(points_of(first, common.points), points_of(second, common.points), options.ratio)
 
 
 def points_of(picture: Image, most: int) -> Points:
-    """Points of a picture by SIFT, at most about so many."""
+    """SIFT keypoints of a picture, at most about so many."""
     import cv2
 
     detector = cv2.SIFT_create(nfeatures=most, enable_precise_upscale=True)
@@ -54,7 +54,7 @@ def points_of(picture: Image, most: int) -> Points:
 
 
 def paired(first: Points, second: Points, most: float) -> Matches:
-    """Pairs of points that are nearest to each other, and nearer than `most` times the second nearest."""
+    """Mutually nearest pairs that pass the ratio test with `most`."""
     import cv2
 
     if min(len(first.pixels), len(second.pixels)) < 2:

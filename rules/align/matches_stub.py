@@ -17,7 +17,7 @@ BACKEND = Backend(summary="the same grid in both pictures, for tests", profiles=
 
 
 def match(ctx: Context, first: Image, second: Image, common: MatchesOptions, options: Options) -> Matches:
-    """Nine points that fit into both pictures."""
+    """Nine points that are inside both pictures."""
     height, width = np.minimum(first.pixels.shape[:2], second.pixels.shape[:2])
     column, row = np.meshgrid(np.linspace(0, width - 1, 3), np.linspace(0, height - 1, 3))
     grid = np.stack([column.reshape(-1), row.reshape(-1)], axis=1)

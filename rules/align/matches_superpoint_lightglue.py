@@ -28,14 +28,14 @@ BACKEND = Backend(
     licence="SuperPoint: non-commercial research; LightGlue: Apache-2.0",
 )
 SIZE = (480, 640)
-"""Height and width that the published weights are given pictures in, whatever their shape [px]."""
+"""Height and width of the input of the published weights, independent of the picture's shape [px]."""
 
 
 class SuperpointLightglueOptions(Options):
     """Options of backend `superpoint_lightglue` of align.matches."""
 
     least_confidence: float = Field(0.1, ge=0.0, le=1.0)
-    """Pairs below it are left out."""
+    """Minimum confidence of a pair."""
 
 
 @dataclass(frozen=True)
@@ -53,13 +53,13 @@ def match(
 
 
 def self_test(ctx: Context) -> None:
-    """The matcher takes two pictures."""
+    """Check that the matcher accepts two pictures."""
     grey = Image(pixels=np.random.default_rng(0).integers(0, 255, (96, 128, 3)).astype(np.uint8))
     matched(ctx.load(load, "lightglue_superpoint"), grey, grey, 64, 0.0)
 
 
 def load(folder: Path, device: str) -> Matcher:
-    """The model from a folder of weights, which hold the detector's too."""
+    """Load the model from a folder of weights, which include the detector's."""
     import transformers
 
     library: Any = transformers  # partly typed
@@ -68,7 +68,7 @@ def load(folder: Path, device: str) -> Matcher:
 
 
 def matched(matcher: Matcher, first: Image, second: Image, points: int, least: float) -> Matches:
-    """Pairs with at least a confidence; pixels of both pictures at their own size."""
+    """Pairs with a minimum confidence; pixels of both pictures at their original size."""
     import torch
 
     model = matcher.model
@@ -90,7 +90,7 @@ def matched(matcher: Matcher, first: Image, second: Image, points: int, least: f
 
 
 def _tensor(pixels: np.ndarray) -> Tensor:
-    """Grey values (3, h, w) 0..1 at the size of the model."""
+    """Grey values (3, h, w) 0..1 at the model's input size."""
     import torch
     from PIL import Image as Picture
 
@@ -99,7 +99,7 @@ def _tensor(pixels: np.ndarray) -> Tensor:
 
 
 def _pixels(found: Tensor, picture: Image) -> np.ndarray:
-    """Places (N, 2) in the picture at its own size, integer pixel centres, of parts of the model's size."""
+    """Positions (N, 2) in the picture at its original size, with integer pixel centres, from relative positions."""
     height, width = picture.pixels.shape[:2]
     inner = found.double().cpu().numpy() * [SIZE[1], SIZE[0]] + 0.5
     return np.asarray(inner * [width / SIZE[1], height / SIZE[0]] - 0.5)

@@ -1,4 +1,4 @@
-"""Backend `xfeat` of align.matches: XFeat with mutual nearest neighbours, in an environment of its own."""
+"""Backend `xfeat` of align.matches: XFeat with mutual nearest neighbours, in its own environment."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class XfeatOptions(Options):
     """Options of backend `xfeat` of align.matches."""
 
     similarity: float = Field(0.82, gt=0.0, le=1.0)
-    """Least cosine of two descriptors."""
+    """Minimum cosine between two descriptors."""
 
 
 def match(ctx: Context, first: Image, second: Image, common: MatchesOptions, options: XfeatOptions) -> Matches:

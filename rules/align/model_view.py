@@ -1,4 +1,4 @@
-"""A rigid model under trial poses: renders, scores and distances from one ray-casting structure."""
+"""A rigid model at trial poses: renders, scores and distances from one ray-casting structure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dextera_build.geometry import cameras, transforms
 from dextera_build.geometry.registration import Similarity
 
 FREE_SPACE_M = 0.01
-"""Distance in front of the measured surface from which a model surface is in free space [m]."""
+"""Distance in front of the measured surface above which a model surface is in free space [m]."""
 
 
 MOST = 1500
@@ -37,9 +37,9 @@ class Score:
 
 @dataclass(frozen=True)
 class Compared:
-    """A placed model and the view, ray by ray: arrays (h, w) or (h, w, 3) in the axes of the world."""
+    """A placed model and the view, per ray: arrays (h, w) or (h, w, 3) in the axes of the world."""
 
-    depth: np.ndarray  # of the model [m], inf beside it
+    depth: np.ndarray  # of the model [m], inf without a hit
     normals: np.ndarray  # of the model, unit, towards the camera
     seen: np.ndarray  # measured depth [m], 0 if there is none
     mask: np.ndarray  # bool
@@ -52,19 +52,19 @@ class Compared:
 
     @property
     def drawn(self) -> np.ndarray:
-        """Rays that meet the model, (h, w) bool."""
+        """Rays that hit the model, (h, w) bool."""
         return np.asarray(np.isfinite(self.depth))
 
     @property
     def points(self) -> np.ndarray:
-        """Where they meet it, (h, w, 3) [m]; the camera's position for the others."""
+        """Hit points, (h, w, 3) [m]; the camera's position for rays without a hit."""
         return np.asarray(self.origin + np.where(self.drawn, self.depth, 0.0)[..., None] * self.directions)
 
     def pixel_slopes(self, at: np.ndarray, outward: np.ndarray) -> np.ndarray:
-        """Vectors (N, 3) whose product with a motion of the point [m] is that of its image along `outward` [px].
+        """Vectors (N, 3) whose product with a motion of the point [m] is the motion of its image along `outward` [px].
 
         Args:
-            at: (h, w) bool, N rays that meet the model.
+            at: (h, w) bool, N rays that hit the model.
             outward: (N, 2) unit directions in the image, right and down.
         """
         local = self.directions[at] @ self.turn
@@ -133,7 +133,7 @@ class ModelView:
         return Score(float((drawn & seen).sum() / union) if union else 0.0, residual, violation)
 
     def compare(self, placed: Similarity) -> Compared:
-        """The placed model beside the view."""
+        """The placed model and the view."""
         depth, normals = self._cast(placed)
         return Compared(
             depth=depth,
@@ -149,7 +149,7 @@ class ModelView:
         )
 
     def painted(self, placed: Similarity, body: Body) -> tuple[np.ndarray, np.ndarray]:
-        """Unlit colours (h, w, 3), 0..1, of the placed body and where they are also in the mask, (h, w) bool."""
+        """Unlit colours (h, w, 3), 0..1, of the placed body, and its pixels inside the mask, (h, w) bool."""
         answer = self._hits(placed)
         where = np.isfinite(answer["t_hit"].numpy()) & self._known & self._mask
         faces = answer["primitive_ids"].numpy()[where].astype(np.int64)
@@ -189,7 +189,7 @@ class ModelView:
         return answer["t_hit"].numpy().astype(np.float64), np.where(away[..., None], -normals, normals)
 
     def _hits(self, placed: Similarity) -> Any:
-        """What Open3D says of the rays."""
+        """Open3D's result for the rays."""
         # Rays are transformed to the model's frame; their parameter, and so the depth, is unchanged.
         rotation = placed.pose[:3, :3]
         origin = (self._origin - placed.pose[:3, 3]) @ rotation / placed.scale

@@ -24,7 +24,7 @@ class ObjectOptions(Options):
 
 
 class PlacementBackend(Protocol):
-    """What a backend of align.object defines."""
+    """Interface of a backend of align.object."""
 
     def place(self, ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: Any) -> Placed:
         """Find pose and scale of the body in the view."""
@@ -47,9 +47,9 @@ def object(
 ) -> Placement:
     """Return the pose of the object frame in the world and the scale from mesh units to those of the world [m].
 
-    The render decides, not the registration's fitness, which is perfect for a collapsed fit: a bad one is refused, or
-    told by a warning if the body was fitted to this view and has a pose of its own. Without depth, the body
-    stands on the support and its silhouette decides alone.
+    The result is judged by its render, not by the registration's fitness, which is perfect for a collapsed fit. A poor
+    result is refused, or causes a warning if the body was fitted to this view and has its own pose. Without depth, the
+    body stands on the support and only its silhouette is compared.
     """
     options = options or ObjectOptions()
     seen = _seen(ctx, view, measured, support)
@@ -59,7 +59,7 @@ def object(
     placed = ctx.backend.place(ctx, body, seen, options, ctx.backend_options)
     bad = misfit(placed, options)
     if bad and measured is not None and body.pose is not None:
-        # It was fitted to the depth of this view, so its place is right, whatever its shape is worth.
+        # It was fitted to the depth of this view, so its pose is right even if its shape is poor.
         ctx.warn(bad)
     else:
         hint = "try another backend of `factorize.mesh`, or look at the mask of this object"
@@ -85,7 +85,7 @@ def object(
 
 
 def misfit(placed: Placed, options: ObjectOptions) -> str:
-    """Why a placement is not believed; empty for a good one."""
+    """Reason for rejecting a placement; empty for a good one."""
     if placed.iou < options.least_iou:
         return f"the placed render covers the mask with IoU {placed.iou:.2f}, {options.least_iou:.2f} is needed"
     if placed.violation > options.most_violation:
@@ -96,7 +96,7 @@ def misfit(placed: Placed, options: ObjectOptions) -> str:
 
 
 def _seen(ctx: Context, view: ObjectView, measured: MeasuredView | None, support: Support | None) -> Seen:
-    """View and measurements; without depth, none of the pixels was measured and the camera's pose is the support's."""
+    """View and measurements; without depth, no pixel is measured and the camera's pose is the support's."""
     if measured is not None:
         return Seen(view, measured)
     if support is None:

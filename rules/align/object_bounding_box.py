@@ -25,7 +25,7 @@ BACKEND = Backend(
 
 
 def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: Options) -> Placed:
-    """By `boxed.principal`; the body's own pose is not looked at."""
+    """By `boxed.principal`; the body's own pose is ignored."""
     found = boxed.principal(boxed.model_points(body), boxed.seen_points(seen))
     return boxed.judged(body, seen, found, "boxes along principal axes")
 

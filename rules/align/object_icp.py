@@ -1,4 +1,4 @@
-"""Backend icp of align.object: extent ratios, then ICP over similarities; the render decides."""
+"""Backend icp of align.object: extent ratios, then ICP over similarities, judged by renders."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ BACKEND = Backend(
     extra="twin",
 )
 UPRIGHT = np.cos(0.01)
-"""Cosine of the tilt up to which a body's own up axis is trusted."""
+"""Cosine of the tilt up to which a body's own up axis is used."""
 
 
 def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: IcpOptions) -> Placed:
@@ -61,7 +61,7 @@ def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: 
             chosen = lookalikes.choose(model, body, seen, best, others, alike)
             thin = model.coarser(seen, 6000)
             best = polish.polished(thin, chosen.best, options.start_scale_sigma, spread.FREE)
-            # What explains the mask badly may be any placement.
+            # A poor mask overlap does not determine the placement.
             ambiguous |= chosen.rivals > 0 or model.score(best).iou < options.sure_iou
             method += f", {chosen.rivals} look-alikes" if chosen.rivals else ""
     best, rested = _rested(model, vertices, best, options)
@@ -143,7 +143,7 @@ def _with_spread(
     of_shape: np.ndarray | None,
     options: IcpOptions,
 ) -> Placement:
-    """The placement with the covariance of the registration, of the shape's own frame and of the support, added up."""
+    """The placement with the summed covariances of the registration, of the shape's own frame and of the support."""
     freedom = spread.FREE
     if placed.pose[2, 2] > UPRIGHT:
         standing = abs(_lowest(vertices, placed)) < 1e-3

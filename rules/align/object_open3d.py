@@ -28,11 +28,11 @@ class Open3dOptions(Options):
     """Options of backend `open3d` of align.object."""
 
     backwards: bool = True
-    """Whether seen points are registered to the model; False: the model's points to the seen ones, which shrinks it."""
+    """Register the seen points to the model; False registers the model to the seen points, which shrinks it."""
 
 
 def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: Open3dOptions) -> Placed:
-    """By `boxed.sim3_icp`; the body's own pose is not looked at."""
+    """By `boxed.sim3_icp`; the body's own pose is ignored."""
     model, points = boxed.model_points(body), boxed.seen_points(seen)
     found = boxed.sim3_icp(model, points, boxed.upright(model, points), backwards=options.backwards)
     return boxed.judged(body, seen, found, "Open3D ICP with scaling")

@@ -1,4 +1,4 @@
-"""Backend stub of align.object: takes the body's own pose."""
+"""Backend stub of align.object: uses the body's own pose."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BACKEND = Backend(summary="the body's own pose at scale 1, for tests", profiles=
 
 
 def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: Options) -> Placed:
-    """The guess, unscaled and unchecked; the world's origin if there is none."""
+    """The body's own pose, unscaled and unchecked; the world's origin if there is none."""
     pose = body.pose or Pose(parent="world", child="object", matrix=np.eye(4))
     placement = Placement(pose=pose, scale=1.0, residual_m=0.0, overlap=1.0, method="guess, unchecked")
     return Placed(placement, iou=1.0, violation=0.0, gap_m=0.0)

@@ -1,4 +1,4 @@
-"""The last steps of a registration: to where depth and outline of the view together are most likely."""
+"""Final steps of a registration: to the joint optimum of depth and outline."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from . import spread
 from .model_view import ModelView
 
 STEPS = 6
-"""Most steps."""
+"""Maximum number of steps."""
 _SMALL = 0.02
-"""Change, over its standard deviation, from which on nothing more is gained."""
+"""Step size, in standard deviations, below which the iteration has converged."""
 _WORSE = 0.02
-"""Increase of the render's cost that a step may bring: unlike the residuals, it counts smeared pixels as well."""
+"""Maximum increase of the render's cost per step; unlike the residuals, the cost includes smeared pixels."""
 
 
 def polished(model: ModelView, placed: Similarity, scale_sigma: float, freedom: np.ndarray) -> Similarity:
-    """Gauss-Newton steps on the residuals that the covariance is made of; the placement itself if they do not help.
+    """Gauss-Newton steps on the residuals of the covariance; the unchanged placement if they do not improve it.
 
     Args:
         model: The model in front of the camera.
@@ -43,7 +43,7 @@ def polished(model: ModelView, placed: Similarity, scale_sigma: float, freedom: 
 
 
 def _moved(placed: Similarity, step: np.ndarray) -> Similarity:
-    """The placement changed by translation, rotation vector and log scale, about its origin."""
+    """The placement changed by a translation, a rotation vector and a log scale about its origin."""
     limited = np.clip(step[6], -0.1, 0.1)
     turn = registration.rotation(step[3:6]) @ placed.pose[:3, :3]
     pose = transforms.rigid(turn, placed.pose[:3, 3] + step[:3])

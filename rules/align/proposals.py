@@ -1,6 +1,6 @@
-"""Starts of a registration: many orientations at once, each with scale and place from the mask and ranked on a grid.
+"""Starts of a registration: many orientations at once, each with scale and position from the mask, ranked on a grid.
 
-All orientations are judged together as arrays of projected surface points, which costs a hundredth of a render each.
+All orientations are scored together as arrays of projected surface points, at a hundredth of the cost of a render each.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from dextera_build.geometry.registration import Similarity
 CELLS = 20
 """Cells of the grid along each side of the mask's box."""
 _ROUNDS = 2
-"""How often scale and place of a start are corrected by its projection."""
+"""Number of times that scale and position of a start are corrected by its projection."""
 _BESIDE = 2
-"""Cells around the mask's box in which a projection counts as outside."""
+"""Number of cells around the mask's box in which a projection counts as outside."""
 _TAIL = 0.004
 """Fraction of the mask's pixels beyond each side of its box."""
 _RELIEF = 0.08
-"""Difference in depth, over the size of the object, that counts as much as no overlap."""
+"""Depth difference, relative to the size of the object, with the same cost as no overlap."""
 _DIFFERENT = np.radians(18.0)
-"""Angle from which two starts are not the same."""
+"""Rotation angle above which two starts differ."""
 
 
 class Target(NamedTuple):
-    """What the projections are compared with."""
+    """Data that the projections are compared with."""
 
     low: np.ndarray  # (2,) left and top of the mask's box, in tangents of the angle to the optical axis
     high: np.ndarray  # (2,) right and bottom
     open: np.ndarray  # (2, 2) bool, whether something may hide the object beyond `low` and `high`
     mask: np.ndarray  # (C, C) fraction of each cell in the mask
-    known: np.ndarray  # (C, C) bool, cells that nothing nearer hides
+    known: np.ndarray  # (C, C) bool, cells without an occluder
     depth: np.ndarray  # (C, C) median measured depth of the mask's pixels [m], NaN without one
     middle: float  # median depth [m]
 
@@ -48,7 +48,7 @@ class Starts(NamedTuple):
 
 
 def target(seen: Seen) -> Target | None:
-    """The grid of a view; None if nothing was measured in the mask."""
+    """The grid of a view; None if the mask has no measured pixels."""
     k, mask = seen.camera.matrix(), seen.mask
     rows, columns = np.nonzero(mask)
     tangents = np.stack([(columns - k[0, 2]) / k[0, 0], (rows - k[1, 2]) / k[1, 1]], axis=1)
@@ -78,16 +78,16 @@ def target(seen: Seen) -> Target | None:
 
 
 def fitted(points: np.ndarray, rotations: np.ndarray, goal: Target, grow: float = 1.0) -> Starts:
-    """Scale and place of every rotation so that the projection has the mask's box and the measured depth.
+    """Scale and position of every rotation so that the projection has the mask's box and the measured depth.
 
-    Only sides of the box that nothing may hide take part. The scale is that of the visible box times `grow`; without
-    it, it is corrected by axes that show both ends.
+    Only unoccluded sides of the box are used. The scale is that of the visible box times `grow`; without it, the scale
+    is corrected by axes of which both ends are visible.
 
     Args:
         points: (N, 3) of the whole surface, model units.
         rotations: (R, 3, 3) R_camera_model.
         goal: See `target`.
-        grow: Size over that of the visible box.
+        grow: Size relative to that of the visible box.
     """
     turned = np.einsum("rij,nj->rni", rotations, points)
     low, high = turned.min(axis=1), turned.max(axis=1)
@@ -97,7 +97,7 @@ def fitted(points: np.ndarray, rotations: np.ndarray, goal: Target, grow: float 
     scales = grow * np.median(extent[use] / np.maximum(high - low, 1e-12)[:, :2][:, use], axis=1)
     middle = (low + high) / 2.0
     centre = np.append((goal.low + goal.high) / 2.0 * goal.middle, goal.middle)
-    # The nearest point of the model is the nearest that is seen.
+    # The nearest point of the model corresponds to the nearest seen point.
     places = centre - scales[:, None] * middle + scales[:, None] * (high - low) / 2.0 * [0.0, 0.0, 1.0]
     for _ in range(_ROUNDS):
         spots = scales[:, None, None] * turned + places[:, None, :]
@@ -120,7 +120,7 @@ def fitted(points: np.ndarray, rotations: np.ndarray, goal: Target, grow: float 
         depths, _ = _grid(turned, Starts(rotations, scales, places), goal)
         with np.errstate(invalid="ignore"):
             off = _medians(goal.depth[None] - depths)
-        # Along the line of sight, so that the projection keeps its place.
+        # Along the line of sight, so that the projection stays in place.
         distance = (scales[:, None] * middle + places)[:, 2]
         centres = scales[:, None] * middle + places
         places = places + centres * (off / np.maximum(distance, 1e-6))[:, None]
@@ -145,7 +145,7 @@ def costs(points: np.ndarray, starts: Starts, goal: Target) -> np.ndarray:
 
 
 def different(rotations: np.ndarray, ranked: np.ndarray, most: int) -> list[int]:
-    """The first `most` of the ranked indices whose rotations are not near an earlier one."""
+    """The first `most` of the ranked indices whose rotations differ from all earlier ones."""
     chosen: list[int] = []
     limit = 1.0 + 2.0 * np.cos(_DIFFERENT)
     for index in ranked:
@@ -175,7 +175,7 @@ def _cells(tangents: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarra
 
 
 def _grid(turned: np.ndarray, starts: Starts, goal: Target) -> tuple[np.ndarray, np.ndarray]:
-    """Nearest depth (R, C, C) in each cell, inf without a point; and how many cells' worth of points lie outside."""
+    """Nearest depth (R, C, C) in each cell, inf without a point; and the number of points outside, in cells."""
     count, cells = len(turned), _side() ** 2
     z = starts.scales[:, None] * turned[..., 2] + starts.places[:, None, 2]
     depth = np.maximum(z, 1e-6)
@@ -189,7 +189,7 @@ def _grid(turned: np.ndarray, starts: Starts, goal: Target) -> tuple[np.ndarray,
 
 
 def _medians(values: np.ndarray) -> np.ndarray:
-    """Median (R,) of the finite values of each (C, C); 0 without any."""
+    """Median (R,) of the finite values of each (C, C); 0 if there are none."""
     flat = np.where(np.isfinite(values), values, np.nan).reshape(len(values), -1)
     some = np.isfinite(flat).any(axis=1)
     found = np.zeros(len(values))

@@ -30,7 +30,7 @@ def scale(
     *,
     options: ScaleOptions | None = None,
 ) -> Support:
-    """Return the support in metres, or as it is if its scale is known already or stays unknown.
+    """Return the support in metres, or unchanged if its scale is known already or remains unknown.
 
     A stated size multiplies all lengths of the world by one factor, `Support.factor`, about the world's origin.
     """

@@ -1,4 +1,4 @@
-"""Place a model of unknown scale on the support so that its silhouette is the mask; nothing was measured."""
+"""Place a model of unknown scale on the support so that its silhouette fits the mask; without measurements."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from dextera_build.geometry.registration import Similarity
 from .model_view import ModelView
 
 TURNS = 24
-"""Turns about the vertical that are tried."""
+"""Number of rotations about the vertical that are tried."""
 FINALISTS = 4
-"""Turns that are refined."""
+"""Number of rotations that are refined."""
 _POINTS = 600
-"""Vertices whose projections give a silhouette's extent."""
+"""Number of vertices whose projections give a silhouette's extent."""
 _COARSE = 3000
-"""Rays per render while refining."""
+"""Rays per render during refinement."""
 _HIDDEN = 0.1
-"""Weight of a side of the mask at which something nearer may hide the object."""
+"""Weight of a side of the mask at which an occluder may hide the object."""
 
 
 def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen) -> Similarity:
-    """The standing placement with the best mask IoU over all turns.
+    """The standing placement with the best mask IoU over all rotations about the vertical.
 
-    Place and scale of each turn follow from the extent of the mask; the best turns are refined by the render
+    Position and scale of each rotation follow from the extent of the mask; the best ones are refined by the render
     (Nelder and Mead 1965).
 
     Args:
@@ -44,7 +44,7 @@ def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen
 
 
 def _standing(vertices: np.ndarray, four: np.ndarray) -> Similarity:
-    """The placement with x, y, log scale and turn [rad]; its lowest point is on the support."""
+    """The placement with x, y, log scale and yaw [rad]; its lowest point is on the support."""
     x, y, size, turn = four
     scale = float(np.exp(size))
     rotation = registration.rotation(np.array([0.0, 0.0, turn]))
@@ -52,7 +52,7 @@ def _standing(vertices: np.ndarray, four: np.ndarray) -> Similarity:
 
 
 def _fitted(points: np.ndarray, vertices: np.ndarray, seen: Seen, turn: float) -> np.ndarray:
-    """x, y, log scale and turn at which the projection has the extent of the mask."""
+    """x, y, log scale and yaw at which the projection has the extent of the mask."""
     from scipy import optimize
 
     wanted, weight = _extent(seen)
@@ -88,7 +88,7 @@ def _extent(seen: Seen) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _foot(extent: np.ndarray, seen: Seen) -> tuple[np.ndarray, float]:
-    """Where the ray through the lowest middle of the mask meets the support, and its depth."""
+    """Intersection of the ray through the lowest middle of the mask with the support, and its depth."""
     k, pose = seen.camera.matrix(), seen.world_from_camera
     pixel = np.array([(extent[0] + extent[2]) / 2.0, extent[3], 1.0])
     ray = pose[:3, :3] @ np.linalg.solve(k, pixel)

@@ -1,7 +1,7 @@
-"""Covariance of a registration: what depth and outline of one view say about pose and scale of a rigid model.
+"""Covariance of a registration: pose and scale of a rigid model from depth and outline of one view.
 
-Errors of neighbouring pixels are alike, because a depth camera matches windows and because a wrong shape is wrong over
-whole regions. The residuals themselves tell over which area, and that many pixels count as one measurement.
+Errors of neighbouring pixels are correlated, because a depth camera matches windows and because a wrong shape is wrong
+over whole regions. The correlation area is estimated from the residuals; that many pixels count as one measurement.
 """
 
 from __future__ import annotations
@@ -14,30 +14,30 @@ from dextera_build.geometry.registration import Similarity
 from .model_view import Compared, ModelView
 
 WINDOW_PX = 3.0
-"""Minimum width of the area over which errors of the depth are alike [px]: the matching window of a stereo camera."""
+"""Minimum width of the area of correlated depth errors [px]: the matching window of a stereo camera."""
 OUTLINE_PX = 1.0
 """Standard deviation of a mask's border, and of a common offset of all of it [px]."""
 OUTLINE_ALIKE_PX = 10.0
-"""Length along a mask's border over which its errors are alike [px]."""
+"""Correlation length of errors along a mask's border [px]."""
 GRAZING = 0.15
-"""Cosine between normal and line of sight below which a depth says nothing about the surface."""
+"""Cosine between normal and line of sight below which a depth carries no information on the surface."""
 STEP_PX, STEP = 3.0, 0.03
-"""Distance from a step of the depth within which depth is not used [px], and its height over the depth."""
+"""Depth is ignored within this distance of a depth step [px], and relative height of such a step."""
 LEAST = 0.2
-"""Part of the pixels that must remain for that; thin things are all border."""
+"""Minimum fraction of pixels that must remain; thin objects consist of borders only."""
 FARTHEST = 5.0
-"""Residuals beyond this many standard deviations are cut off: flying pixels, and depth of something else."""
+"""Residuals are clipped at so many standard deviations: flying pixels, and depth of other objects."""
 ANY_TURN = float(np.pi / np.sqrt(3.0))
-"""Standard deviation of a rotation of which nothing is known [rad]."""
+"""Standard deviation of an unknown rotation [rad]."""
 
 FREE = np.eye(7)
-"""All changes: translation x y z, rotation vector x y z, log scale."""
+"""Basis of all changes: translation x y z, rotation vector x y z, log scale."""
 UPRIGHT = FREE[:, [0, 1, 2, 5, 6]]
-"""The model's up axis stays."""
+"""Basis of the changes that keep the model's up axis."""
 
 
 def resting(height_m: float) -> np.ndarray:
-    """Changes (7, 4) that keep the up axis and the contact with z = 0 of a body whose origin is at `height_m` [m]."""
+    """Basis (7, 4) of the changes that keep the up axis and the contact with z = 0; the origin is at `height_m` [m]."""
     basis = FREE[:, [0, 1, 5, 6]].copy()
     basis[2, 3] = height_m
     return basis
@@ -50,22 +50,22 @@ def covariance(
 
     Args:
         model: The model in front of the camera.
-        placed: Where it was placed.
-        size_m: Size of the placed model, the standard deviation of its position if nothing else was known [m].
-        scale_sigma: Standard deviation of the log scale if nothing else was known.
+        placed: Its placement.
+        size_m: Size of the placed model, the prior standard deviation of its position [m].
+        scale_sigma: Prior standard deviation of the log scale.
         freedom: (7, K) basis of the changes that are possible: `FREE`, `UPRIGHT` or `resting`.
     """
     step, inverse = _solved(model, placed, size_m, scale_sigma, freedom, away_from_steps=False)
-    # A search may stop where depth and outline would still move the model; that is an error of this size.
+    # A search may end before the optimum of depth and outline; the remaining step is added as an error.
     return np.asarray(inverse + np.outer(step, step))
 
 
 def step(
     model: ModelView, placed: Similarity, scale_sigma: float, freedom: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The change (7,) that depth and outline ask for, and the covariance (7, 7) without it; see `covariance`.
+    """The Gauss-Newton step (7,) of depth and outline, and the covariance (7, 7) without it; see `covariance`.
 
-    Unlike there, depth at steps takes no part: it is behind the nearer side, and would pull the model away.
+    Unlike there, depth at steps is not used: it is behind the nearer side and would bias the model away.
     """
     return _solved(model, placed, float("inf"), scale_sigma, freedom, away_from_steps=True)
 
@@ -92,10 +92,10 @@ def _solved(
 
 
 def by_support(covariance: np.ndarray, world_from_camera: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """Covariance (6, 6) of T_world_object that comes from that of the support in T_world_camera, both (4, 4).
+    """Covariance (6, 6) of T_world_object due to that of the support in T_world_camera, both (4, 4).
 
-    An object that stands on the support has its height and tilt from it; x, y and yaw are seen by the camera, whose
-    frame moves with the world's.
+    Height and tilt of an object on the support follow the support; x, y and yaw are measured by the camera, whose frame
+    moves with the world's.
     """
     camera_from_object = transforms.invert(world_from_camera) @ pose
     found = uncertainty.compose(world_from_camera, camera_from_object, (covariance, np.zeros((6, 6))))
@@ -104,14 +104,14 @@ def by_support(covariance: np.ndarray, world_from_camera: np.ndarray, pose: np.n
 
 
 def _by_depth(view: Compared, origin: np.ndarray, away_from_steps: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Information (7, 7) in the distances of the measured points along the normals of the surface, and its pull (7,).
+    """Information (7, 7) from the distances of the measured points along the surface normals, and its gradient (7,).
 
-    Information times a small change is the pull that the change would undo.
+    The information times a small change is the gradient that the change would cancel.
     """
     slant = np.abs((view.normals * view.directions).sum(axis=-1))
     lengths = np.linalg.norm(view.directions, axis=-1)
     used = view.drawn & view.mask & view.known & (view.seen > 0.0) & (slant > GRAZING * lengths)
-    # Depth at a step is lost, or that of something between both sides, and always behind the nearer one.
+    # Depth at a step is missing, or that of a point between both sides, and always behind the nearer one.
     inside = used & ~_steps(view) if away_from_steps else used
     used = inside if inside.sum() >= LEAST * used.sum() else used
     if not used.any():
@@ -121,12 +121,12 @@ def _by_depth(view: Compared, origin: np.ndarray, away_from_steps: bool) -> tupl
     residual[used] = np.clip((view.seen - view.depth)[used] / sigma, -FARTHEST, FARTHEST)
     rows = _rows(view.points[used] - origin, view.normals[used]) / (sigma * slant[used])[:, None]
     alike = max(_alike(residual, used), (WINDOW_PX / view.stride) ** 2, 1.0)
-    # Normals face the camera, so that a larger measured depth pulls against them.
+    # Normals face the camera, so that the gradient of a larger measured depth is opposite to them.
     return np.asarray(rows.T @ rows / alike), np.asarray(-rows.T @ residual[used] / alike)
 
 
 def _steps(view: Compared) -> np.ndarray:
-    """Rays (h, w) bool near a step of the drawn depth."""
+    """Rays (h, w) bool near a step of the rendered depth."""
     from scipy import ndimage
 
     depth = np.where(view.drawn, view.depth, 1e3)
@@ -135,7 +135,7 @@ def _steps(view: Compared) -> np.ndarray:
 
 
 def _alike(residual: np.ndarray, used: np.ndarray) -> float:
-    """Sum of the residuals' autocovariance (H, W) over all shifts up to its first small value, at least that of 1."""
+    """Sum of the residuals' autocovariance (H, W) over all shifts up to its first small value, at least 1."""
     shape = [2 * length for length in used.shape]
     power = np.abs(np.fft.rfft2(np.where(used, residual, 0.0), shape)) ** 2
     pairs = np.abs(np.fft.rfft2(used.astype(np.float64), shape)) ** 2
@@ -149,13 +149,13 @@ def _alike(residual: np.ndarray, used: np.ndarray) -> float:
     small = np.flatnonzero(rings <= 0.0)
     near = radius < (small[0] if len(small) else len(rings))
     variance = max(float(covariance[0, 0]), 1.0)
-    # Of smooth residuals no more is left than one measurement.
+    # Smooth residuals count as one measurement.
     total = float(covariance[near].sum()) / max(float(covariance[0, 0]), 1e-12)
     return variance * float(np.clip(total, 1.0, used.sum()))
 
 
 def _by_outline(view: Compared, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Information (7, 7) in the distance of the drawn outline from the border of the mask, and its pull (7,)."""
+    """Information (7, 7) from the distance of the rendered outline from the mask's border, and its gradient (7,)."""
     from scipy import ndimage
 
     drawn = view.drawn
@@ -177,7 +177,7 @@ def _by_outline(view: Compared, origin: np.ndarray) -> tuple[np.ndarray, np.ndar
     trust = view.stride / (OUTLINE_ALIKE_PX * variance)
     system, pull = rows.T @ rows * trust, rows.T @ off * trust
     system[7, 7] += OUTLINE_PX**-2.0
-    # A mask may be too large or too small all around: that offset is left open.
+    # A common offset of the whole mask border is marginalised.
     offset = system[:7, 7] / system[7, 7]
     return np.asarray(system[:7, :7] - np.outer(offset, system[7, :7])), np.asarray(pull[:7] - offset * pull[7])
 

@@ -1,4 +1,4 @@
-"""Place a model of unknown scale and orientation: try every orientation, judge by the render."""
+"""Place a model of unknown scale and orientation: try all orientations, judge them by renders."""
 
 from __future__ import annotations
 
@@ -20,39 +20,40 @@ if TYPE_CHECKING:
 _RAYS, _FEW = 2500, 900
 """Rays per render when judging and when registering candidates."""
 _POINTS = 250
-"""Seen points that candidates are registered to."""
+"""Number of seen points that candidates are registered to."""
 _SAMPLES = 200
-"""Points of the model's surface whose projections rank the starts."""
+"""Number of surface points of the model whose projections rank the starts."""
 _SPREAD = 600
-"""Rotations spread over SO(3)."""
+"""Number of rotations distributed over SO(3)."""
 _GROWN = (1.15, 1.5, 2.0)
-"""Sizes over that of the visible part that are tried where something hides both ends of every axis."""
+"""Sizes, relative to the visible part, that are tried if both ends of every axis may be occluded."""
 _SIZES = (0.85, 1.0, 1.2, 1.6)
-"""Sizes over that of the visible part that are tried, with more starts, where nothing explained the mask."""
+"""Sizes, relative to the visible part, that are tried with more starts if no placement explained the mask."""
 _LAST = 3
-"""Candidates that are registered to the end."""
+"""Number of candidates that are registered fully."""
 _ALIKE = 0.03
-"""Difference in cost up to which two placements explain the view alike."""
+"""Difference in cost below which two placements are equally good."""
 _TOUCHING_M = 0.003
-"""Depth below the support that a fit may have by noise [m]."""
+"""Depth below the support that noise may cause [m]."""
 _SQUARE = np.radians(6.0)
-"""A flat face nearer to level than this is made level, because objects stand on flat bases [rad]."""
+"""A flat face with a smaller tilt is made level, because objects stand on flat bases [rad]."""
 
 
 class Found(NamedTuple):
-    """What a search ends with."""
+    """Result of a search."""
 
     best: Similarity
-    others: list[Similarity]  # that explain the view alike
+    others: list[Similarity]  # equally good placements
     method: str
 
 
 def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen, options: IcpOptions) -> Found:
-    """The best placement over 6 up directions x 24 turns, and 600 rotations spread over SO(3).
+    """The best placement over 6 up directions x 24 turns, and 600 rotations distributed over SO(3).
 
-    Projections of surface points rank all of them; the best, which differ in rotation, are registered with few points;
-    the best of these are turned about the vertical and about the model's principal axes, which is how look-alikes
-    differ; what is left is registered with all points, and the render decides.
+    All are ranked by projections of surface points; the best ones with distinct rotations are registered with few
+    points. The best of these are also rotated about the vertical and about the model's principal axes, because
+    similar-looking placements differ by such rotations. The remaining ones are registered with all points and judged by
+    their renders.
 
     Args:
         model: The model in front of the camera, at full resolution.
@@ -90,13 +91,13 @@ def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen
 
 
 def ranked(samples: np.ndarray, seen: Seen, most: int, more: int = 1) -> list[Similarity]:
-    """The starts that agree best with mask and depth, different from each other.
+    """The starts that agree best with mask and depth, with distinct rotations.
 
     Args:
         samples: (N, 3) of the surface.
         seen: The view.
-        most: How many.
-        more: Times the usual number of rotations; with more than one, other sizes are tried where a side is hidden.
+        most: Maximum number of starts.
+        more: Multiple of the usual number of rotations; above one, other sizes are tried if a side is hidden.
     """
     goal = proposals.target(seen)
     if goal is None:
@@ -114,7 +115,7 @@ def ranked(samples: np.ndarray, seen: Seen, most: int, more: int = 1) -> list[Si
 
 
 def _upright() -> list[np.ndarray]:
-    """24 turns of each of the six rotations that point an axis up."""
+    """24 rotations about each of the six up directions."""
     rotations = registration.cube_rotations()
     ups = [tuple(np.round(rotation[2]).astype(int).tolist()) for rotation in rotations]
     tops = [rotations[ups.index(up)] for up in sorted(set(ups))]
@@ -127,7 +128,7 @@ def _noise(seen: Seen) -> float:
 
 
 def _hull(vertices: np.ndarray) -> Any:
-    """Convex hull; None of a flat mesh."""
+    """Convex hull; None for a flat mesh."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
@@ -137,7 +138,7 @@ def _hull(vertices: np.ndarray) -> Any:
 
 
 def _sunk(corners: np.ndarray, placed: Similarity) -> float:
-    """Depth below the support of the hull's lowest corner, in 2 cm, as residuals count: nothing lies in the table."""
+    """Depth of the hull's lowest corner below the support, in units of 2 cm: no object is inside the table."""
     return max(0.0, -float(placed.apply(corners)[:, 2].min()) - _TOUCHING_M) / 0.02
 
 
@@ -152,7 +153,7 @@ def _distinct(ranked: list[Similarity], most: int) -> list[Similarity]:
 
 
 def _turns(samples: np.ndarray, centre: np.ndarray, placed: Similarity) -> list[Similarity]:
-    """The placement turned about the vertical and the principal axes through `centre` (model frame), in 12 steps."""
+    """The placement rotated about the vertical and the principal axes through `centre` (model frame), in 12 steps."""
     own = np.linalg.eigh(np.cov((samples - centre).T))[1].T @ placed.pose[:3, :3].T
     middle = placed.apply(centre[None])[0]
     turns = [
@@ -165,7 +166,7 @@ def _turns(samples: np.ndarray, centre: np.ndarray, placed: Similarity) -> list[
 
 
 def _finished(model: ModelView, corners: np.ndarray, start: Similarity, seen: Seen, options: IcpOptions) -> Similarity:
-    """The candidate registered with more points, and set flat if it nearly lies on a face of its hull's `corners`."""
+    """The candidate registered with more points, and placed flat if nearly so on a face of its hull's `corners`."""
     points = seen_points(seen, 3 * _POINTS)
     how = Search(registration.FREE, start.scale, options.start_scale_sigma, options.iterations)
     free = registration.icp(start, model.visible, points, how)
@@ -176,7 +177,7 @@ def _finished(model: ModelView, corners: np.ndarray, start: Similarity, seen: Se
 def _squared(
     model: ModelView, vertices: np.ndarray, placed: Similarity, points: np.ndarray, options: IcpOptions
 ) -> list[Similarity]:
-    """The placement set flat on the downward face of its hull and refined; empty without such a face."""
+    """The placement with the downward face of its hull flat on the support, refined; empty without such a face."""
     rotation = placed.pose[:3, :3]
     down = _base_normal(vertices, rotation)
     if down is None:

@@ -27,13 +27,14 @@ class SupportOptions(Options):
     farthest_m: PositiveFloat = 4.0
     """Depth beyond this is ignored [m]."""
     warp_m: NonNegativeFloat = 0.002
-    """Unevenness of a support in addition to the depth camera's noise, one standard deviation [m]."""
+    """Unevenness of the support, one standard deviation, in addition to the depth camera's noise [m]."""
     smallest_m2: NonNegativeFloat = 0.02
     """Minimum visible area of a support [m^2]."""
     surfaces: PositiveInt = 6
-    """Number of planes compared."""
+    """Number of candidate planes."""
     up: Literal["auto", "top", "right", "bottom", "left"] = "auto"
-    """Side of the picture that is up; `auto` takes the top, unless the depth shows a support only if turned."""
+    """Side of the picture that is up; `auto` uses the top, unless the depth shows a support only in a rotated
+    picture."""
     seed: NonNegativeInt = 0
     """Seed of the random sampling."""
     marker: MarkerOptions | None = None
@@ -41,9 +42,9 @@ class SupportOptions(Options):
     base_above_m: float = 0.0
     """Height of the robot's base above the support [m], for photographs without depth."""
     pitch_deg: float = Field(35.0, gt=0.0, le=90.0)
-    """Angle at which the camera looks down, assumed for photographs without depth, marker and robot [deg]."""
+    """Pitch of the camera below the horizontal, assumed for photographs without depth, marker and robot [deg]."""
     reach: PositiveFloat = 3.0
-    """Extent of a support that was not measured, in heights of the camera above it."""
+    """Extent of an unmeasured support, in heights of the camera above it."""
 
 
 @rule(version=5, tolerance=Tolerance({"": ROUNDING}))
@@ -57,8 +58,9 @@ def support(
 ) -> Support:
     """Return the support plane and the world frame on it: z up along the normal, origin at its centre [m].
 
-    The camera looks at the support from above and may be held in any way, see `up`. Without depth, the plane comes from
-    a marker, from the robot's pose T_camera_base, or from an assumed pitch; the scale is unknown in the last case.
+    The camera looks at the support from above, in any orientation about its axis, see `up`. Without depth, the plane
+    comes from a marker, from the robot's pose T_camera_base, or from an assumed pitch; the scale is unknown in the last
+    case.
     """
     options = options or SupportOptions()
     if measured is None:
@@ -112,14 +114,14 @@ def _found(
     if count:
         again, seen = look(count)
         best = choose(again, options.smallest_m2)
-        # A bare wall seen from a little above looks like a bare table of an upside-down camera.
+        # A bare wall seen from slightly above resembles a bare table seen by an upside-down camera.
         if best is not None and carries(best, seen, upright.turned(valid, count)):
             return count, again, seen
     return turns, found, points
 
 
 def _seen_from(support: Support, turns: int) -> Support:
-    """The support of the upright picture, for the camera as it was."""
+    """The support of the upright picture, expressed for the original camera."""
     pose = support.camera_pose
     matrix = pose.matrix @ upright.turned_from_camera(turns)
     return support.model_copy(update={"camera_pose": pose.model_copy(update={"matrix": matrix})})
@@ -167,7 +169,7 @@ def _support(surface: Surface, points: np.ndarray, valid: np.ndarray) -> Support
 
 
 def _covariance(points: np.ndarray, noise: float, camera: np.ndarray) -> np.ndarray:
-    """Covariance (6, 6) of T_world_camera from the plane's height and tilt; the other axes only name the world.
+    """Covariance (6, 6) of T_world_camera from the plane's height and tilt; the other axes only define the world.
 
     Args:
         points: (N, 3) of the plane in the world [m].
@@ -176,7 +178,7 @@ def _covariance(points: np.ndarray, noise: float, camera: np.ndarray) -> np.ndar
     """
     design = np.column_stack([np.ones(len(points)), points[:, :2]])
     of_plane = noise**2 / INDEPENDENT * np.linalg.pinv(design.T @ design / len(points))
-    # A plane z = e + a x + b y is made level by the rotation (-b, a, 0) and the shift -e.
+    # A plane z = e + a x + b y is levelled by the rotation (-b, a, 0) and the shift -e.
     slopes = np.zeros((6, 3))
     slopes[3:6, 1:] = [[0.0, -1.0], [1.0, 0.0], [0.0, 0.0]]
     slopes[:3] = -transforms.cross_matrix(camera) @ slopes[3:6]

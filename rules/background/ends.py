@@ -1,4 +1,4 @@
-"""Where a surface was seen to end, and where something nearer or the picture's border only cuts it."""
+"""Observed ends of a surface, as opposed to occlusions and the picture's border."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 
 BEHIND_M = 0.02
-"""A surface goes on only where it is at least this far behind what was seen [m]."""
+"""A surface continues only where it is at least this far behind the visible one [m]."""
 OUTER = 0.1
-"""Part of a surface's extent, at either side, in which its end is looked for."""
+"""Fraction of a surface's extent, at either side, in which its end is searched."""
 LEAST = 0.3
-"""Part of the pixels at that side of a surface that must show its end."""
+"""Minimum fraction of the pixels at that side of a surface that show its end."""
 
 
 @dataclass(frozen=True)
@@ -21,14 +21,14 @@ class Border:
 
     away: np.ndarray  # (h, w) distance of each pixel from the surface [px]
     nearest: np.ndarray  # (h, w) int32, which pixel of the surface is nearest
-    goes_on: np.ndarray  # (n,) bool by `nearest`, whether the surface is cut there and not seen to end
+    goes_on: np.ndarray  # (n,) bool by `nearest`, whether the surface is cut there rather than observed to end
     beside: tuple[np.ndarray, np.ndarray]  # rows and columns of the pixels just outside
 
 
 def border(own: np.ndarray, seen: np.ndarray, depth: np.ndarray) -> Border:
     """The border of a surface.
 
-    A surface that ends before a farther one, or meets another, has been seen to end.
+    An end is observed where a surface is in front of a farther one, or meets another.
 
     Args:
         own: (h, w) its pixels.
@@ -46,7 +46,7 @@ def border(own: np.ndarray, seen: np.ndarray, depth: np.ndarray) -> Border:
 
 
 def limits(around: Border, own: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest coordinates (2,) that a flat surface can have, by the ends that were seen of it.
+    """Lowest and highest coordinates (2,) of a flat surface, from its observed ends.
 
     Args:
         around: Its border.

@@ -1,4 +1,4 @@
-"""Collision boxes of the room: floor, walls, and what stands in it."""
+"""Collision boxes of the room: floor, walls, and furniture."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from .shell import Room
 WALL_M = 0.1
 """Thickness of walls and floor [m]."""
 BOARD_M = 0.02
-"""Thickness of a level surface of which the underside was not seen [m]."""
+"""Thickness of a level surface whose underside is not visible [m]."""
 CELL_M = 0.06
-"""Smallest cell in which things are boxed [m]."""
+"""Smallest cell in which furniture is boxed [m]."""
 MOST = 48
-"""Most boxes of things; with more, cells grow."""
+"""Maximum number of boxes of furniture; with more, cells grow."""
 THIN_M = 0.03
-"""Least thickness of things [m]."""
+"""Minimum thickness of furniture [m]."""
 LEAST = 3
-"""Points that fill a cell."""
+"""Minimum number of points in a cell."""
 CLEAR_M = 0.04
-"""Distance from objects that no box of a thing comes within [m]."""
+"""Distance between objects and boxes of furniture [m]."""
 
 
 def room_boxes(room: Room) -> list[SupportBox]:
-    """Floor and four walls, outside the room."""
+    """Boxes of floor and four walls, outside the room."""
     low, high = room.low, room.high
     middle, half = (low + high) / 2, (high - low) / 2
     boxes = [_box("floor", np.array([middle[0], middle[1], low[2] - WALL_M / 2]), [*half[:2], WALL_M / 2], room)]
@@ -41,13 +41,13 @@ def room_boxes(room: Room) -> list[SupportBox]:
 
 
 def thing_boxes(scenery: Scenery, room: Room, objects: np.ndarray, height: float) -> list[SupportBox]:
-    """Boxes of everything that stands in the room, in the room's axes.
+    """Boxes of all furniture, in the room's axes.
 
     Args:
-        scenery: What was seen.
-        room: Walls around it; what lies in them needs no box.
-        objects: (N, 3) points of movable objects [m]: boxes keep clear of them.
-        height: Thickness of the support, whose own box is another one [m].
+        scenery: The visible empty scene.
+        room: Walls around it; points inside the walls need no box.
+        objects: (N, 3) points of movable objects [m], which boxes avoid.
+        height: Thickness of the support, which has its own box [m].
     """
     points = scenery.points
     points = points[np.abs(points[:, 2] + height / 2) > height / 2 + 0.01]
@@ -73,7 +73,7 @@ def thing_boxes(scenery: Scenery, room: Room, objects: np.ndarray, height: float
 
 
 def _tight(local: np.ndarray, low: np.ndarray, high: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A box around the points in a box: its seen sides are where they were seen, thickness is added behind them."""
+    """A box around the points in a cell: visible sides are at the points, thickness is added behind them."""
     inside = local[((local >= low) & (local < high)).all(axis=1)]
     least, most = np.quantile(inside, [0.02, 0.98], axis=0)
     thin = most - least < THIN_M

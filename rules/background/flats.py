@@ -1,4 +1,4 @@
-"""Planes of the room off the support: walls, fronts of cupboards, worktops, shelves."""
+"""Planes of the room other than the support: walls, fronts of cupboards, worktops, shelves."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ import numpy as np
 from dextera_build.geometry import planes
 
 MOST = 10
-"""Planes that are looked for."""
+"""Maximum number of planes."""
 SAMPLES = 3000
-"""Points among which one plane is looked for."""
+"""Number of points sampled for each plane."""
 GATE = 2.5
-"""Inliers lie within this many standard deviations of the depth's noise."""
+"""Inliers are within this many standard deviations of the depth noise."""
 UPRIGHT_DEG = 6.0
 """A plane nearer than this to vertical or horizontal is made so."""
 
 
 def flats(points: np.ndarray, mask: np.ndarray, up: np.ndarray, least: float) -> list[tuple[planes.Plane, np.ndarray]]:
-    """Planes, in the camera frame, with the pixels (H, W) bool that lie in each, most pixels first.
+    """Planes, in the camera frame, with the pixels (H, W) bool of each, most pixels first.
 
     Args:
         points: (H, W, 3) in the camera frame [m].
         mask: (H, W) pixels to explain.
         up: (3,) upward direction in the camera frame.
-        least: Least fraction of the picture that a plane covers.
+        least: Minimum fraction of the picture that a plane covers.
     """
     rng = np.random.default_rng(0)
     rest, found = mask.copy(), []

@@ -1,4 +1,4 @@
-"""The surfaces that the photograph shows, as triangles with its pixels."""
+"""The visible surfaces as textured triangles."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from .pieces import Piece
 from .scenery import Scenery
 
 OVER_PX = 2
-"""Surfaces reach this far into neighbours that are not nearer, so that no gap opens between them [px]."""
+"""Surfaces extend this far into neighbours that are not nearer, so that no gap opens between them [px]."""
 MIXED_PX = 2
-"""Surfaces end this far from where they go on behind something nearer [px]."""
+"""Surfaces end this far from where they continue behind something nearer [px]."""
 LEVEL_M = 0.012
 """Neighbours within this distance are level with each other [m]."""
 
@@ -22,10 +22,10 @@ def front(scenery: Scenery, stride: float, inside: np.ndarray, behind: np.ndarra
     """One piece for each surface.
 
     Args:
-        scenery: What was seen.
+        scenery: The visible empty scene.
         stride: Spacing of the vertices [px].
         inside: (H, W) pixels whose ray meets the support inside its outline.
-        behind: (H, W) number of the surface that goes on behind what each pixel shows; 0 none.
+        behind: (H, W) number of the surface that continues behind the visible one at each pixel; 0 none.
     """
     kernel = np.ones((2 * OVER_PX + 1, 2 * OVER_PX + 1), np.uint8)
     pieces = []
@@ -44,7 +44,7 @@ def front(scenery: Scenery, stride: float, inside: np.ndarray, behind: np.ndarra
             level &= inside[row, column]
         grown = own.copy()
         grown[row[level], column[level]] = True
-        # Pixels beside something nearer show some of its colour: the continuation behind it takes their place.
+        # Pixels next to something nearer mix its colour; the continuation behind it replaces them.
         broad = cv2.morphologyEx((behind == patch.number).astype(np.uint8), cv2.MORPH_OPEN, np.ones((7, 7), np.uint8))
         mixed = cv2.dilate(broad, np.ones((2 * MIXED_PX + 1, 2 * MIXED_PX + 1), np.uint8)) > 0
         grown &= ~mixed

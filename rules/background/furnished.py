@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def bounded(layers: Layers, photograph: Photograph, support: Support) -> Layers:
-    """The layers without support behind things that stand beyond its visible outline."""
+    """The layers without support behind furniture that stands beyond its visible outline."""
     pose = support.camera_pose.matrix
     labels = np.where(layers.behind & ~layers.hole, SUPPORT, np.where(layers.elsewhere, SUPPORT + 1, 0))
     patch = Patch(SUPPORT, (pose[2, :3], float(pose[2, 3])))
@@ -47,7 +47,7 @@ def survey(
 
     Args:
         pixels: (H, W, 3) uint8, without objects.
-        depth: (H, W) [m]; 0 if unknown or taken out.
+        depth: (H, W) [m]; 0 if unknown or removed.
         behind: (H, W) pixels of the support, visible or hidden by objects.
         camera: Intrinsics [px].
         support: Its plane.
@@ -60,7 +60,7 @@ def survey(
 
 
 def seen_of(mask: np.ndarray, depth: np.ndarray, camera: Camera, support: Support) -> np.ndarray:
-    """Some points (N, 3) of the pixels in a mask, in the world frame [m]."""
+    """A sample of the points (N, 3) in a mask, in the world frame [m]."""
     where = mask & (depth > 0)
     points = cameras.backproject(np.where(where, depth, 0.0), camera.matrix())[where]
     return transforms.apply(support.camera_pose.matrix, points[:: max(1, len(points) // 3000)])
@@ -72,17 +72,17 @@ def furnished(
     """The surfaces and boxes of an empty scene.
 
     Args:
-        scenery: What was seen.
-        layers: Where each pixel's ray meets the support's plane, and what was taken out.
+        scenery: The visible empty scene.
+        layers: Intersections of the pixels' rays with the support's plane, and removed pixels.
         support: Its plane and measured outline.
-        objects: (N, 3) points of what was taken out, world frame [m].
+        objects: (N, 3) points of removed objects, world frame [m].
         stride: Spacing of vertices [px].
         common: Thickness of the support and margin of its box.
     """
     edge = outline(scenery, support.polygon, layers.hole)
     box = support_box(edge, common.margin_m, common.thickness_m)
     inside = np.isfinite(layers.plane) & regions.inside_convex(layers.floor, edge)
-    # What was taken for a part of the support beyond its outline is of the room, wherever that is.
+    # Pixels classified as support beyond its outline belong to the room, at any depth.
     scenery = replace(scenery, labels=np.where((scenery.labels == SUPPORT) & ~inside, 0, scenery.labels))
     room = enclose(scenery, edge, box.yaw)
     wider, behind = continued(scenery, room, stride)

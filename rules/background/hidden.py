@@ -1,4 +1,4 @@
-"""Continue surfaces behind what hides them, and beyond the picture's border."""
+"""Continuation of surfaces behind occluders and beyond the picture's border."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ HALF = 2
 BESIDE = 0.5
 """Border of the wider picture, as a fraction of the photograph's size."""
 LARGE = 0.02
-"""Planes along the room's walls that cover this fraction of the photograph are broad: they may go on far."""
+"""Planes along the room's walls that cover this fraction of the photograph are broad and may extend far."""
 ALONG = 0.985
 """Cosine of the largest angle between such a plane and the wall."""
 FAR = 1.5
-"""Broad planes go on this far, in multiples of the square root of their area, and beyond the photograph's border."""
+"""Broad planes extend this far, in multiples of the square root of their area, and beyond the photograph's border."""
 NEAR = 0.03
-"""All surfaces go on this far, as a fraction of the photograph's width."""
+"""All surfaces extend this far, as a fraction of the photograph's width."""
 FADE = 0.25
 """Distance at which colours have faded to the surface's mean, as a fraction of the wider picture's width."""
 PUSH = 1.0015
@@ -37,7 +37,7 @@ OVERLAP_PX = 3
 
 @dataclass(frozen=True)
 class _Wide:
-    """The wider picture: pixel centres in the photograph, and what the photograph shows there."""
+    """The wider picture: pixel centres in the photograph, and the photograph's content there."""
 
     pixel: np.ndarray  # (h, w, 2) column and row in the photograph
     inside: np.ndarray  # (h, w) bool, within the photograph
@@ -47,15 +47,15 @@ class _Wide:
 
 
 def continued(scenery: Scenery, room: Room, stride: float) -> tuple[list[Piece], np.ndarray]:
-    """Surfaces behind and beside what was seen; `stride` is the spacing of their vertices [photograph pixels].
+    """Surfaces behind and next to the visible ones; `stride` is the spacing of their vertices [photograph pixels].
 
     Returns:
-        The pieces, and (H, W) int32: which surface goes on behind each pixel of the photograph; 0 none.
+        The pieces, and (H, W) int32: the surface that continues behind each pixel of the photograph; 0 none.
     """
     wide = _wide(scenery)
     broad = [p for p in scenery.patches if p.number != SUPPORT and _broad(p, wide, scenery, room)]
     small = [p for p in scenery.patches if p.number != SUPPORT and p not in broad]
-    # Walls go on behind everything, so they are a layer of their own.
+    # Walls continue behind everything, so they are a separate layer.
     far, behind_far = _layer(broad, wide, scenery, room, stride)
     near, behind_near = _layer(small, wide, scenery, room, stride)
     return [*far, *near], np.where(behind_near > 0, behind_near, behind_far)
@@ -70,7 +70,7 @@ def _layer(
     masks = {number: mask for number, mask in masks.items() if mask.sum() >= 30}
     kernel = np.ones((2 * OVERLAP_PX + 1, 2 * OVERLAP_PX + 1), np.uint8)
     seams = {n: (cv2.dilate(m.astype(np.uint8), kernel) > 0) & (wide.labels == n) for n, m in masks.items()}
-    # One picture for all: a seam belongs to the surface that the photograph shows there.
+    # One picture for all: a seam belongs to the surface visible in the photograph.
     seam = np.logical_or.reduce([np.zeros(owner.shape, bool), *seams.values()])
     picture = wide.colour.copy()
     for number, mask in masks.items():
@@ -110,7 +110,7 @@ def _wide(scenery: Scenery) -> _Wide:
 
 
 def _owners(patches: list[Patch], wide: _Wide, scenery: Scenery, room: Room) -> np.ndarray:
-    """Which surface goes on at each pixel of the wider picture, (h, w) int32; 0 none."""
+    """The surface that continues at each pixel of the wider picture, (h, w) int32; 0 none."""
     best = np.full(wide.labels.shape, np.inf, np.float32)
     owner = np.zeros(wide.labels.shape, np.int32)
     for patch in patches:
@@ -146,7 +146,7 @@ def _broad(patch: Patch, wide: _Wide, scenery: Scenery, room: Room) -> bool:
 
 
 def _along(patch: Patch, scenery: Scenery, room: Room) -> np.ndarray:
-    """The two of the room's axes (2, 3) that lie in a plane."""
+    """The two of the room's axes (2, 3) parallel to a plane."""
     assert patch.plane is not None
     normal = scenery.world_from_camera[:3, :3] @ patch.plane[0]
     return room.axes[np.sort(np.argsort(np.abs(room.axes @ normal))[:2])]
@@ -163,14 +163,14 @@ def _touching(free: np.ndarray, own: np.ndarray) -> np.ndarray:
 def _paint(picture: np.ndarray, mask: np.ndarray, seam: np.ndarray, wide: _Wide, number: int) -> None:
     """Continue a surface's colours over its hidden part."""
     own = (wide.labels == number).astype(np.uint8)
-    # Pixels at the border show some of the neighbour's colour.
+    # Pixels at the border mix in the neighbour's colour.
     inner = (cv2.erode(own, np.ones((side, side), np.uint8), borderValue=1) > 0 for side in (7, 3, 1))
     known = next(mask for mask in inner if mask.sum() > 0.25 * own.sum())
     rows, columns = np.nonzero(mask | (own > 0))
     area = np.s_[int(rows.min()) : int(rows.max()) + 1, int(columns.min()) : int(columns.max()) + 1]
     colour = np.where(known[area][..., None], wide.colour[area], 0.0).astype(np.float32)
     found = membrane(colour, known[area])
-    # Far from what was seen, its mean colour is the better guess.
+    # Far from the visible part, the surface's mean colour is the better guess.
     away = cv2.distanceTransform((~known[area]).astype(np.uint8), cv2.DIST_L2, 3) / (FADE * wide.labels.shape[1])
     share = np.clip(away, 0.0, 1.0)[..., None]
     found = found * (1 - share) + wide.colour[known].mean(axis=0) * share
@@ -186,7 +186,7 @@ def _piece(
     pixel, faces = patch.fine(origin + points * HALF, faces, scenery.k, PUSH)
     points = (pixel - origin) / HALF
     depth = patch.depth(pixel, scenery.k)
-    # The outline may run a little over the end of a plane that is seen edge on.
+    # The outline may extend slightly beyond the end of a plane that is seen edge on.
     good = np.isfinite(depth)
     good[good] = room.holds(scenery.lift(pixel[good], depth[good]), 0.05)
     faces = faces[good[faces].all(axis=1)]

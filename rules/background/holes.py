@@ -1,4 +1,4 @@
-"""What is taken out of the photograph."""
+"""Pixels that are removed from the photograph."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ SHADE = (0.4, 1.15)
 TINT = 0.15
 """It changes the ratio of a colour to the brightness by less than this."""
 SPECK = 0.005
-"""What is narrower in the picture is no thing of its own, as a fraction of the width."""
+"""Narrower regions are no separate object, as a fraction of the width."""
 LEAST = 0.001
-"""Nor is what covers less than this fraction of the picture."""
+"""Smaller regions are none either, as a fraction of the picture."""
 
 
 def hole(instances: InstanceMap, robot: np.ndarray, part: float) -> np.ndarray:
@@ -35,14 +35,14 @@ def hole(instances: InstanceMap, robot: np.ndarray, part: float) -> np.ndarray:
 
 
 def shaded(pixels: np.ndarray, level: np.ndarray, taken: np.ndarray) -> np.ndarray:
-    """Pixels (H, W) with the colour of the support around them, but for a shadow or a reflection.
+    """Pixels (H, W) with the colour of the support around them, except for a shadow or a reflection.
 
-    Other colours beside an object are those of something else: a sheet of paper, another magazine.
+    Other colours next to an object belong to something else, such as a sheet of paper or another magazine.
 
     Args:
         pixels: (H, W, 3) uint8 photograph.
-        level: (H, W) pixels measured as support, away from what is taken out.
-        taken: (H, W) pixels of what is taken out.
+        level: (H, W) pixels measured as support, away from removed pixels.
+        taken: (H, W) removed pixels.
     """
     small = plain_colour(pixels, level)
     if small is None:
@@ -59,19 +59,19 @@ def shaded(pixels: np.ndarray, level: np.ndarray, taken: np.ndarray) -> np.ndarr
     large = facts[:, cv2.CC_STAT_AREA] >= LEAST * level.size
     large[0] = False
     same = ~large[labels]
-    # A pattern has no colour of its own to tell other things from.
+    # A patterned support has no uniform colour to compare with.
     return np.asarray(same) if same[level].mean() > 0.5 else np.ones_like(level)
 
 
 MOSTLY_BLANK = 0.8
-"""Part of a thing's pixels without depth from which it is taken for a shiny or dark part of its neighbour."""
+"""Fraction of a region's pixels without depth above which it is a shiny or dark part of its neighbour."""
 
 
 def remnants(other: np.ndarray, wide: np.ndarray, flat: np.ndarray, blank: np.ndarray) -> np.ndarray:
-    """Pixels (H, W) of what the masks have missed of their objects.
+    """Pixels (H, W) of objects that their masks have missed.
 
     Args:
-        other: (H, W) pixels beside the masks that do not have the support's colours.
+        other: (H, W) pixels next to the masks that do not have the support's colours.
         wide: (H, W) the masks and their surroundings.
         flat: (H, W) pixels measured in the support's plane.
         blank: (H, W) pixels without depth.

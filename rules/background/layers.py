@@ -1,4 +1,4 @@
-"""Classify pixels as support or other surfaces, and decide what is behind the holes."""
+"""Classification of pixels as support or other surfaces, and of the surfaces behind holes."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .surface import plane_depth
 from .synthesis import smooth_part
 
 RIM_M = 0.01
-"""Nearer to the support's outline than this, no pixel counts as a neighbour [m]."""
+"""Pixels closer than this to the support's outline do not count as neighbours [m]."""
 SAME_COLOUR = 30.0
-"""Colour distance from the smooth support up to which unmeasured pixels are support, of 255."""
+"""Colour distance from the smooth support below which unmeasured pixels are support, of 255."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def coloured_like(pixels: np.ndarray, level: np.ndarray, most: float = SAME_COLO
 def plain_colour(pixels: np.ndarray, level: np.ndarray) -> np.ndarray | None:
     """The support's own smooth colour, (H / 4, W / 4, 3) float32; None if hardly anything of it was measured.
 
-    Papers that lie flat on the support are measured as a part of it. They do not count, unless most of it would go.
+    Papers that lie flat on the support are measured as a part of it. They are excluded, unless they cover most of it.
     """
     small = _small(pixels)
     known = cv2.resize(level.astype(np.uint8), small.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 0

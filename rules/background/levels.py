@@ -1,4 +1,4 @@
-"""Collision boxes of the level surfaces of the room: boards of shelves, tops of cupboards, steps."""
+"""Collision boxes of level surfaces of the room: shelf boards, tops of cupboards, steps."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .shell import Room
 LEVEL = 0.97
 """Cosine of the angle to the vertical up to which a surface is level."""
 OFF_M = 0.015
-"""Distance from the support and the floor, which have boxes of their own, from which a surface counts [m]."""
+"""Minimum distance of a level surface from the support and the floor, which have their own boxes [m]."""
 CELL_M = 0.03
 """Cell in which a level is divided [m]."""
 LEAST_M2 = 0.005
@@ -33,14 +33,14 @@ class Level:
     """Of the surface, world frame [m]."""
 
     def under(self, low: np.ndarray, high: np.ndarray) -> bool:
-        """Whether the middle of a box, corners (3,), lies within the rectangle, and its top above it."""
+        """Whether the centre of a box, corners (3,), is inside the rectangle, and its top above it."""
         middle = (low[:2] + high[:2]) / 2
         within = (middle > self.low - CELL_M).all() and (middle < self.high + CELL_M).all()
         return bool(within and low[2] < self.height_m < high[2])
 
 
 def levels(scenery: Scenery, room: Room) -> list[Level]:
-    """Rectangles of the level planes that carry things, apart from the support and the floor."""
+    """Rectangles of level planes that can carry objects, except the support and the floor."""
     found = []
     for patch in scenery.patches:
         if patch.plane is None or patch.number == SUPPORT:
@@ -64,7 +64,7 @@ def _of(points: np.ndarray, height: float) -> list[Level]:
     grid = ndimage.binary_fill_holes(ndimage.binary_closing(grid, np.ones((3, 3), bool)))
     found = []
     for low, high in rectangles(grid):
-        # Cells reach beyond the edge of the surface; its points do not.
+        # Cells extend beyond the edge of the surface; its points do not.
         own = points[((cells - start >= low) & (cells - start < high)).all(axis=1), :2]
         if len(own) and np.prod(own.max(axis=0) - own.min(axis=0)) >= LEAST_M2:
             found.append(Level(own.min(axis=0), own.max(axis=0), height))

@@ -1,4 +1,4 @@
-"""The outline of the support: what was seen of it, completed where something hides it or the picture cuts it."""
+"""The outline of the support, completed where it is occluded or cut by the picture's border."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from .patch import SUPPORT
 from .scenery import Scenery
 
 BEYOND_M = 0.25
-"""How far a support goes on beyond the picture's border that cuts it [m]."""
+"""Extension of a support beyond the picture's border that cuts it [m]."""
 SIMPLE_M = 0.01
 """Tolerance of the simplified outline [m]."""
 ROUGH_M = 0.03
-"""What is seen farther than this from the outline is beside the support [m]."""
+"""Visible points farther than this outside the outline are not part of the support [m]."""
 RIM = 0.015
-"""Outlines are known to this fraction of the picture's width."""
+"""Uncertainty of outlines, as a fraction of the picture's width."""
 NEARER_M = 0.02
-"""What is nearer than the support by this much stands before it [m]."""
+"""Points nearer than the support by this much are in front of it [m]."""
 CORNER_M = 0.4
-"""A hidden corner is at most this far from what was seen beside it [m]."""
+"""Maximum distance of a hidden corner from the visible part next to it [m]."""
 
 
 def broad(mask: np.ndarray) -> np.ndarray:
-    """The largest part of a mask (H, W) without what hangs on by a neck: other things cross the support's height."""
+    """The largest part of a mask (H, W) without parts attached by a neck, which belong to other objects."""
     ones = _square(mask.shape[1])
     count, labels, facts, _ = cv2.connectedComponentsWithStats(
         cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, ones), connectivity=4
@@ -37,7 +37,7 @@ def broad(mask: np.ndarray) -> np.ndarray:
 
 
 def _side(width: int) -> int:
-    """Parts of the support that are narrower than this [px] may be something else."""
+    """Width below which parts of the support may be something else [px]."""
     return max(3, width // 40)
 
 
@@ -46,12 +46,12 @@ def _square(width: int) -> np.ndarray:
 
 
 def outline(scenery: Scenery, polygon: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Convex outline (P, 2) of the whole support [m]: what was seen, longer where the picture's border cuts it.
+    """Convex outline (P, 2) of the whole support [m]: the visible outline, extended where the picture's border cuts it.
 
     Args:
-        scenery: What was seen.
+        scenery: The visible empty scene.
         polygon: (Q, 2) convex outline of its measured part [m].
-        hidden: (H, W) pixels that showed something else: no outline is read from them.
+        hidden: (H, W) pixels that showed something else, from which no outline is read.
     """
     _height, width = scenery.labels.shape
     visible = broad(scenery.labels == SUPPORT) & ~hidden
@@ -81,10 +81,10 @@ def _pixels(points: np.ndarray, scenery: Scenery) -> np.ndarray:
 
 
 def _cut(hull: np.ndarray, scenery: Scenery, hidden: np.ndarray) -> np.ndarray:
-    """Which edges (P,) of the outline, each from its corner on, lie along the picture's border.
+    """Edges (P,) of the outline, each starting at its corner, that are along the picture's border.
 
-    Corners are known to the width of what `outline` takes for threads, and to its tolerance. An edge beyond which
-    something else was seen is not cut.
+    Corners are accurate to the width of parts that `outline` removes, and to its tolerance. An edge is not cut if
+    something else is visible beyond it.
     """
     height, width = scenery.labels.shape
     place = _pixels(hull, scenery)
@@ -109,7 +109,7 @@ def _outward(hull: np.ndarray) -> np.ndarray:
 
 
 def _other(points: np.ndarray, scenery: Scenery, hidden: np.ndarray) -> np.ndarray:
-    """At which points (N, 2) of the support's plane something else was seen."""
+    """Points (N, 2) of the support's plane at which something else is visible."""
     height, width = scenery.labels.shape
     pixel = np.round(_pixels(points, scenery)).astype(np.int64)
     inside = (pixel >= 0).all(axis=1) & (pixel[:, 0] < width) & (pixel[:, 1] < height)
@@ -117,13 +117,13 @@ def _other(points: np.ndarray, scenery: Scenery, hidden: np.ndarray) -> np.ndarr
     label, depth = scenery.labels[row, column], scenery.depth[row, column]
     level = np.concatenate([points, np.zeros((len(points), 1))], axis=1)
     plane = transforms.apply(np.linalg.inv(scenery.world_from_camera), level)[:, 2]
-    # What is nearer only hides the support.
+    # Nearer objects only occlude the support.
     nearer = (depth > 0) & (depth < plane - NEARER_M)
     return np.asarray(inside & ~hidden[row, column] & (label != SUPPORT) & ~nearer)
 
 
 def _cornered(hull: np.ndarray, scenery: Scenery, hidden: np.ndarray) -> np.ndarray:
-    """The outline with the corners that something hid: where two edges meet behind what was taken out."""
+    """The outline with hidden corners, at the intersections of two edges behind removed pixels."""
     number = 0
     while number < len(hull) and len(hull) > 3:
         before, a, b, after = (hull[(number + n) % len(hull)] for n in (-1, 0, 1, 2))
@@ -141,7 +141,7 @@ def _cornered(hull: np.ndarray, scenery: Scenery, hidden: np.ndarray) -> np.ndar
 
 
 def _meeting(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray | None:
-    """Where the ray from a through b meets the one from c through d, beyond b and d; None if nowhere near."""
+    """Intersection of the ray from a through b with the one from c through d, beyond b and d; None if far away."""
     first, second = b - a, d - c
     cross = first[0] * second[1] - first[1] * second[0]
     if abs(cross) < 0.1 * np.linalg.norm(first) * np.linalg.norm(second):
@@ -153,7 +153,7 @@ def _meeting(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.n
 
 
 def _unseen(triangle: np.ndarray, scenery: Scenery, hidden: np.ndarray) -> bool:
-    """Whether nothing else was seen in a triangle of the support's plane."""
+    """Whether nothing else is visible in a triangle of the support's plane."""
     share = np.array([[i, j, 12 - i - j] for i in range(1, 12) for j in range(1, 12 - i)]) / 12
     place = _pixels(share @ triangle, scenery)
     inside = ((place > -0.5) & (place < np.array(scenery.labels.shape[::-1]) - 0.5)).all(axis=1)
@@ -161,9 +161,9 @@ def _unseen(triangle: np.ndarray, scenery: Scenery, hidden: np.ndarray) -> bool:
 
 
 def _completed(hull: np.ndarray, cut: np.ndarray) -> np.ndarray:
-    """A convex outline that goes on where the picture's border cuts it, as far as a rectangle along its longest edge.
+    """A convex outline extended where the picture's border cuts it, up to a rectangle along its longest edge.
 
-    Most tables are rectangles; the edges that were seen stay.
+    Most tables are rectangles; visible edges are kept.
     """
     edges = np.roll(hull, -1, axis=0) - hull
     if not cut.any() or cut.all():

@@ -11,9 +11,9 @@ from dextera_build.geometry import planes
 SUPPORT = 1
 """Label of the support."""
 JOINED_M = 0.03
-"""Corners of a face on a curved surface are at most this far apart in depth [m]."""
+"""Maximum depth difference between corners of a face on a curved surface [m]."""
 DIVISIONS = 3
-"""Times that the edges of a steep face are halved."""
+"""Number of times that the edges of a steep face are halved."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Patch:
     """(h, w) float32, 1 / depth of a curved surface and its surroundings [1/m]."""
 
     def depth(self, pixel: np.ndarray, k: np.ndarray) -> np.ndarray:
-        """Depth (...) [m] at pixels (..., 2), column and row, in or out of the picture; infinite where it has none."""
+        """Depth (...) [m] at pixels (..., 2), column and row, also outside the picture; infinite where undefined."""
         if self.plane is None:
             assert self.inverse is not None
             return np.asarray(1.0 / _sampled(self.inverse, pixel - self.corner[::-1]))
@@ -44,10 +44,10 @@ class Patch:
     def fine(
         self, pixel: np.ndarray, faces: np.ndarray, k: np.ndarray, push: float = 1.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Corners (V, 2) and faces (F, 3) of a triangulation in the picture that joins nothing apart.
+        """Corners (V, 2) and faces (F, 3) of a triangulation in the picture without faces across depth steps.
 
-        A face in a plane joins nothing. Of a curved surface, steep faces are divided; what is still steep when it is
-        smaller than a pixel is a step. `push` is a factor of all depths.
+        Faces of a plane cross no step. Steep faces of a curved surface are divided; a face that is still steep when it
+        is smaller than a pixel is a step and is dropped. `push` is a factor of all depths.
         """
         if self.plane is not None:
             return pixel, faces

@@ -1,4 +1,4 @@
-"""Divide a photograph into smooth surfaces, none of which joins things apart in depth."""
+"""Segmentation of a photograph into smooth surfaces without depth steps."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from .steps import connected, smoothed, steps
 from .synthesis import membrane
 
 LEAST = 0.0005
-"""Smaller surfaces, as a fraction of the picture, belong to their neighbours."""
+"""Smaller surfaces, as a fraction of the picture, are merged with their neighbours."""
 FLAT = 0.012
-"""Least fraction of the picture that a plane covers."""
+"""Minimum fraction of the picture that a plane covers."""
 PIECE = 0.004
-"""Least fraction of the picture that a connected piece of a plane covers."""
+"""Minimum fraction of the picture that a connected piece of a plane covers."""
 BLUR = 0.003
-"""Depth and colours are registered to this fraction of the picture's width."""
+"""Registration error of depth and colours, as a fraction of the picture's width."""
 GAP = 0.13
-"""Surfaces go on over unmeasured places that are nowhere farther from a measured pixel, as a fraction of the width."""
+"""Maximum distance of an unmeasured pixel that a surface covers from a measured one, as a fraction of the width."""
 BROAD = 0.02
-"""Least fraction of the picture that a broad plane covers."""
+"""Minimum fraction of the picture that a broad plane covers."""
 STRANGE = 90.0
 """Colour distance from the support, of 255, at which an unmeasured neighbour of it is something else."""
 MARGIN = 8
-"""Pixels around a surface for which its depth is known, too."""
+"""Width of the margin of a surface in which its depth is known, too [px]."""
 
 
 def divide(
@@ -45,11 +45,11 @@ def divide(
 
     Args:
         pixels: (H, W, 3) uint8 photograph without objects.
-        depth: (H, W) [m]; 0 if unknown, or if something was taken out.
+        depth: (H, W) [m]; 0 if unknown or removed.
         k: (3, 3) intrinsics [px].
         support: (H, W) pixels of the support.
         plane: The support's plane in the camera frame.
-        step_m: Surfaces are at most this far apart where they join [m].
+        step_m: Maximum depth difference where surfaces join [m].
     """
     soft = np.where(support, 0.0, smoothed(depth)).astype(np.float32)
     points = cameras.backproject(soft, k)
@@ -57,7 +57,7 @@ def divide(
     labels = np.where(support, SUPPORT, 0).astype(np.int32)
     found: dict[int, planes.Plane | None] = {SUPPORT: plane}
     for flat, inside in flats(points, soft > 0, up, FLAT):
-        # A plane that is neither upright nor level may cut through several things: only large pieces are surfaces.
+        # A plane that is neither vertical nor level may cut through several objects: only large pieces are surfaces.
         level = max(abs(flat[0] @ up), 1.0 - abs(flat[0] @ up)) > 0.99
         for mask in _pieces(inside, (PIECE if level else 2 * PIECE) * labels.size):
             found[len(found) + 1] = flat
@@ -72,7 +72,7 @@ def divide(
     labels = _grown(pixels, np.where(_doubtful(labels, depths, step_m), 0, labels).astype(np.int32))
     broad = [n for n, flat in found.items() if flat is not None and (measured == n).sum() >= BROAD * measured.size]
     labels = _without_void(labels, measured, [n for n in broad if n != SUPPORT])
-    # The support goes on where it looks as it does; a floor without depth has another colour.
+    # The support is continued where its colours match; a floor without depth has another colour.
     strange = (labels == SUPPORT) & (measured != SUPPORT) & ~coloured_like(pixels, measured == SUPPORT, STRANGE)
     labels = np.where(strange & (_away(measured == SUPPORT) > 2 * BLUR), 0, labels).astype(np.int32)
     return labels, [_patch(number, flat, labels, measured, soft) for number, flat in found.items()]
@@ -90,7 +90,7 @@ def _pieces(mask: np.ndarray, least: float) -> list[np.ndarray]:
 
 
 def _doubtful(labels: np.ndarray, soft: np.ndarray, step_m: float) -> np.ndarray:
-    """Pixels (H, W) beside a step between two surfaces: depth and colours are registered to a few pixels only."""
+    """Pixels (H, W) next to a step between two surfaces: depth and colours are registered to a few pixels only."""
     size = max(0, round(BLUR * labels.shape[1]))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * size + 1, 2 * size + 1))
     known = labels > 0
@@ -99,7 +99,7 @@ def _doubtful(labels: np.ndarray, soft: np.ndarray, step_m: float) -> np.ndarray
     other = cv2.morphologyEx(labels.astype(np.float32), cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8)) > 0
     border = (other & (far - near > step_m)).astype(np.uint8)
     inner = cv2.dilate(border, disc) > 0
-    # What is too thin to have an inside keeps its pixels.
+    # Surfaces too thin to have an inside keep their pixels.
     count = int(labels.max()) + 1
     left = np.bincount(labels[~inner], minlength=count) / np.maximum(np.bincount(labels.reshape(-1)), 1)
     return np.asarray(inner & (left > 0.4)[labels])
@@ -113,7 +113,7 @@ def _grown(pixels: np.ndarray, labels: np.ndarray) -> np.ndarray:
     markers = np.pad(labels, 1)
     cv2.watershed(np.ascontiguousarray(wide), markers)
     grown = np.maximum(markers[1:-1, 1:-1], 0)
-    # The lines between two basins are nobody's: they go to a neighbour.
+    # Watershed lines between two basins are assigned to a neighbour.
     while (grown == 0).any():
         largest = cv2.dilate(grown.astype(np.float32), np.ones((3, 3), np.uint8)).astype(np.int32)
         grown = np.where(grown == 0, largest, grown)
@@ -126,9 +126,9 @@ def _away(mask: np.ndarray) -> np.ndarray:
 
 
 def _without_void(labels: np.ndarray, measured: np.ndarray, broad: list[int]) -> np.ndarray:
-    """Labels without wide unmeasured places: nobody knows them.
+    """Labels without wide unmeasured regions, whose surface is unknown.
 
-    Those that are wider than the surface beside them go to a broad plane nearby, such as a screen to its wall.
+    Regions wider than the adjacent surface are assigned to a broad plane nearby, such as a screen to its wall.
     """
     away = _away(measured > 0)
     core = away > GAP
@@ -137,7 +137,7 @@ def _without_void(labels: np.ndarray, measured: np.ndarray, broad: list[int]) ->
     inner = cv2.distanceTransform((~border).astype(np.uint8), cv2.DIST_L2, 3) / labels.shape[1]
     radius = np.zeros(int(max(labels.max(), measured.max())) + 1)
     np.maximum.at(radius, measured.reshape(-1), inner.reshape(-1))
-    # Half a surface's width lies between its border and its middle.
+    # The distance from the border to the middle is half the surface's width.
     far = (away > 2 * radius[labels]) & (labels != SUPPORT)
     walls = np.isin(measured, broad)
     if not walls.any():
@@ -160,7 +160,7 @@ def _patch(
     top, left = max(0, int(rows.min()) - MARGIN), max(0, int(columns.min()) - MARGIN)
     area = np.s_[top : int(rows.max()) + MARGIN + 1, left : int(columns.max()) + MARGIN + 1]
     known = measured[area] == number
-    # Depth at the very border mixes two surfaces.
+    # Depth directly at the border mixes two surfaces.
     inner = cv2.erode(known.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=1) > 0
     known = inner if inner.sum() > 0.3 * known.sum() else known
     inverse = np.where(known, 1.0 / np.maximum(soft[area], 1e-3), 0.0).astype(np.float32)[..., None]

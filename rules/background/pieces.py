@@ -1,4 +1,4 @@
-"""Pieces of surface, each with a picture of its own, and one mesh of many."""
+"""Pieces of surface, each with its own picture, and their combination into one mesh."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Piece:
     """Triangles in the world frame."""
 
     vertices: np.ndarray  # (V, 3) float64 [m]
-    faces: np.ndarray  # (F, 3), counter-clockwise from the side that is seen
+    faces: np.ndarray  # (F, 3), counter-clockwise from the visible side
     pixel: np.ndarray  # (V, 2) column and row in `picture`, integer pixel centres
     picture: np.ndarray  # (h, w, 3) uint8
 
@@ -56,7 +56,7 @@ def atlas(pieces: Sequence[Piece]) -> Mesh:
         rows[key], top = top + 1, top + picture.shape[0] + 2
     whole = np.zeros((top, width, 3), np.uint8)
     for key, picture in pictures.items():
-        # A rim of copied pixels keeps neighbours in the atlas from showing at the seams.
+        # A rim of copied pixels prevents bleeding between neighbours in the atlas.
         wide = np.pad(picture, ((1, 1), (1, width - 1 - picture.shape[1]), (0, 0)), mode="edge")
         whole[rows[key] - 1 : rows[key] + picture.shape[0] + 1] = wide
     moved = []

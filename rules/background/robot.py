@@ -20,15 +20,16 @@ class RobotOptions(Options):
     """Options of background.robot."""
 
     joints_deg: dict[str, float] = Field(default_factory=dict)
-    """Joint -> position that its encoder read when the photograph was taken [deg]; others are at home."""
+    """Joint -> encoder reading when the photograph was taken [deg]; others are at home."""
     tolerance_m: PositiveFloat = 0.03
-    """Largest difference of measured and rendered depth on the robot [m]; for `measured`."""
+    """Maximum difference of measured and rendered depth on the robot [m]; with `measured` only."""
     grow_px: NonNegativeInt = 8
-    """Distance beyond the rendered outline at which measured pixels may be the robot's [px]; for `measured`."""
+    """Distance outside the rendered outline within which measured pixels may be the robot's [px]; with `measured`
+    only."""
 
 
 class RobotBackend(Protocol):
-    """What a backend of background.robot defines."""
+    """Interface of a backend of background.robot."""
 
     def mask(
         self, ctx: Context, robot: RobotModel, camera: Camera, base: np.ndarray, joints: dict[str, float], options: Any
@@ -39,7 +40,7 @@ class RobotBackend(Protocol):
     def depth(
         self, ctx: Context, robot: RobotModel, camera: Camera, base: np.ndarray, joints: dict[str, float], options: Any
     ) -> np.ndarray:
-        """Depth (H, W) of the same [m]; 0 beside the robot."""
+        """Depth (H, W) of the same [m]; 0 outside the robot."""
         ...
 
 
@@ -53,10 +54,10 @@ def robot(
     *,
     options: RobotOptions | None = None,
 ) -> LabelImage:
-    """Return 1 where the robot is in the picture, by its model, its joint positions and T_camera_base; otherwise 0.
+    """Return 1 at the pixels of the robot, from its model, its joint positions and T_camera_base; otherwise 0.
 
-    With measured depth, pixels just beyond the outline that are as far away as the robot are the robot's, and pixels
-    within it that are not, are not: as `align.robot_camera` finds the robot in calibration pictures.
+    With measured depth, pixels just outside the outline with the robot's depth are added, and pixels inside it with
+    another depth are removed, as in `align.robot_camera`.
     """
     options = options or RobotOptions()
     known = {joint.name: joint.home for joint in robot.joints}

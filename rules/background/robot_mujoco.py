@@ -1,4 +1,4 @@
-"""background.robot: the robot's model, drawn by MuJoCo."""
+"""background.robot: the robot's model, rendered by MuJoCo."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def mask(
 def depth(
     ctx: Context, robot: RobotModel, camera: Camera, base: np.ndarray, joints: dict[str, float], options: Options
 ) -> np.ndarray:
-    """Depth (H, W) float64 of the same [m]; 0 beside the robot."""
+    """Depth (H, W) float64 of the same [m]; 0 outside the robot."""
     model, data, pose = _posed(robot, base, joints)
     return rendering.render_depth(model, data, camera, pose).astype(np.float64)
 

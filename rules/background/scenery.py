@@ -1,4 +1,4 @@
-"""What the photograph shows of the empty scene, in one place for the rules of its geometry."""
+"""The visible empty scene, as common input of the rules of its geometry."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SOME = np.s_[::4, ::4]
 
 @dataclass(frozen=True)
 class Scenery:
-    """The empty scene as its camera sees it."""
+    """The empty scene in the view of its camera."""
 
     pixels: np.ndarray  # (H, W, 3) uint8, without objects
     labels: np.ndarray  # (H, W) int32, patch of each pixel
@@ -27,7 +27,7 @@ class Scenery:
 
     @cached_property
     def depth(self) -> np.ndarray:
-        """Depth (H, W) of the patches [m]; 0 where a pixel belongs to none."""
+        """Depth (H, W) of the patches [m]; 0 for pixels of no patch."""
         depth = np.zeros(self.labels.shape)
         for patch in self.patches:
             row, column = np.nonzero(self.labels == patch.number)
@@ -57,7 +57,7 @@ class Scenery:
     def colours(self, points: np.ndarray, apart_m: float, *, unmeasured: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Colours (..., 3) float32 of world points (..., 3), and which of them the picture shows within `apart_m`.
 
-        With `unmeasured`, pixels that belong to no patch show whatever is behind them.
+        With `unmeasured`, pixels of no patch show the surface behind them at any depth.
         """
         seen = transforms.apply(np.linalg.inv(self.world_from_camera), points)
         row, column, inside = cameras.nearest_pixels(seen, self.k, self.labels.shape)

@@ -1,4 +1,4 @@
-"""A closed room around what was seen: floor, four walls, ceiling. Where no plane was seen, they are invented."""
+"""A closed room around the visible scene: floor, four walls, ceiling; unobserved ones are invented."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from .scenery import Scenery
 from .synthesis import membrane, smooth_part
 
 TABLE_M = 0.74
-"""Height of a table over a floor that was not seen [m]."""
+"""Assumed height of a table over an unobserved floor [m]."""
 ROOM_M = 2.5
-"""Least height of a room [m]."""
+"""Minimum height of a room [m]."""
 BEYOND_M = 1.0
-"""Distance of an unseen wall from the last thing seen before it [m]."""
+"""Distance of an unobserved wall from the last visible point before it [m]."""
 BACK_M = 1.2
-"""Distance of an unseen wall from the camera [m]."""
+"""Distance of an unobserved wall from the camera [m]."""
 HEAD_M = 0.3
-"""Distance of the ceiling above the camera and the highest thing seen [m]."""
+"""Distance of the ceiling above the camera and the highest visible point [m]."""
 GAP_M = 0.02
-"""Distance of a wall behind the plane that was seen of it [m]."""
+"""Distance of a wall behind its observed plane [m]."""
 TEXELS = 192
 """Edge of a wall's picture."""
 SOFT = 0.06
-"""Colours of walls that were not seen change over this part of their edge."""
+"""Colours of unobserved walls are blended over this fraction of their edge."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Room:
     high: np.ndarray
     """(3,) opposite corner [m]."""
     known: tuple[bool, ...]
-    """Whether a plane was seen of: the walls at low and high first axis, those of the second, the floor."""
+    """Whether a plane was observed of: the walls at low and high first axis, those of the second, the floor."""
 
     @property
     def axes(self) -> np.ndarray:
@@ -54,12 +54,12 @@ class Room:
 
 
 def enclose(scenery: Scenery, outline: np.ndarray, yaw: float) -> Room:
-    """The room that holds everything seen, the support and the camera.
+    """The room that contains all visible points, the support and the camera.
 
     Args:
-        scenery: What was seen.
+        scenery: The visible empty scene.
         outline: (P, 2) outline of the support [m].
-        yaw: Direction of the room if no wall was seen [rad].
+        yaw: Direction of the room if no wall was observed [rad].
     """
     planes = scenery.planes()
     walls = sorted((p for p in planes if abs(p[0][2]) < 0.1), key=lambda p: -p[2])
@@ -89,7 +89,7 @@ def enclose(scenery: Scenery, outline: np.ndarray, yaw: float) -> Room:
 
 
 def shell(room: Room, scenery: Scenery) -> list[Piece]:
-    """Floor, walls and ceiling, seen from inside; colours continue those that the photograph shows of them."""
+    """Floor, walls and ceiling, visible from inside; their colours continue the visible parts."""
     (x0, y0, z0), (x1, y1, z1) = room.low, room.high
     # From inside: upper left, lower left, lower right, upper right.
     sides = (
@@ -101,7 +101,7 @@ def shell(room: Room, scenery: Scenery) -> list[Piece]:
         [[x0, y0, z1], [x0, y1, z1], [x1, y1, z1], [x1, y0, z1]],
     )
     corners = [np.array(side) @ room.axes for side in sides]
-    # Without depth, whatever is not the support is on the walls and the floor.
+    # Without depth, all pixels that are not the support are on the walls and the floor.
     alone = not len(scenery.points)
     painted = [scenery.colours(_texels(c), 0.25, unmeasured=alone) for c in corners]
     mean = scenery.pixels.reshape(-1, 3).mean(axis=0)
@@ -122,12 +122,12 @@ def _texels(corners: np.ndarray) -> np.ndarray:
 
 
 def _continued(colour: np.ndarray, shown: np.ndarray, plain: np.ndarray) -> np.ndarray:
-    """The colours that were seen, fading to the plain one away from them."""
+    """The visible colours, blended to the plain colour with the distance."""
     import cv2
 
     if shown.mean() < 0.002:
         return np.full((TEXELS, TEXELS, 3), np.clip(plain, 0, 255), np.uint8)
-    # Single things at the border of what was seen do not go on as stripes.
+    # Prevent single objects at the border of the visible part from being extended as stripes.
     smooth = smooth_part(np.where(shown[..., None], colour, 0.0).astype(np.float32), shown, SOFT * TEXELS)
     away = cv2.distanceTransform((~shown).astype(np.uint8), cv2.DIST_L2, 3) / TEXELS
     near = np.clip(1.0 - away / SOFT, 0.0, 1.0)[..., None]

@@ -1,4 +1,4 @@
-"""The support as a closed slab, cut at its outline, with the texture of its seen part everywhere."""
+"""The support as a closed slab, cut at its outline, with the texture of its visible part everywhere."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from .scenery import Scenery
 from .synthesis import fill_texture, membrane
 
 UNDER_M = 0.001
-"""The slab's top is this far below the surface that was photographed [m]."""
+"""Distance of the slab's top below the photographed surface [m]."""
 RIM = 15
-"""Width of a square in which everything is the support where its texture is taken from [texels]."""
+"""Width of a square around each source texel that must be entirely support [texels]."""
 ALONG = 24
-"""Points of each side that are looked at."""
+"""Number of points per side that are tested."""
 LEVELS = 8
-"""Thicknesses that are tried."""
+"""Number of thicknesses that are tried."""
 HIDES_M = 0.05
-"""A side hides what is farther behind it than this [m]."""
+"""A side hides points that are farther behind it than this [m]."""
 MOST_HIDDEN = 0.5
-"""Part of the points of the sides that may hide something: the outline is known to a few pixels only."""
+"""Fraction of the points of the sides that may hide something, because the outline is known to a few pixels only."""
 TEXELS = 512
 """Longest edge of the slab's picture."""
 
@@ -32,9 +32,9 @@ def slab(scenery: Scenery, edge: np.ndarray, most: float) -> list[Piece]:
     """Top, sides and underside of the support.
 
     Args:
-        scenery: What was seen.
+        scenery: The visible empty scene.
         edge: (P, 2) convex outline, counter-clockwise [m].
-        most: Thickness, unless its sides would hide what was seen [m].
+        most: Maximum thickness, reduced if its sides would hide visible surfaces [m].
     """
     count, thickness = len(edge), _thickness(scenery, edge, most)
     low = edge.min(axis=0)
@@ -48,7 +48,7 @@ def slab(scenery: Scenery, edge: np.ndarray, most: float) -> list[Piece]:
     pixel = (edge - low) / texel
     fan = np.array([[0, i, i + 1] for i in range(1, count - 1)])
     top, bottom = (np.concatenate([edge, np.full((count, 1), z)], axis=1) for z in (-UNDER_M, -thickness))
-    # Every side is a plane with corners of its own.
+    # Every side is a plane with its own corners.
     rings = [ring for level in (top, bottom) for ring in (level, np.roll(level, -1, axis=0))]
     first, after, first_low, after_low = np.arange(4 * count).reshape(4, count)
     sides = np.concatenate([np.stack([first, first_low, after], 1), np.stack([after, first_low, after_low], 1)])
@@ -62,7 +62,7 @@ def slab(scenery: Scenery, edge: np.ndarray, most: float) -> list[Piece]:
 
 
 def _thickness(scenery: Scenery, edge: np.ndarray, most: float) -> float:
-    """The largest thickness up to `most` whose sides hide little of what the photograph shows beneath the edge [m]."""
+    """The largest thickness up to `most` whose sides hide little of the photograph beneath the edge [m]."""
     share = np.linspace(0.0, 1.0, ALONG, endpoint=False)[:, None, None]
     ring = (edge + share * (np.roll(edge, -1, axis=0) - edge)).reshape(-1, 2)
     out = np.stack([np.roll(edge, -1, axis=0) - edge] * ALONG).reshape(-1, 2) @ np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -80,10 +80,10 @@ def _thickness(scenery: Scenery, edge: np.ndarray, most: float) -> float:
 
 
 def _continued(colour: np.ndarray, shown: np.ndarray) -> np.ndarray:
-    """A top view with the texture of its seen part everywhere; none if hardly anything was seen."""
+    """A top view filled with the texture of its visible part; none if hardly anything is visible."""
     if shown.sum() < 500:
         return membrane(np.where(shown[..., None], colour, 0.0).astype(np.float32), shown)
-    # What lies flat on the support, and what stands at its border, does not go on, nor what is beside either.
+    # Neither flat objects on the support, nor objects at its border, nor their surroundings are sources of texture.
     own = shown & shaded(colour.astype(np.uint8), shown, ~shown)
     inner = cv2.erode(own.astype(np.uint8), np.ones((RIM, RIM), np.uint8), borderValue=1) > 0
     own = inner if inner.sum() >= 500 else own

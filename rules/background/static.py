@@ -25,7 +25,7 @@ class StaticOptions(Options):
 
 
 class BackgroundBackend(Protocol):
-    """What a backend of background.static defines."""
+    """Interface of a backend of background.static."""
 
     def clean(
         self,
@@ -38,7 +38,7 @@ class BackgroundBackend(Protocol):
         common: StaticOptions,
         options: Any,
     ) -> Background:
-        """Remove objects and the robot from photograph and depth, and build the surface behind them [m, world].
+        """Remove objects and the robot from photograph and depth, and reconstruct the surface behind them [m, world].
 
         `depth` is (H, W) float32 [m], 0 where nothing was measured; `robot` (H, W) bool.
         """
@@ -62,10 +62,9 @@ def static(
 ) -> Background:
     """Return the cleaned photograph and depth, the room's textured surfaces in the world frame [m], collision boxes.
 
-    Objects are taken out, and the robot if `robot`, whose pixels are not 0, tells where it is: nothing else is called
-    a robot. Everything else stays. Surfaces that no pixel shows are apart, in `invented`. Surfaces are visual only;
-    the boxes collide. The first box is the support with its top at z = 0. Without depth, only the support itself has
-    a measured surface.
+    Objects are removed, and the robot at the pixels where `robot` is not 0. Everything else is kept. Surfaces without a
+    visible pixel are separate, in `invented`. Surfaces are visual only; the boxes collide. The first box is the support
+    with its top at z = 0. Without depth, only the support has a measured surface.
     """
     options = options or StaticOptions()
     size = photograph.rgb.pixels.shape[:2]

@@ -1,4 +1,4 @@
-"""background.static with a picture painted by FLUX.2; surface, depth and boxes are those of backend `planes`."""
+"""background.static with inpainting by FLUX.2; surface, depth and boxes are those of backend `planes`."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ class Flux2Options(Options):
     """Options of backend `flux2` of background.static."""
 
     prompt: str = "the same scene, empty: no objects, no robot, only the bare surface and the background"
-    """What the model is asked to paint."""
+    """Prompt of the model."""
     dilate: Fraction = 0.025
     """Mask dilation before filling, as a fraction of the image width; covers soft edges and contact shadows."""
     strength: float = Field(1.0, gt=0.0, le=1.0)
-    """1 paints from noise; less keeps something of the picture that `planes` filled."""
+    """1 paints from pure noise; lower values keep more of the picture filled by `planes`."""
     steps: int = Field(50, ge=1, le=200)
-    """Steps of the sampling."""
+    """Number of sampling steps."""
     guidance: float = Field(4.0, ge=1.0, le=20.0)
-    """Weight of the prompt."""
+    """Guidance scale of the prompt."""
     longest_px: int = Field(1024, ge=64, le=4096)
-    """Longest side that the model paints [px]; larger photographs are reduced for it."""
+    """Longest side of the inpainted picture [px]; larger photographs are reduced."""
     seed: NonNegativeInt = 0
     """Seed of the sampling."""
 
@@ -61,7 +61,7 @@ def clean(
     common: StaticOptions,
     options: Flux2Options,
 ) -> Background:
-    """The background of `planes` with the pixels of the hole by FLUX.2 (Black Forest Labs, 2025); others stay."""
+    """The background of `planes` with pixels of the hole by FLUX.2 (Black Forest Labs, 2025); others are kept."""
     made: Background = ctx.other("planes").clean(photograph, depth, support, instances, robot, common)
     taken = hole(instances, robot, options.dilate)
     if not taken.any():
@@ -73,7 +73,7 @@ def clean(
 
 
 def self_test(ctx: Context) -> None:
-    """The model paints a corner of a grey picture in one step."""
+    """Check that the model inpaints a corner of a grey picture in one step."""
     taken = np.zeros((64, 64), bool)
     taken[:32, :32] = True
     grey, options = np.full((64, 64, 3), 128, np.uint8), Flux2Options(steps=1)

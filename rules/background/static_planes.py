@@ -1,4 +1,4 @@
-"""background.static by planes: fill the support in its own plane, everything else in the image."""
+"""background.static by planes: fills the support in its own plane, everything else in the image."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ BACKEND = Backend(
 
 
 SOFT = 0.006
-"""Pixels this near to a mask, as a fraction of the width, mix the colours of both sides."""
+"""Width next to a mask, as a fraction of the picture's width, in which pixels mix the colours of both sides."""
 MOST_GAIN = 1.6
 """Maximum gain when removing shadows and reflections."""
 
@@ -42,19 +42,19 @@ class PlanesOptions(Options):
     """Options of backend `planes` of background.static."""
 
     dilate: Fraction = 0.025
-    """Contact shadows on the support, and errors of a robot's mask, reach this far, as a fraction of the width."""
+    """Reach of contact shadows on the support and of errors of a robot's mask, as a fraction of the width."""
     shadow_reach_m: NonNegativeFloat = 0.1
-    """Distance from a mask on the support up to which shadows are lightened [m]; 0 keeps them."""
+    """Distance from a mask on the support within which shadows are lightened [m]; 0 keeps them."""
     texel_m: PositiveFloat = 0.001
     """Smallest texel of the rectified support [m]."""
     snap_m: NonNegativeFloat = 0.015
-    """Surface within this height of the support is snapped to it [m]."""
+    """Surfaces within this height of the support are snapped to it [m]."""
     stride: float = Field(0.008, gt=0.0, le=1.0)
     """Spacing of the vertices of curved surfaces in the photograph, as a fraction of its width."""
     step_m: PositiveFloat = 0.03
-    """Surfaces farther apart in depth are not joined [m]."""
+    """Depth difference above which surfaces are not joined [m]."""
     farthest_m: PositiveFloat = 8.0
-    """Depth farther from the camera counts as unknown [m]."""
+    """Greater depths are treated as unknown [m]."""
 
 
 def clean(
@@ -67,11 +67,11 @@ def clean(
     common: StaticOptions,
     options: PlanesOptions,
 ) -> Background:
-    """Remove objects and robot from photograph and depth, and build the room without them."""
+    """Remove objects and robot from photograph and depth, and reconstruct the room without them."""
     cv2.setNumThreads(1)
     depth = np.where(depth > options.farthest_m, 0.0, depth).astype(np.float32)
     nothing = instances.model_copy(update={"labels": np.zeros_like(instances.labels)})
-    # A robot's pixels come from a model and a calibration: they are not exact.
+    # A robot's pixels come from a model and a calibration, so they are inexact.
     taken = hole(instances, robot, SOFT) | hole(nothing, robot, options.dilate)
     wide = hole(instances, robot, options.dilate)
     layers = split(photograph, depth, support, wide, options.snap_m)
@@ -103,9 +103,9 @@ def _flat(photograph: Photograph, depth: np.ndarray, support: Support, options: 
 def _fill_support(
     image: np.ndarray, layers: Layers, own: np.ndarray, camera: Camera, support: Support, options: PlanesOptions
 ) -> np.ndarray:
-    """The picture with holes on the support filled in its plane, and shadows beside them lightened.
+    """The picture with holes on the support filled in its plane, and shadows next to them lightened.
 
-    Only pixels of `own` (H, W) have the support's colours; the others stay as they are.
+    Only pixels of `own` (H, W) have the support's colours; the others are unchanged.
     """
     target = layers.hole & layers.behind
     spots = layers.floor[target]

@@ -1,4 +1,4 @@
-"""Steps of a depth map: where neighbouring pixels show different surfaces."""
+"""Steps of a depth map between different surfaces."""
 
 from __future__ import annotations
 
@@ -6,25 +6,25 @@ import cv2
 import numpy as np
 
 BASE = 3
-"""Pixels over which the slope on either side of a possible step is taken."""
+"""Number of pixels over which the slope on either side of a possible step is estimated."""
 
 
 def smoothed(depth: np.ndarray) -> np.ndarray:
-    """Depth (H, W) float32 without noise, its steps kept; 0 stays 0."""
+    """Depth (H, W) float32 without noise but with its steps; 0 is kept."""
     known = depth > 0
     if not known.any():
         return depth.astype(np.float32)
-    # The filter would mix unmeasured pixels in: a depth from the far side of everything is beyond its range.
+    # The filter would average unmeasured pixels: a very large depth is outside its range.
     filled = np.where(known, depth, 4.0 * float(depth.max())).astype(np.float32)
     soft = cv2.bilateralFilter(filled, 7, 0.03, 2.5)
     return np.where(known, soft, 0.0).astype(np.float32)
 
 
 def steps(depth: np.ndarray, step_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of neighbours that show surfaces more than `step_m` apart.
+    """Pairs of neighbours on surfaces more than `step_m` apart.
 
-    A plane is linear in inverse depth, so each side is continued by its own slope to the other: a surface at a grazing
-    angle is no step.
+    A plane is linear in inverse depth, so each side is extrapolated by its own slope to the other, and a surface at a
+    grazing angle is no step.
 
     Args:
         depth: (H, W) [m]; 0 if unknown.
@@ -53,7 +53,7 @@ def _along(depth: np.ndarray, step_m: float) -> np.ndarray:
 
 
 def connected(mask: np.ndarray, right: np.ndarray, below: np.ndarray) -> tuple[np.ndarray, int]:
-    """Regions (H, W) int32, 1.., of a mask, joined across the pairs that are no steps, and their number."""
+    """Connected regions (H, W) int32, 1.., of a mask, without connections across steps, and their number."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

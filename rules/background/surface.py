@@ -1,4 +1,4 @@
-"""Where the rays of a camera meet the support."""
+"""Intersections of camera rays with the support."""
 
 from __future__ import annotations
 

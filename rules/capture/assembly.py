@@ -1,4 +1,4 @@
-"""Objects of a reference world that are put together from boxes and cylinders: the shapes as data of a recipe."""
+"""Objects of a reference world assembled from boxes and cylinders, described in a recipe."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class BlockOptions(Options):
     """A box or a cylinder of an assembly."""
 
     shape: Literal["box", "cylinder"] = "box"
-    """A cylinder stands along z and is as wide as `size_m[0]`."""
+    """Shape; a cylinder stands along z with diameter `size_m[0]`."""
     size_m: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
-    """Extents along x, y, z before it is turned [m]."""
+    """Extents along x, y, z before the rotation [m]."""
     at_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Middle of its base in the object's frame [m]."""
+    """Centre of its base in the object's frame [m]."""
     turn_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Turns about x, then y, then z of the object through that point [deg]."""
+    """Rotations about the object's x, then y, then z axis through that point [deg]."""
     colour: tuple[Fraction, Fraction, Fraction] = (0.5, 0.5, 0.5)
     """sRGB."""
     gloss: Fraction = 0.3
@@ -52,10 +52,10 @@ class BlockOptions(Options):
 
 
 class HingeOptions(Options):
-    """The hinge of an assembly. Its parts are given as they are in the photograph."""
+    """The hinge of an assembly. Its blocks are described as in the photograph."""
 
     parts: tuple[str, ...] = Field(min_length=1)
-    """The blocks that move against the others."""
+    """The blocks that move relative to the others."""
     origin_m: tuple[float, float, float]
     """A point on the axis, in the object's frame [m]."""
     axis: tuple[float, float, float]

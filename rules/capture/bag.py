@@ -1,4 +1,4 @@
-"""capture.bag: a ROS bag as a recording: ROS 2 folders and files, ROS 1, RealSense."""
+"""capture.bag: conversion of a ROS bag to a recording: ROS 2 folders and files, ROS 1, RealSense."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from dextera_build.errors import RuleError, listing
 from dextera_build.rule import Context, Options, rule
 
 FORMS = {b"#ROSBAG V2.0": "bag.bag", b"SQLite format 3\x00": "bag.db3", b"\x89MCAP0\r\n": "bag.mcap"}
-"""First bytes of a file -> name by which the reader knows its format."""
+"""First bytes of a file -> file name with which the reader detects its format."""
 KINDS = (*JOINTS, *POSES, *PICTURES, *LENSES, *TRANSFORMS, "std_msgs/msg/Float32", "std_msgs/msg/Float64")
 MOST_BYTES = 4 << 30
-"""Most memory that reading takes; a chunk that is packed with bzip2 can be a millionth of its size."""
+"""Memory limit of the conversion [bytes]; a chunk compressed with bzip2 can be a millionth of its size."""
 DISTRIBUTION = "ros2_humble"
-"""Whose message definitions the recording has; a bag without any, as SQLite before ROS 2 Iron, is read by them."""
+"""ROS 2 distribution of the message definitions, for bags that contain none, such as SQLite before ROS 2 Iron."""
 
 
 class BagOptions(Options):
@@ -34,8 +34,8 @@ class BagOptions(Options):
 def bag(ctx: Context, file: File | Folder, *, options: BagOptions) -> Stream:
     """Return the joint states, poses, pictures and cameras of a bag as an MCAP recording of ROS 2 messages.
 
-    `file` is a folder of ROS 2 with `metadata.yaml`, a single `.db3` or `.mcap`, or a `.bag` of ROS 1, as RealSense
-    cameras record them. Other messages are left out. Stamps are those of the bag.
+    `file` is a folder of ROS 2 with `metadata.yaml`, a single `.db3` or `.mcap`, or a `.bag` of ROS 1, as written by
+    RealSense cameras. Other messages are left out. Stamps are those of the bag.
     """
     source = _placed(ctx, file)
     found = _converted(ctx, source, _chosen(ctx, source, options.topics))
@@ -45,7 +45,7 @@ def bag(ctx: Context, file: File | Folder, *, options: BagOptions) -> Stream:
 
 
 def _placed(ctx: Context, file: File | Folder) -> Path:
-    """The bag on disk, under a name that tells its format."""
+    """The bag on disk, under a file name that identifies its format."""
     if isinstance(file, Folder):
         file.export(ctx.scratch / "source", "bag")
         metadata = next(iter(sorted((ctx.scratch / "source").rglob("metadata.yaml"))), None)
@@ -102,7 +102,7 @@ def _converted(ctx: Context, source: Path, topics: list[str]) -> Stream:
     from rosbags.convert import convert
 
     out = ctx.scratch / "converted"
-    with _reading(ctx), contextlib.redirect_stdout(io.StringIO()):  # it prints types that it copies
+    with _reading(ctx), contextlib.redirect_stdout(io.StringIO()):  # it prints the types that it copies
         convert(
             [source],
             out,
@@ -129,9 +129,9 @@ def _store() -> Any:
 
 @contextlib.contextmanager
 def _reading(ctx: Context) -> Iterator[None]:
-    """Turn what the reader raises on damaged bags, of whatever kind, into one error.
+    """Convert any exception of the reader on damaged bags to one error.
 
-    The reader unpacks chunks whole, whatever their size, so the memory is limited meanwhile.
+    The reader unpacks whole chunks of any size, so the memory is limited meanwhile.
     """
     before = resource.getrlimit(resource.RLIMIT_DATA)
     known = [each for each in before if each != resource.RLIM_INFINITY]

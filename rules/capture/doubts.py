@@ -1,4 +1,4 @@
-"""Warnings about captures that can be built, but are probably not what they say."""
+"""Warnings about captures that are valid but implausible."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ from dextera_build.rule import Context
 from .registered import shift
 
 NARROW_DEG, WIDE_DEG = 32.0, 110.0
-"""Horizontal fields of view of cameras that photograph tables: Kinect 57, RealSense 55 to 90, phones 60 to 105."""
+"""Range of horizontal fields of view of cameras that photograph tables: Kinect 57, RealSense 55 to 90, phones 60 to
+105."""
 SQUARE = 0.05
 """Largest relative difference of fx and fy; pixels of cameras are square."""
 OFF_CENTRE = 0.2
-"""Largest distance of the principal point from the middle, in image sizes."""
+"""Largest distance of the principal point from the centre, in image sizes."""
 NEAR_M, FAR_M = 0.2, 3.0
-"""Median depths of photographs of tables [m]."""
+"""Range of median depths of photographs of tables [m]."""
 GAPS = 0.1
-"""Part of the measured area that gaps may be; real captures had up to 0.04."""
+"""Largest fraction of the measured area in gaps; real captures had up to 0.04."""
 COARSE_M = 0.002
-"""Steps of the depth above which bodies become staircases; real captures had 0.1 to 1 mm [m]."""
+"""Depth quantisation above which bodies become staircases; real captures had 0.1 to 1 mm [m]."""
 
 
 def of_camera(ctx: Context, camera: Camera) -> None:
-    """Warn of intrinsics that few cameras have."""
+    """Warn of unusual intrinsics."""
     if abs(camera.fx / camera.fy - 1.0) > SQUARE:
         ctx.warn(
             f"fx {camera.fx:g} and fy {camera.fy:g} px differ by {abs(camera.fx / camera.fy - 1):.0%}, but pixels are "
@@ -51,7 +52,7 @@ def of_camera(ctx: Context, camera: Camera) -> None:
 
 
 def of_depth(ctx: Context, depth: np.ndarray, source: str) -> None:
-    """Warn of depths that photographs of tables do not have; `source` says where the unit comes from."""
+    """Warn of depths that are implausible for photographs of tables; `source` states where the unit comes from."""
     middle = float(np.median(depth[depth > 0]))
     if not NEAR_M <= middle <= FAR_M:
         large = "large" if middle > FAR_M else "small"
@@ -62,7 +63,7 @@ def of_depth(ctx: Context, depth: np.ndarray, source: str) -> None:
 
 
 def of_gaps(ctx: Context, depth: np.ndarray) -> None:
-    """Warn of gaps amid the depth; without SciPy, which light installations lack, nothing is checked."""
+    """Warn of gaps inside the depth; without SciPy, which light installations lack, nothing is checked."""
     try:
         from scipy import ndimage
     except ModuleNotFoundError:
@@ -79,7 +80,7 @@ def of_gaps(ctx: Context, depth: np.ndarray) -> None:
 
 
 def of_steps(ctx: Context, counts: np.ndarray, scale: float, name: str, bits: int) -> None:
-    """Warn of depths (H, W) in coarse steps: an image of 8 bit, also if it was written with 16 bit again."""
+    """Warn of depths (H, W) in coarse steps, such as an 8 bit image, even if it was rewritten with 16 bit."""
     known = np.unique(counts)
     step = scale * float(np.diff(known).min()) if len(known) > 1 else 0.0
     if bits == 8:
@@ -92,7 +93,7 @@ def of_steps(ctx: Context, counts: np.ndarray, scale: float, name: str, bits: in
 
 
 def of_noise(ctx: Context, depth: np.ndarray) -> None:
-    """Warn of depth that is mostly noise."""
+    """Warn of depth that consists mostly of noise."""
     found = planes.mostly_noise(depth)
     if found is not None:
         noise, middle = found

@@ -1,4 +1,4 @@
-"""What a phone writes into a photograph: how it was held, and the focal length of its lens."""
+"""EXIF data of a photograph: its orientation and the focal length of the lens."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Exif(NamedTuple):
         return self.size[::-1] if self.orientation >= 5 else self.size
 
     def camera(self) -> Camera | None:
-        """A pinhole camera with square pixels and the middle of the image as principal point, or None."""
+        """A pinhole camera with square pixels and the image centre as principal point, or None."""
         if self.focal_35mm is None:
             return None
         width, height = self.upright_size
@@ -43,13 +43,13 @@ class Exif(NamedTuple):
 
 
 def read(ctx: Context, data: bytes, name: str) -> Exif:
-    """Size and tags from the header of an image file; tags of nonsense count as absent."""
+    """Size and tags from the header of an image file; invalid tags are ignored."""
     orientation: Any = 1
     focal: Any = None
     with opened(ctx, data, name) as picture:
         size = picture.size
-        if "exif" in picture.info:  # without it, Pillow decodes a PNG to look for the tags behind the pixels
-            with suppress(Exception):  # a damaged tag raises whatever its parser stumbles over
+        if "exif" in picture.info:  # without it, Pillow decodes a PNG to look for the tags after the pixels
+            with suppress(Exception):  # a damaged tag raises any exception of its parser
                 tags = picture.getexif()
                 orientation, focal = tags.get(_ORIENTATION, 1), tags.get_ifd(_PHOTO).get(_FOCAL_35MM)
     sound = isinstance(focal, int | float) and 5.0 <= focal <= 500.0
@@ -57,7 +57,7 @@ def read(ctx: Context, data: bytes, name: str) -> Exif:
 
 
 def upright(pixels: np.ndarray, orientation: int) -> np.ndarray:
-    """The picture (H, W, C) as it is meant to be shown."""
+    """The picture (H, W, C) in its display orientation."""
     if orientation in (2, 4, 5, 7):
         pixels = pixels[:, ::-1]
     turns = {3: 2, 4: 2, 5: 1, 6: -1, 7: -1, 8: 1}.get(orientation, 0)

@@ -1,4 +1,4 @@
-"""capture.folder: read a photograph, and its depth if there is some, from a folder of files."""
+"""capture.folder: read a photograph, with its depth if available, from a folder of files."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ class FolderOptions(DepthOptions):
 
 @rule(version=3, packages=("pillow",))
 def folder(ctx: Context, folder: Folder, *, options: FolderOptions) -> Capture:
-    """Return the capture in `capture.json`, `rgb.png` or `rgb.jpg`, and, if there is depth, `depth.png` or `depth.npy`.
+    """Return the capture in `capture.json`, `rgb.png` or `rgb.jpg`, and, if available, `depth.png` or `depth.npy`.
 
     `capture.json` contains width, height, fx, fy, cx, cy [px] (OpenCV convention, integer pixel centres) and, for a
     `depth.png` of 16 bit counts, `depth_scale_m` [m per count]. Depth is image-plane z; 0 and 65535 counts are invalid.
     A `depth.npy` contains metres.
 
-    A photograph is turned as its EXIF orientation says, and `distortion` (OpenCV's k1 k2 p1 p2 k3 ...) is taken out.
-    Without intrinsics they come from `camera_info.yaml` or `cameras.txt`, as for `capture.lens`, or from the focal
-    length in the EXIF, with a warning.
+    A photograph is rotated by its EXIF orientation, and `distortion` (OpenCV's k1 k2 p1 p2 k3 ...) is removed. Without
+    intrinsics in `capture.json`, they are read from `camera_info.yaml` or `cameras.txt`, as for `capture.lens`, or from
+    the focal length in the EXIF, with a warning.
     """
     picture = _one_of(ctx, folder, RGB)
     facts = read(ctx, folder.files[NAME]) if NAME in folder.files else {}

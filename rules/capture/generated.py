@@ -1,4 +1,4 @@
-"""capture.generated: a thing of a reference world as an asset, as a perfect image-to-3D model would make it."""
+"""capture.generated: an object of a reference world as an asset of a perfect image-to-3D model."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dextera_build.geometry import metrics, raycast, registration, transforms
 from dextera_build.rule import Context, Fraction, Options, rule
 
 TURNS = 5000
-"""Rotations that the frame is drawn from."""
+"""Rotations from which the frame is drawn."""
 SHIFT_M = 0.1
 """Standard deviation of the frame's origin along each axis [m]."""
 
@@ -22,16 +22,16 @@ class GeneratedOptions(Options):
     """Options of capture.generated."""
 
     least_iou: Fraction = 0.5
-    """Mask IoU with a thing from which the mask shows this thing."""
+    """Mask IoU with an object above which the mask shows this object."""
     seed: NonNegativeInt = 0
-    """Seed of frame and unit."""
+    """Seed of the frame and the unit."""
 
 
 @rule(version=1, packages=("numpy", "scipy", "open3d"))
 def generated(ctx: Context, world: World, view: ObjectView, *, options: GeneratedOptions | None = None) -> Body:
-    """Return the true mesh of the thing in the mask, in a random frame and a unit of 0.1 to 10 metres.
+    """Return the true mesh of the object in the mask, in a random frame and a unit of 0.1 to 10 metres.
 
-    A generator whose shapes are perfect: what `align.object` then finds is pose and scale alone. Nothing tells them.
+    This is a generator with perfect shapes, so that `align.object` must find pose and scale alone, without any hint.
     """
     options = options or GeneratedOptions()
     name, iou = _shown(world, view)
@@ -45,7 +45,7 @@ def generated(ctx: Context, world: World, view: ObjectView, *, options: Generate
 
 
 def _shown(world: World, view: ObjectView) -> tuple[str, float]:
-    """The thing whose visible pixels in the crop agree best with the mask, and their IoU."""
+    """The object whose visible pixels in the crop agree best with the mask, and their IoU."""
     surfaces, owners = [], []
     for number, thing in enumerate(world.objects.values()):
         surface = thing.surface
@@ -61,7 +61,7 @@ def _shown(world: World, view: ObjectView) -> tuple[str, float]:
 
 
 def _asset(thing: Thing, turn: np.ndarray, shift: np.ndarray, scale: float) -> Mesh:
-    """All parts as one mesh, x_asset = turn (x_thing + shift) / scale; of several, the colour of the first."""
+    """All parts as one mesh, x_asset = turn (x_thing + shift) / scale; several parts get the colour of the first."""
     parts = [part.mesh for part in thing.parts.values()]
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in parts)])
     faces = np.concatenate([mesh.faces + start for mesh, start in zip(parts, starts[:-1], strict=True)])

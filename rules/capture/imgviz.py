@@ -14,7 +14,7 @@ class ImgvizOptions(Options):
     """Options of capture.imgviz."""
 
     farthest_m: PositiveFloat = 3.0
-    """Depth beyond this is sensor noise in this capture and is discarded [m]."""
+    """Greater depths are sensor noise in this capture and are discarded [m]."""
 
 
 @rule(version=1, packages=("imgviz",))

@@ -1,4 +1,4 @@
-"""capture.install: a robot that is put up in a reference world, where its twin has a place for it."""
+"""capture.install: put up a robot in a reference world at the pose chosen in its twin."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .drawn.stand import pedestal
 
 
 class InstallOptions(Options):
-    """Options of capture.install: how well somebody keeps to the chosen place."""
+    """Options of capture.install: errors of the installation."""
 
     joints_deg: dict[str, float] = Field(default_factory=dict)
-    """Joint -> position in which the robot waits [deg]; omitted joints are at home."""
+    """Joint -> position of the waiting robot [deg]; omitted joints are at home."""
     error_m: NonNegativeFloat = 0.01
-    """Standard deviation of the base from the chosen place, per axis [m]."""
+    """Standard deviation of the base from the chosen position, per axis [m]."""
     error_deg: NonNegativeFloat = 1.0
     """Standard deviation of its rotation about z from the chosen one [deg]."""
     seed: NonNegativeInt = 0
@@ -31,10 +31,10 @@ class InstallOptions(Options):
 def install(
     ctx: Context, world: World, support: Support, base: Pose, *, options: InstallOptions | None = None
 ) -> World:
-    """Return the world with a robot near T_world_base [m] of its twin, upright, on a pedestal if beside the table.
+    """Return the world with a robot near T_world_base [m] of its twin, upright, on a pedestal if next to the table.
 
-    The photograph's camera, which exists in both, carries the place from the twin into the world: `support` has
-    T_world_camera. What stands in the world differs from the chosen place, so that a calibration must tell where it is.
+    The photograph's camera relates twin and world: `support` has T_world_camera. The installed pose differs from the
+    chosen one by random errors, so that it must be calibrated.
     """
     options = options or InstallOptions()
     ctx.check(

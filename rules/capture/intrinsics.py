@@ -18,12 +18,12 @@ from .facts import INTRINSICS, NAME, camera_of, distortion_of
 from .pinhole import Lens, distorted, pinhole
 
 CALIBRATIONS = ("camera_info.yaml", "cameras.txt")
-"""Files that calibration programs write: ROS camera_info, COLMAP."""
+"""Calibration files that are read: ROS camera_info, COLMAP."""
 FOCAL = ("fx", "fy", "cx", "cy")
 
 
 def lens_of(ctx: Context, folder: Folder, facts: Mapping[str, object], tags: Exif) -> Camera | Lens:
-    """The intrinsics; those in `capture.json` count before those of other files."""
+    """The intrinsics; those in `capture.json` take precedence over other files."""
     if any(key in facts for key in FOCAL):
         camera, coefficients = camera_of(ctx, facts), distortion_of(ctx, facts)
         return distorted(camera, coefficients) if coefficients else camera

@@ -1,4 +1,4 @@
-"""capture.lifted: measured pixels as Gaussians of unknown scale, what a generator of scenes could have made of them."""
+"""capture.lifted: measured pixels as Gaussians of unknown scale, in place of a scene generator."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ class LiftedOptions(Options):
     """Options of capture.lifted."""
 
     scale_factor: PositiveFloat = 1.0
-    """Lengths of the scene per metre: what a scene that was generated does not tell."""
+    """Scene units per metre, which a generated scene does not state."""
     spread: float = Field(0.45, gt=0.0, le=5.0)
-    """Standard deviation of a Gaussian in distances between neighbouring pixels."""
+    """Standard deviation of a Gaussian, in distances between neighbouring pixels."""
     edge_fraction: float = Field(0.04, gt=0.0, le=1.0)
-    """Pixels are left out where depths of neighbours differ by more than this part."""
+    """Relative depth difference of neighbours above which pixels are left out."""
 
 
 @rule(version=2, packages=("numpy", "scipy"))
 def lifted(
     ctx: Context, capture: Capture, viewpoint: Viewpoint | None = None, *, options: LiftedOptions | None = None
 ) -> Splats:
-    """Return a Gaussian for each measured pixel, in frame `scene`: the camera's axes, lengths of unknown size.
+    """Return a Gaussian for each measured pixel, in frame `scene`: the camera's axes, lengths in an unknown unit.
 
     Args:
         ctx: Context.
         capture: Colours and depth.
-        viewpoint: Draws the unit of lengths (`Viewpoint.unit`), on top of `scale_factor`.
+        viewpoint: Random unit of lengths (`Viewpoint.unit`), multiplied by `scale_factor`.
         options: Options.
     """
     from scipy.ndimage import maximum_filter, minimum_filter

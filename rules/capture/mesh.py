@@ -1,4 +1,4 @@
-"""capture.mesh: a mesh from a file of another program."""
+"""capture.mesh: import a mesh from a file of another program."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dextera_build.geometry.thumbnail import thumbnail
 from dextera_build.rule import Context, Options, rule
 
 FOLDER = "mesh"
-"""Folder of the scratch space that holds the input, and nothing else."""
+"""Folder of the scratch space with the input only."""
 
 
 class MeshOptions(Options):
@@ -26,18 +26,18 @@ class MeshOptions(Options):
     path: str = ""
     """The mesh in a folder; "" if it holds only one."""
     unit_m: PositiveFloat = 1.0
-    """Length of a unit of the file [m]; USD says its own, and this is a factor on top."""
+    """Length of a unit of the file [m]; for USD, a factor on the unit that it states."""
     up: Literal["x", "y", "z", "file"] = "file"
-    """Axis of the file that points up; `file`: as the file says, y for GLB, z if it cannot say."""
+    """Up axis of the file; `file`: as stated in the file, otherwise y for GLB and z for other formats."""
     repair: bool = False
-    """Weld vertices, turn faces one way round and fill holes; a mesh that stays open is refused."""
+    """Merge vertices, orient faces consistently and fill holes; a mesh that stays open is refused."""
 
 
 @rule(version=1, packages=("manifold3d", "numpy", "pillow", "scipy", "trimesh", "usd-core"))
 def mesh(ctx: Context, file: File | Folder, *, options: MeshOptions) -> Mesh:
     """Return all triangles of a file as one mesh with one texture, z up, in metres.
 
-    A folder brings materials, textures and layers that the mesh names; whatever lies outside of it is not read.
+    A folder contains the materials, textures and layers that the mesh names; nothing outside of it is read.
     """
     up = None if options.up == "file" else options.up
     path = _placed(ctx, file, options)
@@ -60,7 +60,7 @@ def mesh(ctx: Context, file: File | Folder, *, options: MeshOptions) -> Mesh:
 
 
 def _placed(ctx: Context, file: File | Folder, options: MeshOptions) -> Path:
-    """The mesh as a file, with the files beside it that it names."""
+    """The mesh as a file, with the files next to it that it names."""
     if isinstance(file, File):
         path = ctx.scratch / FOLDER / f"mesh.{options.form}"
         file.place(path)

@@ -1,4 +1,4 @@
-"""capture.moved_camera: a reference world whose camera was moved, as when somebody knocked against its stand."""
+"""capture.moved_camera: a reference world with a displaced camera, as after a knock against its stand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""capture.opened: a reference world whose hinges stand elsewhere, for a second photograph of the same things."""
+"""capture.opened: a reference world with hinges in other positions, for a second photograph of the same objects."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class OpenedOptions(Options):
 
 @rule(version=1, packages=("numpy", "manifold3d"))
 def opened(ctx: Context, world: World, *, options: OpenedOptions) -> World:
-    """Return the same world with hinges elsewhere; the parts that do not move stay where they are.
+    """Return the same world with hinges in other positions; the fixed parts do not move.
 
     Raises:
         RuleError: There is no such object, it has no hinge, or the position is beyond its limits.

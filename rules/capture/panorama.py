@@ -1,4 +1,4 @@
-"""capture.panorama: read a picture of all directions."""
+"""capture.panorama: read an equirectangular panorama."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class PanoramaOptions(Options):
     """Options of capture.panorama."""
 
     frame: str = "world"
-    """Frame of the pose, if none is given: the panorama's place is its origin, with z up and ahead along x."""
+    """Frame of the pose if none is given: the panorama's position is its origin, with z up and x ahead."""
 
 
 AHEAD = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])

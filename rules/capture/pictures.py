@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 FORMATS = ("PNG", "JPEG")
-"""Accepted formats. Other Pillow readers are disabled: some run programs, such as Ghostscript for EPS."""
+"""Accepted formats. Other Pillow readers are disabled, because some run programs, such as Ghostscript for EPS."""
 
 
 def size(ctx: Context, data: bytes, name: str) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""Pictures of a lens with distortion, as the pinhole camera of the same focal length takes them."""
+"""Rectification of pictures with lens distortion to a pinhole camera of the same focal length."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def pinhole(lens: Lens) -> Camera:
 
 
 def places(lens: Lens) -> np.ndarray:
-    """Where each pixel of the pinhole camera is in the picture of the lens, (H, W, 2) column, row; NaN if nowhere."""
+    """Position of each pixel of the pinhole camera in the distorted picture, (H, W, 2) column, row; NaN if outside."""
     camera = pinhole(lens)
     rays = cameras.rays(camera.height, camera.width, camera.matrix())
     found = lens.project(rays.reshape(-1, 3)).reshape(camera.height, camera.width, 2)
@@ -34,7 +34,7 @@ def places(lens: Lens) -> np.ndarray:
 
 
 def smooth(pixels: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Bilinear samples of (H, W, C) uint8 at `where`; black where there is nothing."""
+    """Bilinear samples of (H, W, C) uint8 at `where`; black outside."""
     limit = np.array([pixels.shape[1] - 1, pixels.shape[0] - 1])
     place = np.clip(np.nan_to_num(where), 0, limit)
     low = np.minimum(place.astype(np.int64), np.maximum(limit - 1, 0))
@@ -48,7 +48,7 @@ def smooth(pixels: np.ndarray, where: np.ndarray) -> np.ndarray:
 
 
 def nearest(depth: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Nearest samples of (H, W) depth at `where`; 0 where there is nothing. Image-plane z knows no distortion."""
+    """Nearest samples of (H, W) depth at `where`; 0 outside. Image-plane z is not affected by distortion."""
     column, row = np.moveaxis(np.round(np.nan_to_num(where)).astype(np.int64), -1, 0)
     found = depth[np.clip(row, 0, depth.shape[0] - 1), np.clip(column, 0, depth.shape[1] - 1)]
     return np.where(np.isnan(where[..., 0]), np.float32(0.0), found)

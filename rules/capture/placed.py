@@ -1,4 +1,4 @@
-"""What every object on the table of a reference world has."""
+"""Common properties of all objects on the table of a reference world."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Placed(Options):
     friction: PositiveFloat = 0.45
     """Sliding friction coefficient."""
     restitution: float = Field(0.15, ge=0.0, lt=1.0)
-    """Coefficient of restitution at a slow impact on the table."""
+    """Coefficient of restitution of a slow impact on the table."""
 
     def matter(self) -> Matter:
         """Mechanical properties."""

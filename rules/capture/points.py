@@ -11,12 +11,12 @@ class PointsOptions(Options):
     """Options of capture.points."""
 
     frame: str = ""
-    """Frame of the coordinates; "": as a comment `frame NAME` in the file says."""
+    """Frame of the coordinates; "": as in a comment `frame NAME` of the file."""
 
 
 @rule(version=1, packages=("numpy",))
 def points(ctx: Context, file: File, *, options: PointsOptions) -> PointCloud:
-    """Return the points of a PLY file, binary or ASCII [m], with colours, normals and further numbers."""
+    """Return the points of a PLY file, binary or ASCII [m], with colours, normals and other properties."""
     path = ctx.scratch / "points.ply"
     file.place(path)
     cloud = PointCloud.load(path, frame=options.frame or None)

@@ -33,10 +33,10 @@ class ReferenceOptions(Options):
 
 
 class CameraBackend(Protocol):
-    """What a backend of capture.reference defines."""
+    """Interface of a backend of capture.reference."""
 
     def photograph(self, ctx: Context, world: World, robot: RobotModel | None, supersample: int, options: Any) -> Shot:
-        """Colours, depth [m] and object labels through the world's camera, without noise."""
+        """Colours, depth [m] and object labels of the world's camera, without noise."""
         ...
 
 
@@ -51,7 +51,7 @@ def reference(
 ) -> Capture:
     """Return the output of the world's camera: colours, depth [m] with noise and holes, intrinsics.
 
-    `sensor` gives the seed, multiplies the depth noise and adds lost patches.
+    `sensor` gives the seed, scales the depth noise and adds lost patches.
 
     The backend offers `photograph(world, robot, supersample=...) -> Shot`.
     """
@@ -73,6 +73,6 @@ def reference(
 
 
 def _scaled(noise: DepthNoiseOptions, sensor: Sensor) -> DepthNoiseOptions:
-    """The noise of a sensor that is worse by a factor."""
+    """The noise of a sensor, scaled by a factor."""
     patches = min(1.0, noise.patches + sensor.dropout)
     return noise.model_copy(update={"subpixel_px": noise.subpixel_px * sensor.noise, "patches": patches})

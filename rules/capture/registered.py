@@ -1,4 +1,4 @@
-"""Whether depth and colour show the same thing at the same pixel: their edges coincide."""
+"""Check of the registration of depth to colour: their edges must coincide."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from typing import NamedTuple
 import numpy as np
 
 REACH = 40
-"""Largest shift that is looked for [px of the reduced image]."""
+"""Largest shift that is searched [px of the reduced image]."""
 WIDTH = 640
 """Larger images are reduced by a whole factor to about this width [px]."""
 SLACK = 4
-"""Depth cameras move edges by so much [px]."""
+"""Tolerance for edges displaced by depth cameras [px]."""
 FEWEST = 400
-"""Fewer pixels at depth edges tell nothing."""
+"""Minimum number of pixels at depth edges."""
 CLEARLY = 2.0
-"""Agreement gained by the shift, in standard deviations over all shifts: true captures had up to 0.4, captures whose
-depth was shifted by 10 px and more at least 2.8."""
+"""Minimum gain in agreement by the shift, in standard deviations over all shifts: correct captures had up to 0.4,
+captures with depth shifted by 10 px or more at least 2.8."""
 MATCH = 0.25
-"""Smallest agreement that counts as a match; true captures had 0.27 to 1.4, a plain picture has none."""
+"""Smallest agreement of a match; correct captures had 0.27 to 1.4, a textureless picture has none."""
 JUMP = 0.03
 """Relative difference of depth across an edge."""
 
 
 class Shift(NamedTuple):
-    """How far the edges of the depth lie from those of the colours."""
+    """Shift of the depth's edges relative to the colours' edges."""
 
     right: int
     """[px]."""
@@ -33,7 +33,7 @@ class Shift(NamedTuple):
 
 
 def shift(pixels: np.ndarray, depth: np.ndarray) -> Shift | None:
-    """The shift of the depth, or None if its edges are where the colours' are, or are too few to tell.
+    """The shift of the depth; None if edges coincide, or if there are too few.
 
     Args:
         pixels: (H, W, 3) uint8.
@@ -67,7 +67,7 @@ def _jumps(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _steps(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Steps of colour (H, W) along x and along y, relative to their surroundings, so that textures do not count."""
+    """Steps of colour (H, W) along x and along y, relative to their surroundings, to suppress textures."""
     from scipy import ndimage
 
     soft = ndimage.gaussian_filter(pixels.astype(np.float32), (1.5, 1.5, 0))

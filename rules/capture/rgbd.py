@@ -1,4 +1,4 @@
-"""capture.rgbd: read colour and depth pictures over time from a folder or a recording."""
+"""capture.rgbd: read an RGB-D video from a folder or a recording."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class RgbdOptions(Options):
     info_topic: str = "/camera/color/camera_info"
     """Topic of a recording with the `sensor_msgs/CameraInfo` of the colour."""
     apart_s: PositiveFloat = 0.02
-    """Largest difference of the times of a colour and a depth picture that make a frame [s]."""
+    """Largest time difference between the colour and the depth picture of a frame [s]."""
     rate_hz: PositiveFloat = 30.0
-    """Frames per second of a folder whose views have a `frame` and no `stamp` [Hz]."""
+    """Frame rate of a folder whose views have a `frame` and no `stamp` [Hz]."""
 
 
 @rule(version=1, packages=("mcap", "mcap-ros2-support", "numpy", "pillow"))
@@ -91,7 +91,7 @@ def _row(view: Mapping[str, Any], options: RgbdOptions) -> tuple[float, str, str
     stamp = float(view["stamp"]) if "stamp" in view else float(view["frame"]) / options.rate_hz
     pose = np.array(view["T_world_camera"], np.float64) if "T_world_camera" in view else None
     if pose is not None:
-        # Files hold rounded numbers: the nearest rotation.
+        # Files contain rounded numbers: use the nearest rotation.
         u, _, vt = np.linalg.svd(pose[:3, :3])
         if np.abs(u @ vt - pose[:3, :3]).max() > 1e-3:
             raise ValueError(f"T_world_camera of `{view['rgb']}` is no rigid motion")
@@ -110,7 +110,7 @@ def _pinhole(ctx: Context, source: Stream, topic: str) -> Camera:
 
 
 def _recorded(ctx: Context, source: Stream, options: RgbdOptions) -> Iterator[RgbdFrame]:
-    """Each depth picture with the colour picture that is nearest in time; those without a partner are left out."""
+    """Each depth picture with the colour picture nearest in time; those without a partner are left out."""
     colours = source.pictures(options.colour_topic)
     before, after = None, next(colours, None)
     left_out = count = 0

@@ -1,4 +1,4 @@
-"""capture.rig: read cameras that are fixed to one another."""
+"""capture.rig: read a rig of rigidly mounted cameras."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class TableOptions(Options):
     colour: tuple[Fraction, Fraction, Fraction] = (0.62, 0.45, 0.30)
     """sRGB."""
     surface: Literal["wood", "plain", "speckled"] = "wood"
-    """What the top is made of: boards, one colour, or a colour with specks."""
+    """Surface of the top: boards, one colour, or a colour with specks."""
     planks: PositiveInt = 6
     """Number of boards of a wooden top."""
     gloss: Fraction = 0.25
@@ -104,7 +104,7 @@ class RoomOptions(Options):
 
 
 def fixture(name: str, part: Part) -> Thing:
-    """A convex part, given in the world frame, as a thing that does not move."""
+    """A convex part, given in the world frame, as a static object."""
     whole = part.model_copy(update={"pieces": walls.whole(part.mesh)})
     pose = Pose(parent="reference", child="thing", matrix=np.eye(4))
     return Thing(parts={name: whole}, surface=solids.union([part.mesh]), pose=pose)

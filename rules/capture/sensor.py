@@ -1,4 +1,4 @@
-"""Options for the errors of an RGB-D camera; `dextera_build.sim.render.sensor` makes them."""
+"""Options of the errors of an RGB-D camera, simulated by `dextera_build.sim.render.sensor`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""capture.splats: 3D Gaussians from the file of a trainer."""
+"""capture.splats: import 3D Gaussians from the file of a trainer."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class SplatsOptions(Options):
     form: Literal["ply", "usda", "usdc", "usd", "usdz"] = "ply"
     """`ply`: the columns of Kerbl et al. 2023; USD: one `ParticleField3DGaussianSplat`."""
     frame: str = ""
-    """Frame of the coordinates; "": as the file says."""
+    """Frame of the coordinates; "": as stated in the file."""
 
 
 @rule(version=1, packages=("numpy", "usd-core"))
 def splats(ctx: Context, file: File, *, options: SplatsOptions) -> Splats:
-    """Return the Gaussians of a file, in the frame and unit of a PLY; a USD is turned to z up and metres."""
-    path = ctx.scratch / "splats" / f"splats.{options.form}"  # alone: it names no other file
+    """Return the Gaussians of a file, in the frame and unit of a PLY; a USD is converted to z up and metres."""
+    path = ctx.scratch / "splats" / f"splats.{options.form}"  # without a folder: it names no other file
     file.place(path)
     load = Splats.load if options.form == "ply" else splats_usd.load
     made = load(path, frame=options.frame or None)

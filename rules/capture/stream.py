@@ -11,7 +11,7 @@ class StreamOptions(Options):
     """Options of capture.stream."""
 
     topics: tuple[str, ...] = ()
-    """Topics that must have been recorded."""
+    """Topics that the recording must contain."""
 
 
 @rule(version=1, packages=("mcap", "mcap-ros2-support", "numpy"))

@@ -1,4 +1,4 @@
-"""A picture of a capture's folder with its depth: turned, without distortion, checked."""
+"""A picture of a capture's folder with its depth: rotated upright, rectified, checked."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Lenses:
         self._places: np.ndarray | None = None
 
     def of(self, tags: exif.Exif) -> Camera | Lens:
-        """The intrinsics, those of the EXIF only where no file gives any."""
+        """The intrinsics; those of the EXIF only if no file gives any."""
         if self._lens is None:
             self._lens = lens_of(self._ctx, self._folder, self._facts, tags)
             camera = self._lens if isinstance(self._lens, Camera) else pinhole(self._lens)
@@ -54,7 +54,7 @@ class Lenses:
         return self._lens
 
     def places(self, lens: Lens) -> np.ndarray:
-        """Where each pixel of the pinhole camera is in the picture of the lens, see `pinhole.places`."""
+        """Position of each pixel of the pinhole camera in the distorted picture, see `pinhole.places`."""
         if self._places is None:
             self._places = places(lens)
         return self._places
@@ -65,7 +65,7 @@ class Taken(NamedTuple):
 
     capture: Capture
     turned: bool
-    """Whether it was turned as its EXIF says."""
+    """Whether it was rotated by its EXIF orientation."""
 
 
 def take(
@@ -83,11 +83,11 @@ def take(
     Args:
         ctx: Context for errors and warnings.
         folder: The capture's files.
-        facts: Where the scale of the depth is from.
+        facts: Content of `capture.json`, with the scale of the depth.
         lenses: The camera of all pictures of the folder.
         names: Files of the picture and of its depth, or None.
         options: Limits of the depth.
-        doubted: Whether to warn about depth that is not what it says.
+        doubted: Whether to warn about implausible depth.
     """
     picture, name = names
     tags = exif.read(ctx, folder.files[picture], picture)
@@ -111,7 +111,7 @@ def take(
 
 
 def _orientation(ctx: Context, lens: Camera | Lens, tags: exif.Exif, picture: str) -> int:
-    """How the stored picture is turned so that it has the size of the intrinsics, 1 to 8."""
+    """The rotation of the stored picture that matches the size of the intrinsics, 1 to 8."""
     wanted = (lens.width, lens.height)
     if tags.upright_size == wanted:
         return tags.orientation
@@ -169,7 +169,7 @@ def _depth(
 def check_depth(
     ctx: Context, depth: np.ndarray, name: str, options: DepthOptions, bits: int = 16, *, stream: bool = False
 ) -> None:
-    """Refuse depth (H, W) [m] of a file, or of a recording's topic, that is no depth or in another unit."""
+    """Raise for depth (H, W) [m] of a file, or of a recording's topic, that is no depth or in another unit."""
     bad = int((~np.isfinite(depth)).sum())
     if bad:
         ctx.fail(

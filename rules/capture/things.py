@@ -1,4 +1,4 @@
-"""The kinds of objects in a reference world, as options, and their construction.
+"""Kinds of objects in a reference world: their options and construction.
 
 A new kind is a class with a literal `kind` and a `parts()`, listed in `ThingOptions`.
 """
@@ -177,7 +177,7 @@ class Laptop(Placed):
     opening_deg: float = Field(110.0, ge=0.0, le=180.0)
     """Angle between the display and the keyboard; 0 is closed [deg]."""
     widest_deg: float = Field(135.0, gt=0.0, le=360.0)
-    """Maximum opening [deg]."""
+    """Maximum opening of the hinge [deg]."""
     lid_kg: PositiveFloat = 0.4
     """Mass of the lid, included in the total [kg]."""
     hinge_friction_nm: NonNegativeFloat = 0.8

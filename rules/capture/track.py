@@ -1,4 +1,4 @@
-"""capture.track: read where an object was seen over time from a CSV file."""
+"""capture.track: read the poses of an object over time from a CSV file."""
 
 from __future__ import annotations
 

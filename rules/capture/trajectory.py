@@ -11,9 +11,9 @@ class TrajectoryOptions(Options):
     """Options of capture.trajectory."""
 
     parent: str = ""
-    """Frame that the poses are in; empty: as a comment of the file says, `world` without one."""
+    """Frame of the poses; empty: as stated in a comment of the file, otherwise `world`."""
     child: str = ""
-    """Frame that moves; empty: as a comment of the file says, `camera` without one."""
+    """Moving frame; empty: as stated in a comment of the file, otherwise `camera`."""
 
 
 @rule(version=1, packages=("numpy",))

@@ -23,14 +23,14 @@ class TruthOptions(Options):
     supersample: PositiveInt = 2
     """Samples per pixel edge of the colour render."""
     hidden: Literal["fail", "leave_out"] = "fail"
-    """How to treat things of which no pixel is visible."""
+    """Treatment of objects without a visible pixel."""
 
 
 class CameraBackend(Protocol):
-    """What a backend of capture.truth defines."""
+    """Interface of a backend of capture.truth."""
 
     def photograph(self, ctx: Context, world: World, robot: RobotModel | None, supersample: int, options: Any) -> Shot:
-        """Colours, depth [m] and object labels through the world's camera, without noise."""
+        """Colours, depth [m] and object labels of the world's camera, without noise."""
         ...
 
 

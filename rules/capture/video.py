@@ -1,4 +1,4 @@
-"""capture.video: open encoded pictures."""
+"""capture.video: open an encoded video."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ class ViewsOptions(Options):
     """Options of capture.views."""
 
     frame: str = ""
-    """Frame of the poses; empty: as the files say, `world` where they do not."""
+    """Frame of the poses; empty: as stated in the files, otherwise `world`."""
 
 
 @rule(version=1, packages=("numpy", "pillow"))
@@ -22,7 +22,7 @@ def views(ctx: Context, folder: Folder, *, options: ViewsOptions) -> Views:
     if not found.names:
         ctx.fail("no picture has a pose", here=listing(folder.files), hint="reconstruct the scene first")
     for number, name in enumerate(found.names):
-        found.pixels(name)  # of the size that its camera says
+        found.pixels(name)  # of the size that its camera states
         ctx.progress(number + 1, len(found.names), "pictures")
     if options.frame:
         points = found.points and found.points.model_copy(update={"frame": options.frame})

@@ -1,7 +1,7 @@
 """Convex pieces of objects in a reference world, from the same parameters as their surfaces.
 
-A convex body is one piece. A vessel is a floor and slabs around its ring, which keep the cavity open; the inner face of
-a slab is a chord, which fills a little of the cavity.
+A convex body is one piece. A vessel consists of a floor and slabs around its ring, which keep the cavity open; the
+inner face of a slab is a chord, which fills a little of the cavity.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from dextera_build.rule import Context, Options, rule
 from .film_strip import strip
 
 SMOOTH = 4
-"""Samples per pixel of films for people."""
+"""Samples per pixel of films for human viewers."""
 
 
 class FilmOptions(Options):
@@ -25,13 +25,13 @@ class FilmOptions(Options):
     strip_frames: PositiveInt = 8
     """Frames in the preview of the first episode."""
     first: PositiveInt | None = None
-    """Number of episodes to film, in order; null: all of them, which data sets need."""
+    """Number of episodes to film, in order; null: all, as data sets require."""
     width_px: PositiveInt | None = None
-    """Width of the frames for people, smoothed, with the height in proportion [px]; null: as policies see it."""
+    """Width of the frames for human viewers, smoothed, with proportional height [px]; null: the frames of policies."""
 
 
 class FilmBackend(Protocol):
-    """What a backend of demonstrate.film defines."""
+    """Interface of a backend of demonstrate.film."""
 
     def frames(
         self, ctx: Context, bundle: TaskBundle, episodes: Episodes, view: View, options: Any
@@ -46,7 +46,7 @@ def film(
 ) -> Film:
     """Return one frame (H, W, 3) uint8 sRGB per step of the kept episodes, seen through `view`.
 
-    Recorded states are rendered, nothing is simulated; frame t is the scene before action t.
+    Recorded states are rendered without simulation; frame t is the scene before action t.
     """
     chosen, view = _chosen(episodes, options.first), _sized(view, options.width_px)
     camera = view.camera

@@ -1,4 +1,4 @@
-"""demonstrate.first: some of many episodes, to film them."""
+"""demonstrate.first: select the first episodes, for filming."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class FirstOptions(Options):
     episodes: PositiveInt = 1
     """Number of successful episodes."""
     failed: bool = False
-    """Whether to keep the longest failed attempt where none succeeded, to see what goes wrong."""
+    """Whether to keep the longest failed attempt if none succeeded, to show the failure."""
 
 
 @rule(version=2)
 def first(ctx: Context, episodes: Episodes, *, options: FirstOptions | None = None) -> Episodes:
-    """Return the first successful episodes, and none of the failures but with option `failed`."""
+    """Return the first successful episodes, and no failures unless option `failed` is set."""
     options = options or FirstOptions()
     kept = dict(islice(episodes.items.items(), options.episodes))
     ctx.say(f"{len(kept)} of {len(episodes.items)}")

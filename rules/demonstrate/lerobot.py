@@ -39,7 +39,7 @@ class LerobotOptions(Options):
 
 
 class LerobotBackend(Protocol):
-    """What a backend of demonstrate.lerobot defines."""
+    """Interface of a backend of demonstrate.lerobot."""
 
     def write(
         self,
@@ -69,8 +69,8 @@ def lerobot(
 ) -> Folder:
     """Return a folder for LeRobot's loader: data, videos if a film is given, statistics, episodes, tasks.
 
-    Besides LeRobot's columns, every episode keeps its start (`start/...` in `meta/episodes`), its origin and its
-    segments, and can be rerun; `meta/dextera.json` describes the whole set.
+    In addition to LeRobot's columns, every episode keeps its start (`start/...` in `meta/episodes`), its origin and its
+    segments, so that it can be rerun; `meta/dextera.json` describes the whole set.
     """
     if not episodes.items:
         ctx.fail("no episode counts", failures=len(episodes.failures), hint="look at their reasons in the episodes")

@@ -1,4 +1,4 @@
-"""The actions of a data set in the kind that its task says."""
+"""Conversion of recorded actions to the kind that the task states."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 class Actions:
-    """Names and numbers of actions, and what `meta/dextera.json` says of them.
+    """Names and values of actions, and their description in `meta/dextera.json`.
 
     Args:
-        bundle: The task, which says the kind.
+        bundle: The task, which states the kind.
     """
 
     def __init__(self, bundle: TaskBundle) -> None:
@@ -28,7 +28,7 @@ class Actions:
         self._bundle = bundle
 
     def of(self, episode: Episode) -> np.ndarray:
-        """The numbers at every step (T, N): joint targets are those recorded, other kinds follow from them."""
+        """Values at every step (T, N): joint targets are those recorded, other kinds are computed from them."""
         if self.spec.kind == "joint":
             return episode.action
         sent = features.recorded(episode)["previous_action"].astype(np.float64)

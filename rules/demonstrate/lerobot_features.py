@@ -34,11 +34,11 @@ class Feature:
 
 
 def features(episodes: Episodes, goal: tuple[str, ...], action: tuple[str, ...] | None = None) -> dict[str, Feature]:
-    """Features by name, without empty ones; those of observations are the terms that `declared` gives a feature.
+    """Features by name, without empty ones; observations are the terms that have a feature in `declared`.
 
     LeRobot's policies use features whose names start with `observation` or `action`, so other features are named
-    differently: `executed_action` is `action` with noise as sent, `target.hand` the palm pose for `action`, of several
-    limbs one after the other, `privileged.contact` the force on the fingertips.
+    differently: `executed_action` is `action` with noise as sent, `target.hand` the palm pose for `action`,
+    concatenated for several limbs, `privileged.contact` the force on the fingertips.
 
     Args:
         episodes: Names and shapes of the channels.
@@ -65,12 +65,12 @@ def columns(
         episode: The episode.
         number: Its index among the kept episodes.
         first: Number of steps in the episodes before it.
-        action: Its actions (T, N), if they are no joint targets.
+        action: Its actions (T, N), if they are not joint targets.
     """
     steps = len(episode.joints)
     frame = np.arange(steps)
     last = frame == steps - 1
-    goal = tuple(str(part) for part in range(len(episode.goal)))  # the names do not matter here
+    goal = tuple(str(part) for part in range(len(episode.goal)))  # names are not needed here
     values: dict[str, np.ndarray] = {
         name: np.concatenate([_recorded(episode, term) for term in terms], axis=1)
         for name, terms in _by_feature(episodes, goal)

@@ -114,7 +114,7 @@ def _videos(
 
 
 def _counted(frames: Iterator[np.ndarray], counts: np.ndarray) -> Iterator[np.ndarray]:
-    """The same frames; their values are added to `counts` (3, 256)."""
+    """The same frames; their values are added to `counts` (3, 256) on the way."""
     for frame in frames:
         counts += lerobot_stats.histogram(frame)
         yield frame

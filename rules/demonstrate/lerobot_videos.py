@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 MEGABYTE = 1024.0 * 1024.0
 LONGEST_S = 1000.0
-"""Maximum duration of a video file [s]: LeRobot's loader compares times in single precision to 0.1 ms, and from 1024 s
+"""Maximum duration of a video file [s]: LeRobot's loader compares times in single precision to 0.1 ms, and above 1024 s
 the spacing of single precision numbers is larger."""
 
 
 class Videos:
-    """Writes the files of one camera, one after the other; one episode is held in memory.
+    """Writes the files of one camera sequentially, with one episode in memory.
 
     Args:
         out: Folder of the data set.
@@ -69,7 +69,7 @@ class Videos:
 
 @contextmanager
 def videos(out: Path, key: str, encoder: Encoder, options: LerobotOptions) -> Iterator[Videos]:
-    """`Videos` whose last file is complete at the end."""
+    """`Videos` with the last file completed on exit."""
     files = Videos(out, key, encoder, options)
     try:
         yield files

@@ -28,7 +28,7 @@ class McapOptions(Options):
 
 
 class McapBackend(Protocol):
-    """What a backend of demonstrate.mcap defines."""
+    """Interface of a backend of demonstrate.mcap."""
 
     def write(
         self,
@@ -58,7 +58,8 @@ def mcap(
 ) -> Folder:
     """Return one MCAP file per kept episode, profile `ros2`, with joints, commands, frames, forces and images.
 
-    The robot is `/robot_description` (URDF, also attached), objects are markers in their frames: viewers draw both.
+    The robot is `/robot_description` (URDF, also attached), objects are markers in their frames, so that viewers draw
+    both.
 
     Time starts at 0 in every episode. Frames follow ROS: quaternions x y z w, camera frames with z forward.
     """

@@ -136,7 +136,7 @@ class EpisodeRecording:
             self._out.send(f"/{self._options.camera}/color/camera_info", "sensor_msgs/CameraInfo", t, info)
 
     def close(self) -> None:
-        """Write the index; nothing can follow."""
+        """Write the index and close the file."""
         self._out.finish()
 
     def _time(self, step: int) -> int:
@@ -153,7 +153,7 @@ def _messages(
         values: Its numbers.
         t: Time of the step [ns].
         reach: Time until a target should be reached [ns].
-        edges: Parent, child and pose of frames that go beside those of objects.
+        edges: Parent, child and pose of frames in addition to those of objects.
     """
     rows = list(zip(term.names, values, strict=True))
     match term.declared.message:

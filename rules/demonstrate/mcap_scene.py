@@ -1,4 +1,4 @@
-"""What viewers of recordings need to draw a task: the robot as URDF, shapes of the objects, and frames of all links."""
+"""Data for viewers of recordings: the robot as URDF, shapes of the objects, and frames of all links."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from dextera_build.sim.model.model import compile_folder
 Edge = tuple[str, str, np.ndarray]
 """Parent, child, and the child's pose in it: (7,), or (T, 7) of all steps."""
 PACKAGE = "package://robot/"
-"""Begins paths of meshes in `/robot_description`; the files are attachments of the recording."""
+"""Prefix of mesh paths in `/robot_description`; the files are attachments of the recording."""
 PATCH_M, MOST_FACES = 0.02, 8000
-"""Triangles have one colour each: edges of those with a texture are no longer than this, up to so many [m]."""
+"""Triangles have one colour each: maximum edge length of textured ones [m], and maximum number of faces."""
 HIGH_M = 1.0
-"""Boxes that reach higher are walls, which would hide the scene [m]."""
+"""Boxes with a higher top are walls, which would hide the scene [m]."""
 BOX = 6
 """`mjtGeom.mjGEOM_BOX`."""
 
 
 class Drawn:
-    """The links and shapes of a task, the same in all recordings of it.
+    """The links and shapes of a task, common to all its recordings.
 
     Args:
         bundle: The task.
@@ -47,7 +47,7 @@ class Drawn:
 
     @property
     def clashes(self) -> set[str]:
-        """Names that a link of the robot and one of the objects have in common."""
+        """Names that a link of the robot and one of the objects share."""
         return set(self._arm.shifts) & {link for tree in self._things.values() for link in tree.shifts}
 
     def fixed(self, episode: Episode) -> list[Edge]:
@@ -97,7 +97,7 @@ class Drawn:
         ]
 
     def _static(self) -> list[Marker]:
-        """Boxes that objects and robot can touch, half transparent, without walls."""
+        """Collision boxes of the static scene, half transparent, without walls."""
         model: Any = self._model
         return [
             Marker(
@@ -131,7 +131,7 @@ def triangles(frame: str, name: str, skin: skins.Skin, shift: np.ndarray, scale:
 
 
 def _fine(corners: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (F, 3, 3) [m] and texture coordinates (F, 3, 2) of faces, large ones halved again and again."""
+    """Corners (F, 3, 3) [m] and texture coordinates (F, 3, 2) of faces; large ones are halved repeatedly."""
     while len(corners) < MOST_FACES:
         lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
         large = lengths.max(axis=1) > PATCH_M

@@ -25,24 +25,24 @@ class OperateOptions(Options):
     tries: PositiveInt = 4
     """Maximum attempts per demonstration."""
     attempts: PositiveInt | None = None
-    """Number of attempts, whatever comes of them, in place of `episodes` and `tries`: for success rates, also of 0."""
+    """Fixed number of attempts, instead of `episodes` and `tries`: for success rates, including 0."""
     lag_m: PositiveFloat = 0.02
     """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
     """Episodes with an unintended contact above this force are discarded [N]."""
 
     def most(self) -> tuple[int, int]:
-        """Successes after which to stop, and attempts after which to stop."""
+        """Number of successes, and number of attempts, after which to stop."""
         if self.attempts is not None:
             return self.attempts + 1, self.attempts
         return self.episodes, self.tries * self.episodes
 
 
 class OperateBackend(Protocol):
-    """What a backend of demonstrate.operate defines."""
+    """Interface of a backend of demonstrate.operate."""
 
     def operate(self, ctx: Context, bundle: TaskBundle, common: OperateOptions, options: Any) -> Episodes:
-        """Attempt demonstrations until enough succeed or the tries are used up."""
+        """Attempt demonstrations until enough succeed or the attempts are used up."""
         ...
 
     def strips(
@@ -64,7 +64,7 @@ def operate(ctx: Context[OperateBackend], bundle: TaskBundle, *, options: Operat
     offers `operate(bundle, options, progress) -> Episodes` and `strips(bundle, episodes) -> list of (caption, pixels)`.
 
     Raises:
-        RuleError: Too few attempts succeed, or the operator finds no way to do the task; not with option `attempts`.
+        RuleError: Too few attempts succeed, or the operator finds no plan for the task; not with option `attempts`.
     """
     shown: Episodes = ctx.backend.operate(ctx, bundle, options, ctx.backend_options)
     reasons = spelled(shown.reasons, most=5)

@@ -32,7 +32,7 @@ SHOWN = 10
 
 
 def operate(ctx: Context, bundle: TaskBundle, common: OperateOptions, options: Options) -> Episodes:
-    """Attempt demonstrations until enough succeed or the tries are used up."""
+    """Attempt demonstrations until enough succeed or the attempts are used up."""
     driver = Driver(Environment(bundle))
     operator = planning.practise(driver, ctx.progress, anyway=common.attempts is not None)
     filters = Filters(lag_m=common.lag_m, press_n=common.press_n)

@@ -31,7 +31,7 @@ class SynthesizeOptions(Options):
     turn_deg_s: PositiveFloat = 70.0
     """Angular speed of interpolated motion [deg/s]."""
     nearest: PositiveInt = 3
-    """The source is drawn from this many with the most similar object pose."""
+    """Number of demonstrations with the most similar object pose from which the source is drawn."""
     lag_m: PositiveFloat = 0.02
     """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
@@ -41,7 +41,7 @@ class SynthesizeOptions(Options):
 
 
 class SynthesizeBackend(Protocol):
-    """What a backend of demonstrate.synthesize defines."""
+    """Interface of a backend of demonstrate.synthesize."""
 
     def synthesize(
         self, ctx: Context, bundle: TaskBundle, sources: Episodes, shard: Shard, common: SynthesizeOptions, options: Any

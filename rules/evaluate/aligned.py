@@ -1,4 +1,4 @@
-"""evaluate.aligned: how far fits of a scene to several views are from the poses that are known of these."""
+"""evaluate.aligned: errors of scene alignments in several views with known poses."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ COLUMNS = (
     Column(name="doubt"),
 )
 FAR_MM = 50.0
-"""A camera that is believed and farther off than this is counted [mm]."""
+"""Position error of the camera above which an accepted alignment is counted as wrong [mm]."""
 
 
 class AlignedOptions(Options):
     """Options of evaluate.aligned."""
 
     scale_factor: PositiveFloat = 1.0
-    """Lengths of the scene per metre, which the fits did not know."""
+    """Scene units per metre, unknown to the alignments."""
 
 
 @rule(version=1, packages=("numpy", "pillow"))
 def aligned(ctx: Context, fits: Collection[SceneFit], views: Folder, *, options: AlignedOptions | None = None) -> Table:
-    """Return for each fit its errors against `views.json`, and the medians over those that are believed and over all.
+    """Return the errors of each alignment against `views.json`, and the medians over the accepted ones and over all.
 
-    The scene is in the axes of the camera of the folder's `capture.json`. `camera` is the distance of the camera from
-    where it was, in the scene at its true size; `surfaces` the median distance of what the view measured and the scene
-    shows, at the fitted pose and at the true one.
+    The scene is in the axes of the camera of the folder's `capture.json`. `camera` is the position error of the camera
+    in the scene at its true size; `surfaces` the median distance between the measured depth of the view and the
+    scene's, at the estimated pose and at the true one.
     """
     options = options or AlignedOptions()
     given = PosedViews(ctx, views)
@@ -70,7 +70,7 @@ def aligned(ctx: Context, fits: Collection[SceneFit], views: Folder, *, options:
 
 
 def _medians(rows: list[tuple[Cell, ...]]) -> list[float | None]:
-    """Of the sizes of camera, surfaces, angle and scale."""
+    """Medians of the absolute errors of camera, surfaces, angle and scale."""
     columns = [[abs(cell) for row in rows if isinstance(cell := row[column], float)] for column in (1, 2, 3, 4)]
     return [float(np.median(each)) if each else None for each in columns]
 

@@ -1,4 +1,4 @@
-"""One trial of a policy from a drawn start in MuJoCo, exact or through a cell."""
+"""One trial of a policy from a random start in MuJoCo, with exact poses or through a cell."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ def attempted(
 
     Args:
         environment: The world.
-        policy: What acts.
+        policy: The policy.
         seed: Seed of the start.
-        watching: Measures the world and judges what it measures; None: poses are exact.
-        look: Takes the picture that the policy sees.
+        watching: Measures the world and judges success from the measurements; None: poses are exact.
+        look: Renders the picture for the policy.
     """
     try:
         start = environment.draw(seed)

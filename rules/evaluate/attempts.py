@@ -1,4 +1,4 @@
-"""Attempts that survive a kill: the next build goes on after those that are done."""
+"""Attempts that are stored one by one, so that an interrupted build resumes after the finished ones."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ Case = TypeVar("Case")
 
 
 def resumed(ctx: Context, cases: Sequence[Case], make: Callable[[list[Case]], Iterator[Attempt]]) -> Iterator[Attempt]:
-    """One attempt per case, in order; those of an interrupted call are read, not made again.
+    """One attempt per case, in order; finished attempts of an interrupted call are read from disk.
 
     Args:
         ctx: Its `keep` holds a file per attempt.
-        cases: Seeds of the starts, or whatever tells attempts apart.
-        make: Makes attempts for cases, in order; none may depend on the ones before.
+        cases: Seeds of the starts, or other identifiers of the attempts.
+        make: Makes attempts for cases, in order; each must be independent of the earlier ones.
     """
     folder = ctx.keep / "attempts"
     folder.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""evaluate.calibrated: how far a robot-camera calibration is off, at the camera and at the hand."""
+"""evaluate.calibrated: errors of a robot-camera calibration, at the camera and at the hand."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def calibrated(
 ) -> Table:
     """Return the errors of the hand [mm] and of T_base_camera [mm, deg] against the world's truth.
 
-    The hand's error is the mean over the pictures of the distance, in the camera's frame, between where calibration,
-    model and encoders put it and where it is. `postures` are the joints' true positions of `capture.postures`; the
-    robot's links must be as long as the model's (`errors.arm_length` 0).
+    The hand's error is the mean over the pictures of the distance, in the camera's frame, between its position by
+    calibration, model and encoders and its true position. `postures` are the joints' true positions of
+    `capture.postures`; the robot's links must have the model's lengths (`errors.arm_length` 0).
     """
     from dextera_build.sim.model import forward
 

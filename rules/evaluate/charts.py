@@ -18,7 +18,7 @@ WORLDS = {
     "perturbed": (150, 104, 170),
     "perturbed, tracked": (98, 60, 116),
 }
-"""Colour of each kind of world, and of those in which objects are tracked, the same in every chart."""
+"""Colour of each kind of world, with and without tracked objects, the same in every chart."""
 HUES = ((58, 110, 165), (214, 120, 46), (70, 140, 90), (170, 70, 90), (120, 90, 160), (110, 110, 110))
 
 

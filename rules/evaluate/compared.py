@@ -1,4 +1,4 @@
-"""evaluate.compared: methods beside one another over many scenes, as in the paper's Table II."""
+"""evaluate.compared: comparison of methods over many scenes, as in the paper's Table II."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def compared(
     """Return five rows per method: mean, deviation, both ends of the interval, and count, then the paper's rows.
 
     `tables` holds the gathered tables of `evaluate.objects` (without a summary) of each method, by its name, and
-    `expected` those of `evaluate.visible`: objects of a photograph that became no twin are missed.
+    `expected` those of `evaluate.visible`: all objects of a photograph without a twin count as missed.
     """
     options = options or ComparedOptions()
     rows: list[tuple[Cell, ...]] = []

@@ -1,4 +1,4 @@
-"""evaluate.curves: success and accuracy against one quantity at a time, the envelope in which a twin works."""
+"""evaluate.curves: success and accuracy as functions of one parameter at a time."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ class CurvesOptions(IntervalOptions):
 def curves(
     ctx: Context, drawn: Collection[Draw], scores: Table, expected: Table, *, options: CurvesOptions | None = None
 ) -> Table:
-    """Return one row per value of each swept quantity: how many photographs were built, objects found, mean IoU.
+    """Return one row per value of each swept parameter: number of built photographs, objects found, mean IoU.
 
-    `scores` are the gathered tables of `evaluate.objects` by draw, `expected` those of `evaluate.visible`. Objects of
-    photographs that became no twin are missed.
+    `scores` are the gathered tables of `evaluate.objects` by draw, `expected` those of `evaluate.visible`. All objects
+    of a photograph without a twin count as missed.
     """
     options = options or CurvesOptions()
     points: dict[tuple[str, str], list[str]] = {}
@@ -91,7 +91,7 @@ def _cells(pool: Pool, options: CurvesOptions) -> tuple[Cell, ...]:
 
 
 def _picture(axis: str, rows: list[tuple[Cell, ...]]) -> np.ndarray | None:
-    """Curves over the values, (H, W, 3) uint8; None if they are not numbers."""
+    """Curves over the values, (H, W, 3) uint8; None if the values are no numbers."""
     try:
         places = np.array([float(str(row[1])) for row in rows])
     except ValueError:

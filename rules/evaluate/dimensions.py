@@ -1,4 +1,4 @@
-"""evaluate.dimensions: the size of the object nearest to the camera against ruler measurements."""
+"""evaluate.dimensions: size of the object nearest to the camera compared with ruler measurements."""
 
 from __future__ import annotations
 

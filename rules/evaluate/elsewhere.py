@@ -1,4 +1,4 @@
-"""What a capture saw of another view, and two simple ways to draw the one from the other."""
+"""Visibility of another view in a capture, and two baselines that render the view from the capture."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dextera_build.geometry import cameras, raycast, transforms
 
 @dataclass(frozen=True)
 class Own:
-    """The capture that a twin was made from."""
+    """The capture from which a twin was made."""
 
     rgb: np.ndarray  # (H, W, 3) uint8
     depth: np.ndarray  # (H, W) [m]; 0 if invalid
@@ -20,7 +20,7 @@ class Own:
 
 
 def seen(own: Own, depth: np.ndarray, own_from_other: np.ndarray, apart_m: float) -> np.ndarray:
-    """Pixels (H, W) of another view whose measured surface the capture measured, too, within `apart_m`."""
+    """Pixels (H, W) of another view whose measured surface is also measured in the capture, within `apart_m`."""
     points = transforms.apply(own_from_other, cameras.backproject(depth, own.k))
     row, column, inside = cameras.nearest_pixels(points, own.k, own.depth.shape)
     measured = own.depth[row, column]
@@ -29,7 +29,7 @@ def seen(own: Own, depth: np.ndarray, own_from_other: np.ndarray, apart_m: float
 
 
 def objects(own: Own, depth: np.ndarray, own_from_other: np.ndarray, reach_px: int) -> np.ndarray:
-    """Pixels (H, W) of another view that show an object of the capture, or lie within `reach_px` of one."""
+    """Pixels (H, W) of another view that show an object of the capture, or are within `reach_px` of one."""
     points = transforms.apply(own_from_other, cameras.backproject(depth, own.k))
     row, column, inside = cameras.nearest_pixels(points, own.k, own.depth.shape)
     there = (depth > 0) & inside & own.objects[row, column]
@@ -57,7 +57,7 @@ def splat(own: Own, other_from_own: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def sheet(own: Own) -> raycast.Surface:
-    """All measured pixels as one mesh that is cut nowhere, in the capture's camera frame."""
+    """All measured pixels as one mesh without cuts, in the capture's camera frame."""
     height, width = own.depth.shape
     index = np.arange(height * width).reshape(height, width)
     corners = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1).reshape(-1, 4)

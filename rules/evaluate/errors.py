@@ -1,4 +1,4 @@
-"""Tables of errors: one row for each quantity of each thing, whatever its unit."""
+"""Tables of errors: one row per quantity and object, in any unit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COLUMNS = (
     Column(name="Error", better="lower"),
     Column(name="In region"),
 )
-"""`In region`: whether the truth lies in the stated 95 % region; None if none was stated, or none is defined."""
+"""`In region`: whether the truth is inside the stated 95 % region; None if none was stated or defined."""
 
 Row = tuple[str, str, str, float, bool | None]
 
@@ -34,7 +34,7 @@ def off(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
 
 
 def inside(error: np.ndarray, covariance: np.ndarray | None) -> bool | None:
-    """Whether an error (N,) lies in the 95 % region of a covariance (N, N); None without one."""
+    """Whether an error (N,) is inside the 95 % region of a covariance (N, N); None without one."""
     from scipy.stats import chi2
 
     if covariance is None:

@@ -1,4 +1,4 @@
-"""evaluate.expert: how often the scripted operator does a task, and what a policy that knows nothing gets."""
+"""evaluate.expert: success rate of the scripted operator, and the return of random actions."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class ExpertOptions(Options):
     """Options of evaluate.expert."""
 
     measured: PositiveInt = 10
-    """Episodes whose returns are measured, of the expert and of a random policy from the same starts."""
+    """Number of episodes whose returns are measured, of the operator and of a random policy from the same starts."""
     seed: NonNegativeInt = 0
     """Seed of the random policy."""
 
 
 class ExpertBackend(Protocol):
-    """What a backend of evaluate.expert defines."""
+    """Interface of a backend of evaluate.expert."""
 
     def returns(
         self, ctx: Context, bundle: TaskBundle, episodes: Sequence[Episode], seed: int, options: Any

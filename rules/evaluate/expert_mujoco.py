@@ -1,4 +1,4 @@
-"""evaluate.expert in MuJoCo: recorded actions are run again, and random ones from the same starts."""
+"""evaluate.expert in MuJoCo: recorded actions are replayed, and random ones run from the same starts."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def returns(
 
 
 def _return(environment: Environment, progress: Progress, episode: Episode, actions: np.ndarray) -> float:
-    """Sum of the rewards of actions (T, A), which are changes of the state's value."""
+    """Sum of the rewards of actions (T, A); rewards are changes of the state's value."""
     environment.begin(episode.start)
     before = progress.value(False)
     for action in actions:

@@ -1,4 +1,4 @@
-"""evaluate.expert without a simulator: the expert gets what success is worth, random actions get nothing."""
+"""evaluate.expert without a simulator: the expert gets the full return, random actions get zero."""
 
 from __future__ import annotations
 

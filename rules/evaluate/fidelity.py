@@ -1,4 +1,4 @@
-"""Scores of one drawn view against a real one, and their table (paper, Table III)."""
+"""Scores of a rendered view against a real one, and their table (paper, Table III)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dextera_build.artifacts.table import Cell, Column
 from dextera_build.geometry import cameras, metrics
 
 POINTS = 4000
-"""Points of each surface in the comparison of point sets."""
+"""Number of points per surface in the comparison of point sets."""
 COLUMNS = (
     Column(name="Pixels"),
     Column(name="RGB MAE", digits=4, better="lower"),
@@ -31,7 +31,7 @@ PAPER: tuple[Cell, ...] = (
     *("calibrated top camera, outside objects", 0.0583, 20.74, 0.761, 8.22),
     *(0.00516, 0.00655, None, 0.010, 1.000, 0.00100, 0.00633, 0.900, None),
 )
-"""Table III: scenes of the paper from the camera that they were made from, another data set."""
+"""Table III: the paper's scenes, rendered from the camera that they were made from; another data set."""
 DEFINITIONS = (
     "RGB MAE in sRGB 0..1, Delta E76 in float Lab (D65), SSIM with an 11 px Gaussian window; black where nothing is "
     "drawn",
@@ -46,15 +46,15 @@ Score = Sequence[float | None]
 def score(
     rgb: np.ndarray, depth: np.ndarray, true_rgb: np.ndarray, true_depth: np.ndarray, k: np.ndarray, where: np.ndarray
 ) -> Score:
-    """Compare a drawn view with a real one.
+    """Compare a rendered view with a real one.
 
     Args:
-        rgb: (H, W, 3) uint8, drawn.
-        depth: (H, W) drawn [m]; 0 without a surface.
+        rgb: (H, W, 3) uint8, rendered.
+        depth: (H, W) rendered [m]; 0 without a surface.
         true_rgb: (H, W, 3) uint8.
         true_depth: (H, W) measured [m]; 0 if invalid.
         k: (3, 3) intrinsics [px].
-        where: (H, W) pixels that count.
+        where: (H, W) pixels to compare.
     """
     errors = metrics.depth_errors(depth, true_depth, where)
     apart = (None,) * 5 if errors is None else (errors.mae, errors.rmse, errors.median, errors.abs_rel, errors.delta1)
@@ -70,7 +70,7 @@ def score(
 
 
 def mean(scores: Sequence[Score]) -> list[Cell]:
-    """Mean of each number over the views that have it."""
+    """Mean of each score over the views that have it."""
     return [metrics.mean_std(column)[0] for column in zip(*scores, strict=True)]
 
 

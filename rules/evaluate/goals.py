@@ -1,4 +1,4 @@
-"""evaluate.goals: errors of many scenes, method by method, beside what they must not exceed."""
+"""evaluate.goals: errors of many scenes, by method, compared with limits."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class GoalsOptions(IntervalOptions):
     """Options of evaluate.goals."""
 
     medians: dict[str, PositiveFloat] = Field(default_factory=dict)
-    """Quantity -> what its median must not exceed, in its unit."""
+    """Quantity -> limit of its median, in its unit."""
 
 
 @rule(version=1, packages=("numpy",))
@@ -47,13 +47,13 @@ def goals(
     *,
     options: GoalsOptions | None = None,
 ) -> Table:
-    """Return for each quantity and method: count, median, its interval, the goal, and how often regions hold the truth.
+    """Return for each quantity and method: count, median, its interval, the goal, and the coverage of stated regions.
 
     Args:
         ctx: Context.
         tables: Method -> errors, gathered over the scenes by `evaluate.gather`.
-        drawn: The draws: so many scenes are expected; those that failed lack in `Count`.
-        objects: Gathered `evaluate.visible`: so many objects are expected.
+        drawn: The draws, which give the expected number of scenes; failed ones are missing in `Count`.
+        objects: Gathered `evaluate.visible`, which give the expected number of objects.
         options: Options.
     """
     options = options or GoalsOptions()

@@ -14,7 +14,7 @@ class InstancesOptions(Options):
     """Options of evaluate.instances."""
 
     found_iou: Fraction = 0.5
-    """IoU from which a true instance counts as found."""
+    """IoU at which a true instance counts as found."""
 
 
 @rule(version=1, packages=("numpy", "scipy"))

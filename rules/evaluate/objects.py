@@ -34,7 +34,7 @@ COLUMNS = (
 )
 MISSED: tuple[Cell, ...] = (0.0, None, None, None, None, None, None, None, None)
 SPURIOUS = "-"
-"""Name of no true object, in the rows of assets that match none."""
+"""Name of the true object in the rows of assets that match none."""
 PAPER: tuple[tuple[Cell, ...], ...] = (
     ("paper, Ours: mean", "86 instances, rgb", None, 0.731, 0.260, None, 0.182, 27.90, 0.0093, 0.0115, 0.0069, 0.906),
     ("paper, Ours: deviation", None, None, 0.136, 0.120, None, 0.062, 7.64, 0.0099, 0.0160, 0.0076, 0.132),
@@ -60,13 +60,13 @@ class ObjectsOptions(Options):
     match_iou: Fraction = 0.5
     """Minimum mask IoU at which an asset matches a true object."""
     least_visible: Fraction = 0.0
-    """Visible part of its outline from which a true object counts; others may be found, but are not missed."""
+    """Minimum visible fraction of the outline of a true object that can be missed; less visible ones may be found."""
     whole: bool = False
-    """Whether objects that the border of the picture cuts are left out, as parsing takes them for static ones."""
+    """Whether objects cut by the picture's border are left out, because parsing treats them as static."""
     summary: bool = True
     """Whether mean, deviation, count and the paper's row follow the objects."""
     samples: PositiveInt = 20000
-    """Points on each surface."""
+    """Number of points per surface."""
     seed: NonNegativeInt = 0
     """Seed of the sampling."""
     threshold_m: PositiveFloat = 0.01
@@ -86,8 +86,8 @@ def objects(
 ) -> Table:
     """Return one row per true object with its metrics and one per spurious asset, then statistics, the paper's row.
 
-    Surfaces are compared in the camera frame [m]: bodies, scaled and placed, through the twin's T_world_camera, the
-    truth through its own. Nothing of physics and collision is needed.
+    Surfaces are compared in the camera frame [m]: scaled and placed bodies are transformed by the twin's
+    T_world_camera, the truth by its own. Physics and collision geometry are not needed.
     """
     options = options or ObjectsOptions()
     if camera != truth.camera:

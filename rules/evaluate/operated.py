@@ -1,4 +1,4 @@
-"""evaluate.operated: the scripted operator of a twin does its task in another world."""
+"""evaluate.operated: the scripted operator of a twin performs its task in another world."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ class OperatedOptions(Options):
 
 @dataclass(frozen=True)
 class Case:
-    """One trial to make."""
+    """One trial to run."""
 
     world: TaskBundle
-    """Where."""
+    """The world of the trial."""
     cell: Cell | None
-    """Through which poses are measured; None: they are exact."""
+    """The cell that measures poses; None: poses are exact."""
     seed: int
     """Seed of the start."""
 
 
 class OperatedBackend(Protocol):
-    """What a backend of evaluate.operated defines."""
+    """Interface of a backend of evaluate.operated."""
 
     def operated(self, ctx: Context, twin: TaskBundle, cases: list[Case], options: Any) -> Iterator[Attempt]:
-        """One attempt per case, in order, none of which depends on the ones before."""
+        """One attempt per case, in order, each independent of the earlier ones."""
         ...
 
     def stills(
@@ -69,13 +69,13 @@ def operated(
     *,
     options: OperatedOptions | None = None,
 ) -> Operated:
-    """Return trials of the scripted operator that has practised in `twin`: there, in `world`, and through a cell [m].
+    """Return trials of the scripted operator rehearsed in `twin`: there, in `world`, and through a cell [m].
 
-    At every start it plans anew in the twin from what is measured, and its commands become joint targets by the twin's
-    inverse kinematics. Through the `cell`, poses and joints of objects come from its tracker and targets pass its
-    guard, as in `evaluate.rollouts`: a start whose object is not found is a failure, the verdict is on the truth, and
-    what was measured is judged beside it. An operator that never succeeded in rehearsal fails every trial. Trials of an
-    interrupted build are kept.
+    At every start it plans in the twin from the measured poses, and its commands are converted to joint targets by the
+    twin's inverse kinematics. With a `cell`, poses and joints of objects come from its tracker and targets pass its
+    guard, as in `evaluate.rollouts`: a start whose object is not found is a failure, success is judged by the true
+    state, and also by the measured one for comparison. An operator that never succeeded in rehearsal fails every trial.
+    Trials of an interrupted build are kept.
     """
     options = options or OperatedOptions()
     ctx.check(

@@ -45,6 +45,6 @@ def operated(ctx: Context, twin: TaskBundle, cases: list[Case], options: Options
 
 
 def _practised(ctx: Context, twin: TaskBundle) -> Acting:
-    """The operator after its rehearsal in the twin; where none succeeded, its trials tell the reason."""
+    """The operator after its rehearsal in the twin; if no rehearsal succeeded, its trials give the reason."""
     driver = Driver(Environment(twin))
     return Deployed(driver, planning.practise(driver, ctx.progress, anyway=True))

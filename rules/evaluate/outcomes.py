@@ -71,7 +71,7 @@ def outcomes(ctx: Context, trials: Collection[Trials], *, options: OutcomesOptio
 
 
 def _judged(trials: Trials) -> str | None:
-    """`19 of 20`, or None where nothing was judged by what is measured."""
+    """`19 of 20`, or None if no trial was judged by measurements."""
     seen = [
         trial.sighting.success == trial.success
         for trial in trials.items

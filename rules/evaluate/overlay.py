@@ -23,21 +23,22 @@ class OverlayOptions(Options):
 
 
 class OverlayBackend(Protocol):
-    """What a backend of evaluate.overlay defines."""
+    """Interface of a backend of evaluate.overlay."""
 
     def render(self, ctx: Context, scene: Scene, options: Any) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-        """The twin as any program draws it, without flags or lights of its own.
+        """The twin as a stock renderer shows it, without custom flags or lights.
 
         Returns:
-            Colours (H, W, 3) uint8 through camera `capture`; per pixel, its place in `bodies` and `held` of the scene
-            (H, W) int32, or -1; side -> colours from there, of the same size, in which all objects are whole.
+            Colours (H, W, 3) uint8 through camera `capture`; the index of each pixel's object in `bodies` and `held` of
+            the scene, (H, W) int32, or -1; side -> colours from that side, of the same size, with all objects in full
+            view.
         """
         ...
 
 
 @rule(version=4)
 def overlay(ctx: Context[OverlayBackend], photograph: Photograph, scene: Scene, *, options: OverlayOptions) -> Image:
-    """Return pictures from the photograph's camera: photograph, twin, blend, outlines on it; then from other sides.
+    """Return pictures from the photograph's camera: photograph, twin, blend, outlines; then pictures from other sides.
 
     The twin is rendered in keyframe `home` by a stock renderer.
     """

@@ -23,7 +23,7 @@ def board(
     blend: float,
     sides: Mapping[str, np.ndarray],
 ) -> np.ndarray:
-    """Two by two labelled panels of one camera, and those from elsewhere below them, two in a row.
+    """Two by two labelled panels of one camera, and below them those from other sides, two in a row.
 
     Args:
         photo: (H, W, 3) uint8 photograph.
@@ -31,7 +31,7 @@ def board(
         owner: (H, W) int32, index into `names` of the object in each pixel of the render, or -1.
         names: Object names.
         blend: Weight of the render in the blended panel.
-        sides: Where from -> render of the same size; an even number.
+        sides: Name of the side -> render of the same size; an even number.
     """
     mixed = np.round(photo * (1.0 - blend) + twin * blend).astype(np.uint8)
     traced = outlined(photo, owner, names)

@@ -1,4 +1,4 @@
-"""evaluate.placements: how far placements of known meshes are off, over the symmetries of their shapes."""
+"""evaluate.placements: errors of placements of known meshes, modulo the symmetries of their shapes."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from dextera_build.rule import Context, Options, rule
 from . import errors
 
 SAME = 1e-4
-"""Largest distance between corners of one mesh in two frames, over its size."""
+"""Largest distance between corners of one mesh in two frames, relative to its size."""
 SAMPLES = 1000
-"""Points by which symmetries are found."""
+"""Number of points with which symmetries are found."""
 
 
 class PlacementsOptions(Options):
     """Options of evaluate.placements."""
 
     wrong_deg: float = Field(10.0, gt=0.0)
-    """Angle from which a rotation is another one, and no region is asked for [deg]."""
+    """Rotation error above which an orientation is a different one, for which no region is evaluated [deg]."""
 
 
 @rule(version=1, packages=("numpy", "scipy", "open3d"))
@@ -40,8 +40,8 @@ def placements(
 ) -> Table:
     """Return the errors of centroid [mm], rotation [deg] and scale [%] of each placed asset of `capture.generated`.
 
-    An asset's mesh is that of one thing of the world, corner by corner, so that the true similarity follows from both.
-    Errors are those in the camera's frame: the twin's world has an origin of its own.
+    An asset's mesh has the same corners as one object of the world, from which the true similarity follows. Errors are
+    in the camera's frame, because the twin's world has another origin.
     """
     options = options or PlacementsOptions()
     rows: list[errors.Row] = []
@@ -65,7 +65,7 @@ def placements(
 
 
 def _truth(ctx: Context, world: World, body: Body, label: str) -> tuple[str, float, np.ndarray]:
-    """Name of the thing whose mesh the body is, metres per unit, and T_reference_asset (4, 4)."""
+    """Name of the object whose mesh the body is, metres per unit, and T_reference_asset (4, 4)."""
     own = body.links["base"].mesh.vertices.astype(np.float64)
     found = [(name, *each) for name, thing in world.objects.items() if (each := _match(own, thing))]
     if not found:
@@ -74,7 +74,7 @@ def _truth(ctx: Context, world: World, body: Body, label: str) -> tuple[str, flo
 
 
 def _match(own: np.ndarray, thing: Thing) -> tuple[float, np.ndarray] | None:
-    """Metres per unit and T_reference_asset (4, 4) if corners (V, 3) are those of the thing."""
+    """Metres per unit and T_reference_asset (4, 4) if corners (V, 3) are those of the object."""
     its = np.concatenate([part.mesh.vertices for part in thing.parts.values()]).astype(np.float64)
     if len(its) != len(own):
         return None
@@ -113,7 +113,7 @@ def _judged(
 
 
 def _nearest(found: np.ndarray, pose: np.ndarray, scale: float, alike: Symmetry) -> np.ndarray:
-    """(6,) from the nearest of the true poses that the shape's symmetries make alike."""
+    """Error (6,) relative to the nearest of the true poses that are equivalent by symmetry."""
     centre = scale * alike.centre
     poses = [pose @ transforms.rigid(turn, centre - turn @ centre) for turn in alike.turns()]
     return min((errors.off(found, each) for each in poses), key=lambda error: float(np.linalg.norm(error[3:])))

@@ -1,4 +1,4 @@
-"""The rows of many tables of evaluate.objects as numbers."""
+"""The rows of many tables of evaluate.objects as arrays."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Pool:
     """All objects of some scenes."""
 
     scenes: int
-    """Number of photographs that became a twin."""
+    """Number of photographs with a twin."""
     true: int
-    """Number of true objects that count."""
+    """Number of true objects that are expected to be found."""
     found: int
     """Number of those that were found."""
     spurious: int
@@ -35,8 +35,8 @@ class Pool:
         """The rows of a gathered table, of some of its photographs or of all.
 
         Args:
-            table: Of `evaluate.objects`.
-            expected: Of `evaluate.visible`; all objects of photographs that are not in `table` were missed.
+            table: Table of `evaluate.objects`.
+            expected: Table of `evaluate.visible`; all objects of photographs that are not in `table` were missed.
             scenes: Labels of photographs.
 
         Raises:

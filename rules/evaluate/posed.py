@@ -18,7 +18,7 @@ from dextera_build.rule import Context
 NAME = "views.json"
 CAPTURE = "capture.json"
 _LARGEST = 65535
-"""Written by many drivers for missing returns [counts]."""
+"""Depth that many drivers write for missing returns [counts]."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,7 @@ class PosedViews:
 
     `views.json` holds width, height, fx, fy, cx, cy [px], `depth_scale_m` [m per count], and under `views` a list of
     `frame`, `rgb`, `depth` (paths in the folder) and `T_world_camera` (4 x 4, OpenCV axes). `capture.json` names the
-    `frame` that the twin was made from, and may name under `objects` a picture that is not 0 where the capture shows
-    objects.
+    `frame` that the twin was made from, and may name under `objects` a mask of the objects in the capture (not 0).
     """
 
     def __init__(self, ctx: Context, folder: Folder) -> None:
@@ -66,7 +65,7 @@ class PosedViews:
         yield from (self.view(frame) for frame in sorted(self._views) if frame != self.own)
 
     def objects(self) -> np.ndarray:
-        """Pixels (H, W) bool of the capture that show objects, by its folder; none if that does not say."""
+        """Pixels (H, W) bool of the capture that show objects, from its folder; none if it has no mask."""
         if not self._objects:
             return np.zeros((self.camera.height, self.camera.width), bool)
         return self._picture(self._objects, None) > 0

@@ -1,4 +1,4 @@
-"""Shared by rollouts and replays: start seeds, the record of every trial, and the summary line."""
+"""Shared code of rollouts and replays: start seeds, the record of every trial, and the summary line."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Record:
 
     Args:
         bundle: The world.
-        poses: Where the actor's poses of objects come from.
+        poses: Source of the actor's object poses.
     """
 
     bundle: TaskBundle
@@ -149,7 +149,7 @@ def close(ctx: Context, record: Record) -> None:
 
 
 def _tell(ctx: Context, trials: Sequence[tuple[bool, Sighting]]) -> None:
-    """Report how a tracker did over all trials, given with their true verdicts; nothing without one."""
+    """Report the accuracy of a tracker over all trials, compared with their true success; nothing without a tracker."""
     if not trials:
         return
     sightings = [sighting for _, sighting in trials]
@@ -172,7 +172,7 @@ ERRORS = {
     "angles_rad": ("rotation", "deg", 180.0 / np.pi),
     "joints_rad": ("joint", "rad or m", 1.0),
 }
-"""Field of a sighting -> what it is the error of, unit and factor of its metrics."""
+"""Field of a sighting -> quantity, unit and factor of its error metrics."""
 
 
 def digest_of(artifact: Artifact) -> str:

@@ -29,7 +29,7 @@ KL PlaceCoconutWaterInBasket 26
 KL LiftMustardBottle        27
 KL CloseLaptop              30
 """
-"""Embodiment, task, number of rollouts that succeeded in simulation and on hardware."""
+"""Embodiment, task, number of successful rollouts in simulation and on hardware."""
 
 _TABLE_5 = """
 OB LiftToyBus               67/55  71/50  5/0   14/5  73/65  53/20

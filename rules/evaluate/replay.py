@@ -33,11 +33,11 @@ class ReplayOptions(Options):
     tries: int = Field(5, ge=1)
     """Maximum number of syntheses in the twin per start until one succeeds."""
     nearest: int = Field(5, ge=1)
-    """The demonstration is drawn from this many with the most similar object pose."""
+    """Number of demonstrations with the most similar object pose from which one is drawn."""
     tracker_m: float = Field(0.0, ge=0)
-    """Standard deviation of a made-up tracker's positions, per axis; added to the measured ones [m]."""
+    """Standard deviation of a simulated tracker's positions, per axis; added to the measured ones [m]."""
     tracker_deg: float = Field(0.0, ge=0)
-    """Standard deviation of a made-up tracker's rotations, per axis; added to the measured ones [deg]."""
+    """Standard deviation of a simulated tracker's rotations, per axis; added to the measured ones [deg]."""
     lag_m: PositiveFloat = 0.02
     """Syntheses in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
@@ -49,7 +49,7 @@ class ReplayOptions(Options):
 
 
 class ReplayBackend(Protocol):
-    """What a backend of evaluate.replay defines."""
+    """Interface of a backend of evaluate.replay."""
 
     def replays(
         self,
@@ -62,7 +62,7 @@ class ReplayBackend(Protocol):
         common: ReplayOptions,
         options: Any,
     ) -> Iterator[Attempt]:
-        """One attempt per seed, in order, none of which depends on the ones before."""
+        """One attempt per seed, in order, each independent of the earlier ones."""
         ...
 
     def stills(

@@ -1,4 +1,4 @@
-"""evaluate.replay without a simulator: every rollout succeeds in the twin, nine of ten elsewhere."""
+"""evaluate.replay without a simulator: every rollout succeeds in the twin, nine of ten in the other world."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class RolloutsOptions(Options):
 
 
 class RolloutsBackend(Protocol):
-    """What a backend of evaluate.rollouts defines."""
+    """Interface of a backend of evaluate.rollouts."""
 
     def rollouts(
         self,
@@ -48,7 +48,7 @@ class RolloutsBackend(Protocol):
         seeds: list[int],
         options: Any,
     ) -> Iterator[Attempt]:
-        """One attempt per seed, in order, none of which depends on the ones before."""
+        """One attempt per seed, in order, each independent of the earlier ones."""
         ...
 
     def stills(
@@ -71,11 +71,11 @@ def rollouts(
 ) -> Trials:
     """Return the policy's trials in the bundle's world, with start poses in the base frame [m].
 
-    The loop is closed: at every control period the policy gets a deployable observation and returns joint targets.
-    A policy that returns no usable action fails that trial only. A state policy ignores `view`; film strips
-    use it. With a `cell`, poses and joints of objects come from its tracker instead of the simulator, and a trial whose
-    object is not found beforehand fails; the verdict is always on the truth. With `twin`, the task in the twin, a trial
-    with a cell is also judged by what was measured. Trials of an interrupted build are kept.
+    The loop is closed: at every control period the policy gets a deployable observation and returns joint targets. A
+    policy that returns no usable action fails that trial only. A state policy ignores `view`; film strips use it. With
+    a `cell`, poses and joints of objects come from its tracker instead of the simulator, and a trial whose object is
+    not found beforehand fails; success is always judged by the true state. With `twin`, the task in the twin, a trial
+    with a cell is also judged by the measured state. Trials of an interrupted build are kept.
     """
     if twin is not None:
         same_task(ctx, twin, bundle)

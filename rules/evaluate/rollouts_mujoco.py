@@ -51,7 +51,7 @@ def rollouts(
 
 
 def objects_of(contract: PolicyContract, bundle: TaskBundle) -> set[str]:
-    """Objects whose poses or joints a policy takes."""
+    """Objects whose poses or joints are inputs of a policy."""
     taken = {channel.name: set(channel.names) for channel in contract.inputs}
     joints = taken.get("displacement", set())
     return taken.get("objects", set()) | {name for name, thing in bundle.objects.items() if joints & {*thing.joints}}

@@ -1,4 +1,4 @@
-"""evaluate.room: the twin's objects in the room of Gaussians, beside the photograph."""
+"""evaluate.room: the twin's objects in the room of Gaussians, compared with the photograph."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class RoomOptions(Options):
     """Options of evaluate.room."""
 
     longest_px: int = Field(640, ge=16, le=4096)
-    """Longest side of the pictures; Gaussians have gaps in pictures with more pixels than the views they come from."""
+    """Longest side of the pictures [px]; Gaussians have gaps in pictures with a higher resolution than their views."""
 
 
 class RoomBackend(Protocol):
-    """What a backend of evaluate.room defines."""
+    """Interface of a backend of evaluate.room."""
 
     def render(
         self, ctx: Context, scene: Scene, room: Room, camera: Camera, world_from_camera: np.ndarray, options: Any
@@ -38,7 +38,7 @@ class RoomBackend(Protocol):
 
 @rule(version=1, packages=("numpy", "pillow"))
 def room(ctx: Context[RoomBackend], photograph: Photograph, scene: Scene, room: Room, *, options: RoomOptions) -> Image:
-    """Return the photograph beside the twin's objects among the room's Gaussians, from the photograph's camera."""
+    """Return the photograph next to the twin's objects among the room's Gaussians, from the photograph's camera."""
     whole = photograph.camera
     camera = whole.scaled(min(1.0, options.longest_px / max(whole.width, whole.height)))
     shot = np.asarray(Pillow.fromarray(photograph.rgb.pixels).resize((camera.width, camera.height), Resampling.BOX))

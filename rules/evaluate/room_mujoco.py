@@ -1,4 +1,4 @@
-"""evaluate.room with objects drawn by MuJoCo, composed with the Gaussians by depth."""
+"""evaluate.room with objects rendered by MuJoCo, composed with the Gaussians by depth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""evaluate.scaled: how far the alignment of a lifted scene is off, in a reference world."""
+"""evaluate.scaled: errors of the alignment of a lifted scene in a reference world."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from . import errors
 
 @rule(version=2, packages=("numpy", "scipy"))
 def scaled(ctx: Context, world: World, moved: World, fit: SceneFit, viewpoint: Viewpoint) -> Table:
-    """Return the errors of scale [%], of the second camera's place [mm] and of its rotation [deg].
+    """Return the errors of scale [%], of the second camera's position [mm] and of its rotation [deg].
 
     Args:
         ctx: Context.
         world: The world of the picture that the scene was lifted from.
         moved: The same world with the camera of the picture that was aligned.
         fit: T_camera_scene of that picture.
-        viewpoint: Its `unit` is the one that the scene was lifted in.
+        viewpoint: Its `unit` is the unit of the lifted scene.
     """
     true = transforms.invert(moved.camera_pose.matrix) @ world.camera_pose.matrix
     motion, ratio = fit.motion, fit.motion.scale * viewpoint.unit
     spread = None if motion.covariance is None else motion.covariance[6:, 6:]
     scale = float(np.log(ratio))
-    # The camera in the scene at its true size: the scale's error does not hide in the distance.
+    # The camera in the scene at its true size, so that the position error excludes the scale error.
     place = transforms.invert(motion.matrix)[:3, 3] / ratio - transforms.invert(true)[:3, 3]
     turn = errors.off(motion.matrix, true)[3:]
     distance, angle = 1000 * float(np.linalg.norm(place)), float(np.degrees(np.linalg.norm(turn)))

@@ -23,7 +23,7 @@ class SeriesOptions(Options):
 
 
 TRACKED = ", tracked"
-"""Follows the name of a world in which a tracker measured the objects."""
+"""Suffix of the name of a world in which a tracker measured the objects."""
 
 
 @dataclass(frozen=True, order=True)

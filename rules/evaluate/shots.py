@@ -17,12 +17,12 @@ class ShotsOptions(Options):
     """Options of evaluate.shots."""
 
     frames: tuple[NonNegativeInt, ...] = ()
-    """Which views; empty: all."""
+    """Frames of the views; empty: all."""
 
 
 @rule(version=1, packages=("numpy", "pillow"))
 def shots(ctx: Context, views: Folder, *, options: ShotsOptions | None = None) -> Collection[Capture]:
-    """Return photograph and depth [m] of each view of `views.json`, by its frame; their poses stay behind."""
+    """Return photograph and depth [m] of each view of `views.json`, by its frame, without the poses."""
     given = PosedViews(ctx, views)
     chosen = (options.frames if options else ()) or tuple(sorted(given.poses))
     if unknown := [str(frame) for frame in chosen if frame not in given.poses]:

@@ -1,4 +1,4 @@
-"""Views of true objects and of a twin's bodies, and their surfaces in the camera frame."""
+"""Renderings of true objects and of a twin's bodies, and their surfaces in the camera frame."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _links(body: Body, placement: Placement, camera_from_world: np.ndarray, fact
 
 
 def render(things: dict[str, list[raycast.Surface]], camera: Camera) -> tuple[dict[str, Seen], np.ndarray, np.ndarray]:
-    """Things by label, their colours (H, W, 3) uint8 and their depth (H, W) [m] through the camera."""
+    """Label map of the objects, their colours (H, W, 3) uint8 and their depth (H, W) [m] in the camera."""
     surfaces = [surface for own in things.values() for surface in own]
     owners = [number for number, own in enumerate(things.values()) for _ in own]
     seen = raycast.render(surfaces, camera.matrix(), np.eye(4), camera.height, camera.width)
@@ -73,9 +73,9 @@ def render(things: dict[str, list[raycast.Surface]], camera: Camera) -> tuple[di
 
 
 def visible_fraction(thing: Seen, camera: Camera) -> float:
-    """Part of a thing's outline that is seen: neither hidden by other things nor beyond the picture, 0..1.
+    """Visible fraction of an object's outline, neither hidden by other objects nor outside the picture, 0..1.
 
-    The outline is that through a picture twice as wide and high, at half the resolution.
+    The outline is rendered in a picture twice as wide and high, at half the resolution.
     """
     half = Camera(
         width=camera.width,
@@ -91,18 +91,18 @@ def visible_fraction(thing: Seen, camera: Camera) -> float:
 
 
 def touches_border(mask: np.ndarray) -> bool:
-    """Whether a mask (H, W) reaches the border of the picture, so that its object may go on beyond it."""
+    """Whether a mask (H, W) touches the border of the picture, so that its object may be cut."""
     return bool(mask[[0, -1]].any() or mask[:, [0, -1]].any())
 
 
 def counted(things: dict[str, Seen], camera: Camera, least_visible: float, *, whole: bool) -> dict[str, float]:
-    """Visible part of the things that can be expected to be found.
+    """Visible fraction of the objects that are expected to be found.
 
     Args:
         things: True objects.
         camera: Intrinsics.
-        least_visible: Visible part of its outline from which an object counts.
-        whole: Leave out objects that the border of the picture cuts; parsing takes them for static ones (row B2).
+        least_visible: Minimum visible fraction of an object's outline.
+        whole: Leave out objects cut by the picture's border, which parsing treats as static (row B2).
     """
     parts = {name: visible_fraction(thing, camera) for name, thing in things.items()}
     return {

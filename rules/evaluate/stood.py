@@ -1,4 +1,4 @@
-"""evaluate.stood: how far the robot's base is off in a twin, where the twin's world can tell."""
+"""evaluate.stood: errors of the robot's base pose in a twin, as far as the twin's world defines them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from . import errors
 def stood(ctx: Context, world: World, base: Pose) -> Table:
     """Return the errors of height above the support [mm] and of lean [deg] of T_world_base.
 
-    The twin's world has an origin and a heading of its own, so its z axis and its plane z = 0 alone compare.
+    The twin's world has its own origin and heading, so that only its z axis and its plane z = 0 can be compared.
     """
     if world.stand is None:
         ctx.fail("this world has no robot", hint="give the world of `capture.stand`")

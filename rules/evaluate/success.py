@@ -21,7 +21,7 @@ class SuccessOptions(SeriesOptions):
     """Options of evaluate.success."""
 
     policies: tuple[str, ...] = ()
-    """Columns; empty: the policies with trials. Name `T-S` or others of the paper to show its numbers."""
+    """Columns; empty: the policies with trials. Name `T-S` or other policies of the paper to show their numbers."""
     paper: bool = True
     """Whether to append the paper's rows for the same tasks."""
 
@@ -133,7 +133,7 @@ def _limits(rate: Rate | None) -> Limits | None:
 
 
 def _both(parts: Sequence[Limits | None], *, short: bool = False) -> str | None:
-    """`93 (86-97) / 88 (80-93)`, a dash for cells without trials; None if no cell has any."""
+    """`93 (86-97) / 88 (80-93)`, a dash for cells without trials; None if no cell has trials."""
     if not any(parts):
         return None
     return " / ".join(_percent(part, short) if part else "-" for part in parts)

@@ -1,4 +1,4 @@
-"""evaluate.views: draw a room into other posed views of it, and compare (paper, Table III)."""
+"""evaluate.views: render a room in other posed views of it, and compare (paper, Table III)."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from .posed import PosedView, PosedViews
 
 OWN, SEEN, STATIC, ALL = "capture's camera, outside objects", "seen by the capture", "seen, outside objects", "all"
 Drawn = tuple[np.ndarray, np.ndarray]
-"""Colours (H, W, 3) uint8 and depth (H, W) [m], 0 without a surface."""
+"""Rendered colours (H, W, 3) uint8 and depth (H, W) [m], 0 without a surface."""
 
 
 class ViewsOptions(Options):
     """Options of evaluate.views."""
 
     seen_m: PositiveFloat = 0.05
-    """The capture saw a pixel if both depths of its surface differ by less [m]."""
+    """Maximum depth difference of a pixel's surface that is visible in the capture [m]."""
     objects_px: NonNegativeInt = 8
     """Dilation of objects before they are excluded [px]."""
     only_drawn: bool = False
-    """Whether only pixels with a surface count where the capture saw: a splat leaves gaps between its points."""
+    """Whether only pixels with a rendered surface are compared, because a splat leaves gaps between its points."""
 
 
 class ViewsBackend(Protocol):
-    """What a backend of evaluate.views defines."""
+    """Interface of a backend of evaluate.views."""
 
     def draw(
         self,
@@ -49,7 +49,7 @@ class ViewsBackend(Protocol):
         moves: np.ndarray,
         options: Any,
     ) -> Iterator[Drawn]:
-        """Colours and depth of the room, or of what the capture saw of it, from cameras `moves` (N, 4, 4).
+        """Colours and depth of the room, or of the capture's measurements, from cameras `moves` (N, 4, 4).
 
         `moves` are T_own_other, in the frame of the camera of the capture `own`.
         """

@@ -1,4 +1,4 @@
-"""evaluate.views of the capture itself as points, a baseline: no twin is drawn."""
+"""evaluate.views of the capture as points, a baseline without a twin."""
 
 from __future__ import annotations
 

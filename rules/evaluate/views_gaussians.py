@@ -1,4 +1,4 @@
-"""evaluate.views of the room as Gaussians by the rasteriser in Warp, the objects drawn by MuJoCo among them."""
+"""evaluate.views of the room as Gaussians by the rasteriser in Warp, with objects rendered by MuJoCo."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ BACKEND = Backend(
 )
 
 SOLID = 0.5
-"""Less passing light than this is a surface."""
+"""Transmittance below which a pixel has a surface."""
 
 
 def draw(
     ctx: Context, scene: Scene, room: Room | None, own: Own, camera: Camera, moves: np.ndarray, options: Options
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Colours and expected depth of the Gaussians of `room`, with the scene's objects."""
-    # Here, so that options can be read where Warp is not installed.
+    # Imported here, so that options can be read where Warp is not installed.
     import torch
     import warp as wp
 

@@ -1,4 +1,4 @@
-"""evaluate.views drawn by MuJoCo with its default flags."""
+"""evaluate.views rendered by MuJoCo with its default flags."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""evaluate.views of the capture itself as one sheet, a baseline: no twin is drawn."""
+"""evaluate.views of the capture as one continuous mesh, a baseline without a twin."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def draw(
     moves: np.ndarray,
     options: Options,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Colours and depth of the sheet, by ray casting."""
+    """Colours and depth of the mesh, by ray casting."""
     surface = elsewhere.sheet(own)
     for move in moves:
         seen = raycast.render([surface], own.k, move, camera.height, camera.width)

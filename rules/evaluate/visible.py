@@ -1,4 +1,4 @@
-"""evaluate.visible: which true objects of a photograph can be expected to be found."""
+"""evaluate.visible: true objects of a photograph that are expected to be found."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ class VisibleOptions(Options):
     """Options of evaluate.visible."""
 
     least_visible: Fraction = 0.25
-    """Visible part of its outline from which a true object counts; see `evaluate.objects`."""
+    """Minimum visible fraction of the outline of a true object; see `evaluate.objects`."""
     whole: bool = True
-    """Whether objects that the border of the picture cuts are left out; see `evaluate.objects`."""
+    """Whether objects cut by the picture's border are left out; see `evaluate.objects`."""
 
 
 @rule(version=1, packages=("numpy", "open3d"))
 def visible(ctx: Context, truth: Truth, *, options: VisibleOptions | None = None) -> Table:
-    """Return the true objects that count, with the visible part of each, whether or not a twin was built."""
+    """Return the true objects that are expected to be found, with their visible fractions, independent of any twin."""
     options = options or VisibleOptions()
     known = true_objects(truth)
     rows = tuple(counted(known, truth.camera, options.least_visible, whole=options.whole).items())

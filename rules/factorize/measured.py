@@ -1,4 +1,4 @@
-"""Measured depth for backends that make assets with its help: whoever takes it has the result labelled `rgbd`."""
+"""Measured depth for backends that make assets; reading it labels the result `rgbd`."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Workspace:
     """(H, W) float32 image-plane z [m]; 0 where nothing was measured."""
     support: Support
     robot: np.ndarray | None = None
-    """(H, W) bool, pixels of the robot, which is never an object; None: no robot is known."""
+    """(H, W) bool, pixels of the robot, which is never an object; None if no robot is known."""
 
     @property
     def pixels(self) -> np.ndarray:
@@ -50,7 +50,7 @@ class Workspace:
         return upright.turns(self.world_from_camera)
 
     def upright(self) -> Workspace:
-        """The same scene as a camera held upright saw it: the photograph turned by `turns`, the same world."""
+        """The same scene as seen by an upright camera: the photograph turned by `turns`, the same world."""
         if not self.turns:
             return self
         camera = self.camera.turned(self.turns)
@@ -73,12 +73,12 @@ def turned_elements(elements: Iterable[Element], size: tuple[int, int], count: i
 
 
 class Measurements(Generic[T]):
-    """What was measured, handed to a backend that may or may not read it.
+    """Optional measurements, and whether a backend has read them.
 
     Args:
         ctx: The rule's context.
-        value: The measurements; None if there is nothing but the photograph.
-        lacking: What is missing if there are none: `the capture has no depth`.
+        value: The measurements; None if there is only the photograph.
+        lacking: Explanation if there are none: `the capture has no depth`.
     """
 
     def __init__(self, ctx: Context, value: T | None, lacking: str) -> None:
@@ -89,10 +89,10 @@ class Measurements(Generic[T]):
         """Whether the backend made its result with them."""
 
     def needed(self) -> T:
-        """The measurements; from here on the result is labelled `rgbd`.
+        """The measurements; reading them labels the result `rgbd`.
 
         Raises:
-            RuleError: There are none, and this backend cannot do without.
+            RuleError: There are none, and this backend requires them.
         """
         self.taken = True
         if self._value is None:
@@ -105,11 +105,11 @@ class Measurements(Generic[T]):
         return self._value
 
     def for_check(self) -> T | None:
-        """The measurements for a metric or a picture that leaves the result as it is, or None."""
+        """The measurements for a metric or a picture that does not affect the result, or None."""
         return self._value
 
     def source(self, *inputs: AssetSource) -> AssetSource:
-        """The label of a result that was made from `inputs` and, if they were taken, from the measurements."""
+        """The label of a result made from `inputs` and, if they were read, from the measurements."""
         return "rgbd" if self.taken or "rgbd" in inputs else "rgb"
 
 
@@ -160,13 +160,13 @@ def robot_pixels(ctx: Context, photograph: Photograph, robot: LabelImage | None)
 
 
 SCATTERED = 0.1
-"""Fraction of the measured area that scattered gaps must be to be filled: then they are dropout, not borders."""
+"""Smallest fraction of the measured area in scattered gaps at which they are dropout and are filled."""
 
 
 def without_dropout(depth: np.ndarray) -> np.ndarray:
-    """Depth (H, W) [m] with single lost pixels filled from their neighbours, if many are lost; else as it is.
+    """Depth (H, W) [m] with single lost pixels filled from their neighbours if many are lost; else unchanged.
 
-    A gap between a near and a far surface gets the near one: depth cameras lose more of what is in front.
+    A gap between a near and a far surface is filled with the near one, which loses more pixels in depth cameras.
     """
     from scipy import ndimage
 

@@ -8,7 +8,7 @@ import numpy as np
 
 Box = tuple[int, int, int, int]
 PART = 0.85
-"""Fraction of a box inside another one from which it is of a part of the same thing."""
+"""Fraction of a box inside another one above which it is a part of the same object."""
 
 
 def box_iou(a: Box, b: Box) -> float:
@@ -29,7 +29,7 @@ def box_of(mask: np.ndarray) -> Box:
 
 
 def crop(mask: np.ndarray, margin: int) -> tuple[slice, slice]:
-    """Rows and columns of a picture that hold a mask (H, W) bool with a margin [px] around it."""
+    """Rows and columns of a picture that contain a mask (H, W) bool with a margin [px]."""
     left, top, right, bottom = box_of(mask)
     height, width = mask.shape
     return (

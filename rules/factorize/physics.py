@@ -16,9 +16,9 @@ from dextera_build.rule import Context, Fraction, Options, rule
 from dextera_build.statistics import Z90
 
 GAP = 0.05
-"""Difference of two scores of `factorize.mesh` at which the odds of the hypotheses are e to 1."""
+"""Difference between two scores of `factorize.mesh` at which the odds of the hypotheses are e to 1."""
 ENCLOSING = 0.85
-"""Bulk density over that of the substance below which a product is a container or has voids."""
+"""Ratio of bulk to substance density below which a product is a container or has voids."""
 
 
 class PhysicsOptions(Options):
@@ -27,7 +27,7 @@ class PhysicsOptions(Options):
     material: str = ""
     """Key of the material table, taken as certain; empty uses the material proposed by parsing."""
     material_confidence: Fraction = 0.9
-    """Probability of the material proposed by parsing, if it does not tell one."""
+    """Probability of the material proposed by parsing, if parsing states none."""
     mass_kg: PositiveFloat | None = None
     """Weighed mass of the whole body [kg]; None estimates it from material and volume."""
     mass_sigma: NonNegativeFloat = 0.02
@@ -38,11 +38,11 @@ class PhysicsOptions(Options):
     wall_sigma: NonNegativeFloat = 0.35
     """Relative standard deviation of the volume of walls; their thickness is mostly assumed."""
     shell_m: PositiveFloat = 0.0015
-    """Wall thickness of a closed container, whose contents are unknown [m]: if it is empty, its walls are all."""
+    """Wall thickness of a closed container with unknown contents [m]; gives the mass of an empty one."""
     stiffness_n_m: PositiveFloat | None = None
-    """Stiffness of the surface in an impact, for soft things [N/m]; None: that of a hard one."""
+    """Contact stiffness of the surface, for soft objects [N/m]; None: that of a hard surface."""
     untold_sigma: NonNegativeFloat = 0.2
-    """Relative standard deviation of the volume of a shape whose backend does not tell how well it fits."""
+    """Relative standard deviation of the volume of a shape whose backend states no uncertainty."""
 
 
 @rule(version=4)
@@ -51,11 +51,11 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
 
     The mass of a body with a cavity is the material's density times the volume of its walls. Any other body has unseen
     contents and voids, so the bulk density of such products is used; if the material's products are containers, the
-    interval reaches down to an empty one, which weighs what its walls do.
+    interval extends down to the mass of the walls alone.
 
-    The interval of the mass adds up what is unknown of the density, of the volume that the photograph determines, of
-    the unseen surface or the walls, and of the second-best hypothesis. The less certain the material is, the more of
-    the table's other materials is in the intervals of density, friction and restitution.
+    The interval of the mass combines the uncertainties of the density, of the volume, of the unseen surface or the
+    walls, and of the second-best hypothesis. The lower the confidence of the material, the more the intervals of
+    density, friction and restitution include the other materials of the table.
     """
     name = options.material or traits.material
     if name not in TABLE:
@@ -90,7 +90,7 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
 
 
 def _confidence(traits: Traits, body: Body, options: PhysicsOptions) -> float:
-    """Probability of the material; one that nobody stated is at most as certain as whether the body is a vessel."""
+    """Probability of the material; unless stated, scaled by the probability that the body is (or is not) a vessel."""
     told = traits.material_confidence
     if options.material or told == 1.0:
         return 1.0
@@ -118,7 +118,7 @@ def _density(material: Material, name: str, body: Body, options: PhysicsOptions)
 
 
 def _rival_sigma(rival: Rival | None, density: float, material: Material) -> float:
-    """Standard deviation of the log mass because the second-best hypothesis may be right instead."""
+    """Standard deviation of the log mass from the possibility that the second-best hypothesis is right."""
     if rival is None:
         return 0.0
     odds = _odds(rival)
@@ -157,12 +157,12 @@ def _inertial(solid: massprops.MassProperties, density: float, sigma: float, sou
 
 
 def _encloses(material: Material) -> bool:
-    """Whether products of the material are mostly not the material: boxes, bottles and cans with what is in them."""
+    """Whether products of the material are mostly something else: boxes, bottles and cans with their contents."""
     return material.bulk_density < ENCLOSING * material.wall_density
 
 
 def _perhaps_empty(full: Inertial, link: Link, material: Material, options: PhysicsOptions) -> Inertial:
-    """The same link with an interval that reaches down to that of its walls alone."""
+    """The same link with an interval that extends down to the mass of its walls alone."""
     corners = link.mesh.vertices.astype(np.float64)[link.mesh.faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2.0
     sigma = math.hypot(material.wall_sigma, options.wall_sigma)

@@ -22,7 +22,7 @@ from dextera_build.rule import Context, rule
 from dextera_build.statistics import Z90
 
 UNTOLD_SIGMA = 0.1
-"""Standard deviation of the log scale, for the interval of the mass, if the placement does not tell it."""
+"""Standard deviation of the log scale, for the interval of the mass, if the placement states none."""
 
 
 @rule(version=3)
@@ -38,9 +38,9 @@ def asset(
     """Return the body with the placement's scale applied to every part, and its pose in the world [m].
 
     A uniform scale s multiplies meshes, walls, pieces, joint origins and prismatic limits by s, masses by s^3 and
-    inertias by s^5 at constant density; angles are unchanged. A weighed mass stays, and its inertia goes with s^2. The
-    pose is rigid, as simulators do not scale bodies. `support` says in which unit the world is, see `align.scale`.
-    An uncertain scale widens the interval of the mass threefold.
+    inertias by s^5 at constant density; angles are unchanged. A weighed mass is kept, and its inertia scales with s^2.
+    The pose is rigid, because simulators do not scale bodies. `support` defines the unit of the world, see
+    `align.scale`. An uncertain scale widens the interval of the mass threefold.
     """
     names = set(body.links)
     for what, links in (("physics", set(physics.links)), ("collision", set(collision.links))):
@@ -73,7 +73,7 @@ def asset(
 
 
 def _scale_sigma(body: Body, placement: Placement) -> float | None:
-    """Standard deviation of the log of all lengths: of the placement's scale and of the shape's own size."""
+    """Standard deviation of the log of all lengths, from the placement's scale and the shape's own size."""
     if placement.scale_sigma is None:
         return None
     own = None if body.certainty is None else body.certainty.size_sigma
@@ -98,7 +98,7 @@ def _intervals(physics: Physics, pose: Pose, scale_sigma: float | None) -> str:
 
 
 def widened(physics: Physics, scale_sigma: float | None) -> Physics:
-    """Mass properties whose intervals also hold the scale's uncertainty; weighed masses stay as they are."""
+    """Mass properties whose intervals include the uncertainty of the scale; weighed masses are unchanged."""
     if physics.weighed:
         return physics
     more = 3.0 * (UNTOLD_SIGMA if scale_sigma is None else scale_sigma)

@@ -1,4 +1,4 @@
-"""simulate.cell: the camera and the tracker through which policies see a world that stands in for hardware."""
+"""simulate.cell: camera and tracker through which policies observe a simulated stand-in for hardware."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class ColourNoiseOptions(ColourNoise, Options):
 
 
 class LimitsOptions(Limits, Options):
-    """What the cell's guard does not let happen."""
+    """Limits that the cell's guard enforces."""
 
     speed: float = Field(1.0, gt=0.0, le=1.0)
-    """Part of every joint's speed limit that targets may use."""
+    """Fraction of every joint's speed limit that targets may use."""
     force_n: PositiveFloat | None = None
-    """Largest force on a fingertip [N]; None: any, as for hands that do not feel."""
+    """Maximum force on a fingertip [N]; None: unlimited, for hands without force sensors."""
     silence_s: PositiveFloat = 1.0
-    """Time without a frame of the camera after which the robot is stopped [s]."""
+    """Time without a camera frame after which the robot is stopped [s]."""
 
 
 class CellOptions(Options):
@@ -48,20 +48,20 @@ class CellOptions(Options):
     rate_hz: PositiveFloat = 15.0
     """Frames per second [Hz]."""
     delay_s: NonNegativeFloat = 0.06
-    """Time from a frame to the poses that were found in it [s]."""
+    """Delay from the exposure of a frame to its poses [s]."""
     loss: Fraction = 0.02
-    """Fraction of the frames that are lost on their way."""
+    """Fraction of lost frames."""
     search_s: PositiveFloat = 3.0
-    """Time before a trial, with the robot at rest, in which the task's object must be found [s]."""
+    """Time limit before a trial, with the robot at rest, to find the task's object [s]."""
     depth_noise: DepthNoiseOptions = DepthNoiseOptions(smear=0.3, dark_loss=0.2, shine_loss=0.5)
     """Noise of the depth stream."""
     colour_noise: ColourNoiseOptions = ColourNoiseOptions()
     """Noise of the colour stream."""
     limits: LimitsOptions = LimitsOptions()
-    """What the cell's guard does not let happen: speeds, places of the palms, forces on fingertips, silence."""
+    """Limits that the cell's guard enforces: speeds, palm positions, forces on fingertips, silence."""
     error_m: NonNegativeFloat = 0.002
     """Without a `world`: standard deviation of the calibrated camera's position from the true one, per axis, if its
-    covariance does not tell it [m]."""
+    covariance is unknown [m]."""
     error_deg: NonNegativeFloat = 0.2
     """The same for its orientation [deg]."""
     seed: NonNegativeInt = 0
@@ -79,11 +79,11 @@ def cell(
     *,
     options: CellOptions,
 ) -> Cell:
-    """Return what a tracker knows, T_camera_base by calibration [m], and where the camera truly stands.
+    """Return the tracker's inputs, T_camera_base by calibration [m], and the true pose of the camera.
 
     `measured` is T_camera_base of `align.camera_base`; without it, it follows from the photograph's camera and `base`,
-    T_world_base. The `world` tells the true pose of its camera, so that the calibration's error is the one that it has;
-    without a world an error is drawn. The truth is for the renderer alone, and cells for `evaluate.*`.
+    T_world_base. The `world` contains the true pose of its camera, so that the calibration has its actual error;
+    without a world an error is drawn. The true pose is used by the renderer only, and cells only by `evaluate.*`.
     """
     mount = scene.camera_pose.inverse() @ base if measured is None else measured
     ctx.check(
@@ -132,7 +132,7 @@ def _true(ctx: Context, world: World, scene: Scene) -> Pose:
 
 
 def _disturbed(mount: Pose, options: CellOptions) -> Pose:
-    """T_base_camera with an error as large as the calibration's covariance, or the options, tell."""
+    """T_base_camera with an error drawn from the calibration's covariance, or from the options."""
     back = mount.inverse()
     spread = back.covariance
     if spread is None:

@@ -1,4 +1,4 @@
-"""simulate.describe: the twin in the terms of no simulator."""
+"""simulate.describe: the twin in a simulator-independent description."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ def describe(
 ) -> SceneDescription:
     """Return bodies, joints, geoms, lights and the camera of the twin in the world frame [m, kg, rad].
 
-    It is what `simulate.scene` and `simulate.usd` write; a rule of a project may change it and write its own.
+    `simulate.scene` and `simulate.usd` write the same description; a rule of a project may change it and write its own
+    format.
     """
     made = description.describe(assets.items, background, camera, support.camera_pose.matrix)
     ctx.metric("bodies", len(made.objects))

@@ -1,4 +1,4 @@
-"""Options of simulate.imported_robot: files, and the roles that files do not state."""
+"""Options of simulate.imported_robot: files, and the roles that files do not contain."""
 
 from __future__ import annotations
 
@@ -11,37 +11,38 @@ from .robot import FrameOptions
 
 
 class PartOptions(Options):
-    """One file, and where its robot is fixed."""
+    """One file, and the mounting of its robot."""
 
     file: str
     """Path of the URDF or MJCF in `files`."""
     root: str = ""
     """Link whose subtree is used; empty: the only one without a parent; `world`: everything in an MJCF."""
     prefix: str = ""
-    """Begins the names of its links and joints."""
+    """Prefix of the names of its links and joints."""
     on: str = ""
-    """Link of an earlier part, with prefix, on which it is fixed; empty for the first part."""
+    """Link of an earlier part, with prefix, that it is mounted on; empty for the first part."""
     at_m: Vector = (0.0, 0.0, 0.0)
     """Origin of the root on that link [m]."""
     quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """Rotation of the root on that link, w x y z."""
     drawn: tuple[str, ...] = ()
-    """Meshes that touch and are seen too; where a link has geometry that is only seen, what touches is not drawn."""
+    """Collision meshes that are also visible; on links with separate visual geometry, collision geometry is not
+    drawn."""
 
 
 class FollowOptions(Options):
-    """A joint that a mechanism couples to another, where the file does not say so."""
+    """A mechanically coupled joint, if the coupling is not in the file."""
 
     leader: str
     """The joint that it follows, with prefix."""
     ratio: float
     """Motion per motion of the leader."""
     offset_rad: float = 0.0
-    """Position with the leader at 0 [rad, of sliding joints m]."""
+    """Position with the leader at 0 [rad, of prismatic joints m]."""
 
 
 class JointNumbers(Options):
-    """What a file does not say about a joint, or says otherwise; a sliding joint has m and N."""
+    """Properties of a joint that are missing in the file, or override it; a prismatic joint has m and N."""
 
     lower_rad: float | None = None
     """Lower limit [rad]."""
@@ -58,33 +59,33 @@ class JointNumbers(Options):
 
 
 class ImportedRobotOptions(Options):
-    """Options of simulate.imported_robot: the roles that files do not state."""
+    """Options of simulate.imported_robot: the roles that files do not contain."""
 
     name: str = "robot"
     """Name of the model."""
     source: str = "the project's files"
     """Source of kinematics, masses and limits."""
     parts: tuple[PartOptions, ...] = ()
-    """Files, the arm's first."""
+    """Files, the arm's file first."""
     hand: tuple[str, ...] = ()
-    """Links at which the hand begins, with prefix; they and all links beyond are the hand, all others the arm."""
+    """Links at which the hand begins, with prefix; they and all their descendants are the hand, all others the arm."""
     active: tuple[str, ...] = ()
-    """Joints that are driven, with prefix, `*` for any text; empty: all that move. Others are fixed at home."""
+    """Actuated joints, with prefix, `*` for any text; empty: all movable joints. Others are fixed at home."""
     frames: dict[str, FrameOptions] = Field(default_factory=dict)
     """Role -> frame on a link or a site: `flange`, `palm`, `tip_index`, ..."""
     home_rad: dict[str, float] = Field(default_factory=dict)
-    """Joint -> home position [rad, m]; others are at the file's first keyframe, or at 0."""
+    """Joint -> home position [rad, m]; others use the file's first keyframe, or 0."""
     joints: dict[str, JointNumbers] = Field(default_factory=dict)
-    """Joint -> numbers that count before those of the file."""
+    """Joint -> properties that override those of the file."""
     followers: dict[str, FollowOptions] = Field(default_factory=dict)
-    """Joint -> the joint that it follows, in addition to what the files couple."""
+    """Joint -> the joint that it follows, in addition to the couplings in the files."""
     velocity_rad_s: PositiveFloat | None = None
-    """Maximum speed of joints whose file states none [rad/s]."""
+    """Maximum speed of joints without one in the file [rad/s]."""
     effort_nm: PositiveFloat | None = None
-    """Maximum torque of joints whose file states none [N m]."""
+    """Maximum torque of joints without one in the file [N m]."""
     grips: dict[str, GripOptions] = Field(default_factory=dict)
     """Name -> grip of the only hand."""
     limbs: dict[str, LimbOptions] = Field(default_factory=dict)
-    """Limb -> what the roles of `frames` do not say of it."""
+    """Limb -> properties that do not follow from the roles of `frames`."""
     apart: tuple[tuple[str, str], ...] = ()
-    """Pairs of links excluded from contact, in addition to neighbours and to those that touch at home."""
+    """Pairs of links excluded from contact, in addition to neighbours and links that touch at home."""

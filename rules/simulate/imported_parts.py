@@ -1,4 +1,4 @@
-"""Files of a robot as parts of a model, and whether its bodies came out where the files have them."""
+"""Files of a robot as parts of a model, and verification of the assembled poses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .imported_options import PartOptions
 
 WORLD = "world"
-"""Root that stands for everything in an MJCF."""
+"""Root that selects everything in an MJCF."""
 TOLERANCE = 1e-6
 """Largest difference of a body's pose from its file's [m, rotation matrix entries]."""
 SAMPLES = 3
@@ -32,7 +32,7 @@ def descriptions(files: Folder) -> list[str]:
 
 
 def licences(files: Folder, parts: Iterable[PartOptions]) -> dict[str, bytes]:
-    """`licences/<part>_<name>` -> text of the licence files that lie beside a part's file or above it."""
+    """`licences/<part>_<name>` -> text of the licence files next to a part's file or in a parent folder."""
     from dextera_build.sim.model.published import stated
 
     found: dict[str, bytes] = {}
@@ -55,8 +55,8 @@ def part(ctx: Context, files: Folder, options: PartOptions, number: int) -> Plac
     Args:
         ctx: Context for errors.
         files: All files.
-        options: Of the part.
-        number: Of the part; the first is on the world.
+        options: Options of the part.
+        number: Number of the part; the first is mounted on the world.
     """
     from dextera_build.sim.model.imported import mjcf, urdf
     from dextera_build.sim.model.imported.assembly import Placed
@@ -115,7 +115,7 @@ def sites(parts: list[Placed]) -> dict[str, Frame]:
 
 
 def check_names(ctx: Context, parts: list[Placed]) -> None:
-    """Refuse names that two parts have, and carriers that do not exist."""
+    """Raise for names that occur in two parts, and for mounts on links that do not exist."""
     links: dict[str, int] = {}
     for number, each in enumerate(parts):
         if each.parent and each.parent not in links:
@@ -136,7 +136,7 @@ def check_names(ctx: Context, parts: list[Placed]) -> None:
 
 
 def below(body: Any) -> list[Any]:
-    """A body and all that hang on it."""
+    """A body and all its descendants."""
     found = [body]
     for each in found:
         found += list(each.bodies)
@@ -163,7 +163,7 @@ class Places:
         self.joints = [joint.name for joint in moving(part)]
         self._root = part.root
         self.mass = sum(float(self._model.body(name).mass[0]) for name in self.bodies)
-        """Of all its bodies [kg]."""
+        """Mass of all its bodies [kg]."""
 
     def at(self, posture: Mapping[str, float]) -> np.ndarray:
         """(B, 3, 4) poses in the root at joint -> position."""
@@ -189,7 +189,7 @@ def places(model: Any, root: str, bodies: list[str], posture: Mapping[str, float
 def check_places(
     ctx: Context, model: RobotModel, parts: list[Placed], wanted: list[Places], fixed: Mapping[str, float]
 ) -> float:
-    """Refuse a model whose bodies are elsewhere than in the files; return the largest difference."""
+    """Raise for a model whose bodies have other poses than in the files; return the largest difference."""
     from dextera_build.sim.model import robot as robots
 
     whole = robots.load(model.model).compile()

@@ -1,4 +1,4 @@
-"""simulate.imported_robot: a robot out of URDF and MJCF files."""
+"""simulate.imported_robot: import a robot from URDF and MJCF files."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ if TYPE_CHECKING:
 
 @rule(version=3, packages=("mujoco",))
 def imported_robot(ctx: Context, files: Folder, *, options: ImportedRobotOptions) -> RobotModel:
-    """Return the robot of one file, or of an arm's and a hand's, with the roles that the options give.
+    """Return the robot of one file, or of an arm's and a hand's file, with the roles given in the options.
 
-    Names, kinematics, inertias, limits and meshes are those of the files; a mesh is searched by its relative path, and
-    by `package://` anywhere in `files`. Joints that a file couples (`mimic`, `<equality><joint>`) follow their leaders.
-    Position actuators take the file's gains, or 12 times the largest torque per radian. A geometry with a friction of
-    its own is a skin: it counts in contact with objects. Licences beside the files come with the model.
+    Names, kinematics, inertias, limits and meshes are those of the files; a mesh is found by its relative path, and by
+    `package://` anywhere in `files`. Joints that a file couples (`mimic`, `<equality><joint>`) follow their leaders.
+    Position actuators have the file's gains, or 12 times the largest torque per radian. A geometry with its own
+    friction is a skin, which determines the friction of its contacts with objects. Licences next to the files are
+    copied into the model.
     """
     from dextera_build.sim.model.imported import assembly
     from dextera_build.sim.render import portrait

@@ -1,4 +1,4 @@
-"""What a recipe adds to the files of a robot: which links are the hand, where frames are, what is driven."""
+"""Roles that a recipe adds to the files of a robot: links of the hand, named frames, actuated joints."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ if TYPE_CHECKING:
 
 @dataclass
 class Roles:
-    """Links, joints and frames of the whole."""
+    """Links, joints and frames of the whole robot."""
 
     links: dict[str, Group]
     """Link -> class."""
     joints: tuple[RobotJoint, ...]
     """Actuated joints."""
     followers: tuple[Follower, ...]
-    """Joints that follow one."""
+    """Joints that follow another joint."""
     plan: Plan
-    """What the assembly adds."""
+    """Additions of the assembly."""
 
 
 def roles(
     ctx: Context, spec: Any, parts: list[Placed], sites: Mapping[str, Any], options: ImportedRobotOptions
 ) -> Roles:
-    """Check the options against the bodies and joints that there are.
+    """Check the options against the existing bodies and joints.
 
     Args:
         ctx: Context for errors.
         spec: The `mujoco.MjSpec` of all bodies.
-        parts: The descriptions, with what they say about drives.
+        parts: The descriptions, with their actuators.
         sites: Name of a site of the files, with prefix -> frame.
-        options: Of the rule.
+        options: Options of the rule.
     """
     from dextera_build.sim.model.imported.assembly import Drive, Plan, own_prefix
 
@@ -85,7 +85,7 @@ def roles(
 
 
 def _links(ctx: Context, spec: Any, options: ImportedRobotOptions) -> dict[str, Group]:
-    """Bodies in order; the hand begins at the named links and goes to the tips."""
+    """Bodies in order; the hand consists of the named links and their descendants."""
     bodies = {body.name: body for body in spec.bodies[1:]}
     for name in options.hand:
         _check_known(ctx, name, bodies, "link")
@@ -101,7 +101,7 @@ def _links(ctx: Context, spec: Any, options: ImportedRobotOptions) -> dict[str, 
 def _mimics(
     ctx: Context, parts: list[Placed], known: Mapping[str, Any], options: ImportedRobotOptions
 ) -> dict[str, tuple[str, float, float]]:
-    """Joint -> the joint that it follows in the end, ratio and offset."""
+    """Joint -> the joint that it finally follows, ratio and offset."""
     stated = {
         part.prefix + name: (part.prefix + leader, ratio, offset)
         for part in parts
@@ -177,7 +177,7 @@ def _near(name: str, known: Any) -> str | None:
 
 
 class _Facts:
-    """Numbers of joints: those of the recipe before those of the files."""
+    """Properties of joints; the recipe overrides the files."""
 
     def __init__(
         self, ctx: Context, parts: list[Placed], known: Mapping[str, Any], options: ImportedRobotOptions
@@ -213,7 +213,7 @@ class _Facts:
         return lower, upper
 
     def largest(self, name: str, kind: str) -> float:
-        """Largest torque (`effort`) or speed (`velocity`)."""
+        """Maximum torque (`effort`) or speed (`velocity`)."""
         option = {"effort": "effort_nm", "velocity": "velocity_rad_s"}[kind]
         own = self._options.joints.get(name)
         stated = self._stated[{"effort": "efforts", "velocity": "speeds"}[kind]].get(name)
@@ -253,5 +253,5 @@ class _Facts:
         return float(np.clip(self._stated["home"].get(name, 0.0), lower, upper))
 
     def held(self, name: str) -> float:
-        """Position at which a joint that is not driven is fixed."""
+        """Fixed position of a joint that is not actuated."""
         return float(self._options.home_rad.get(name, self._stated["home"].get(name, 0.0)))

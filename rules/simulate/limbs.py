@@ -1,4 +1,4 @@
-"""Limbs of a robot: what a recipe adds to the roles of its frames."""
+"""Limbs of a robot: additions of a recipe to the roles of its frames."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ class GripOptions(Options):
     """A grip of the hand."""
 
     against: Literal["thumb", "palm", "nothing"]
-    """The opposing side of the grip; `nothing`: the fingers push with their tips."""
+    """Opposing side of the grip; `nothing`: the fingers push with their tips."""
     open_rad: dict[str, float]
-    """Joint -> position at the widest opening [rad]."""
+    """Joint -> position when fully open [rad]."""
     closed_rad: dict[str, float] = Field(default_factory=dict)
-    """Joint -> position with nothing in the hand [rad]."""
+    """Joint -> position when closed without an object [rad]."""
     facing: Vector = (0.0, 0.0, -1.0)
-    """Unit direction out of the palm, in frame `palm`."""
+    """Unit direction normal to the palm, outwards, in frame `palm`."""
     pointing: Vector = (1.0, 0.0, 0.0)
     """Unit direction along the straight fingers, in frame `palm`."""
     surface_m: float = 0.0
@@ -44,30 +44,30 @@ class GripperOptions(Options):
     """A parallel gripper."""
 
     joint: str
-    """Actuated joint that moves both fingers."""
+    """Actuated joint of both fingers."""
     open: float
-    """Its position at the widest opening [rad, of sliding joints m]."""
+    """Its position when fully open [rad, of prismatic joints m]."""
     closed: float = 0.0
-    """Its position with nothing between the fingers [rad, of sliding joints m]."""
+    """Its position when closed without an object [rad, of prismatic joints m]."""
 
 
 class LimbOptions(Options):
-    """An arm with its hand. Joints follow from the bodies between the base and the palm, and beyond."""
+    """An arm with its hand. Its joints follow from the bodies between the base and the palm, and beyond the palm."""
 
     palm: str = ""
     """Role of the palm's frame; empty: `<limb>_palm`, or `palm`."""
     tips: tuple[str, ...] = ()
-    """Roles of the fingertips' frames; empty: all that begin with `<limb>_tip_`, or `tip_`."""
+    """Roles of the fingertips' frames; empty: all that start with `<limb>_tip_`, or `tip_`."""
     tool: str = ""
     """Role of the frame that carries the hand; empty: `<limb>_flange`, or `flange`."""
     gripper: GripperOptions | None = None
-    """The parallel gripper that the hand is; two fingertips."""
+    """Parallel gripper of a hand with two fingertips."""
     grips: dict[str, GripOptions] = Field(default_factory=dict)
     """Name -> grip of its hand."""
 
 
 def check_joints(grips: Mapping[str, GripOptions], limbs: Mapping[str, LimbOptions], joints: Collection[str]) -> None:
-    """Refuse grips and grippers that name a joint which the robot's own description lacks.
+    """Raise for grips and grippers with a joint that the robot's own description lacks.
 
     Args:
         grips: Name -> grip of the only hand.
@@ -92,12 +92,12 @@ def check_joints(grips: Mapping[str, GripOptions], limbs: Mapping[str, LimbOptio
 def limbs_of(
     ctx: Context, robot: RobotModel, limbs: Mapping[str, LimbOptions], grips: Mapping[str, GripOptions]
 ) -> RobotModel:
-    """The robot with its limbs as the options say.
+    """The robot with its limbs as given by the options.
 
     Args:
         ctx: Context for errors.
-        robot: With the limbs that follow from its frames.
-        limbs: Limb -> options; limbs that are not named stay.
+        robot: The robot with the limbs that follow from its frames.
+        limbs: Limb -> options; other limbs are unchanged.
         grips: Grips of the only limb.
     """
     found = dict(robot.limbs)
@@ -118,7 +118,7 @@ def limbs_of(
 
 
 def _named(ctx: Context, robot: RobotModel, found: dict[str, Limb], name: str, options: LimbOptions) -> dict[str, Limb]:
-    """`found` with the limb `name` by its roles; a limb of another name without a side gives way to it."""
+    """`found` with the limb `name` from its roles, which replaces a limb of another name without a side."""
     for role in filter(None, (options.palm, options.tool, *options.tips)):
         ctx.check(
             role in robot.frames,
@@ -192,7 +192,7 @@ def _gripper(ctx: Context, robot: RobotModel, name: str, limb: Limb, options: Gr
 
 
 def _pinch(gripper: GripperOptions | None) -> dict[str, Grip]:
-    """The grip that a parallel gripper has, whose palm frame points along z to the object."""
+    """The grip of a parallel gripper whose palm frame has z towards the object."""
     if gripper is None:
         return {}
     ahead = (0.0, 0.0, 1.0)

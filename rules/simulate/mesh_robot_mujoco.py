@@ -59,7 +59,7 @@ def _part(options: PartOptions, own: Path) -> Part:
 
 
 def _own(name: str, own: Path) -> Path:
-    """A model of the project, with its includes in place; it names files in `own` alone."""
+    """A model of the project with its includes resolved; it refers only to files in `own`."""
     files = {file.relative_to(own).as_posix(): file.read_bytes() for file in sorted(own.rglob("*")) if file.is_file()}
     if name not in files:
         raise RuleError(

@@ -1,4 +1,4 @@
-"""simulate.moved_base: a task with the robot's base where a calibration found it."""
+"""simulate.moved_base: a task with the robot's base at its calibrated pose."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ class MovedBaseOptions(Options):
     """Options of simulate.moved_base."""
 
     most_m: PositiveFloat = 0.10
-    """Distance from the task's own base above which there is a warning [m]."""
+    """Distance from the task's original base above which a warning is given [m]."""
     most_deg: PositiveFloat = 10.0
     """The same for its rotation [deg]."""
 
 
 @rule(version=1, packages=("numpy",))
 def moved_base(ctx: Context, bundle: TaskBundle, base: Pose, *, options: MovedBaseOptions | None = None) -> TaskBundle:
-    """Return the same task with the robot at another T_world_base [m]; objects, goal and starts stay in the world.
+    """Return the same task with the robot at another T_world_base [m]; objects, goal and starts do not move.
 
-    For a task whose base was a choice, once a robot stands there and a calibration has measured where.
+    For a task with a chosen base, after the robot was installed there and its pose calibrated.
     """
     options = options or MovedBaseOptions()
     ctx.check(

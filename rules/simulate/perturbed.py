@@ -43,7 +43,7 @@ class PerturbedOptions(Options):
 
 
 class PerturbedBackend(Protocol):
-    """What a backend of simulate.perturbed defines."""
+    """Interface of a backend of simulate.perturbed."""
 
     def build(
         self, ctx: Context, bundle: TaskBundle, common: PerturbedOptions, options: Any
@@ -60,10 +60,11 @@ class PerturbedBackend(Protocol):
 def perturbed(
     ctx: Context[PerturbedBackend], bundle: TaskBundle, *, options: PerturbedOptions | None = None
 ) -> TaskBundle:
-    """Return the task in a perturbed copy of its twin, simulated: different sizes, masses, friction, gains, clock.
+    """Return the task in a perturbed copy of its twin: other sizes, masses, friction, gains and time step.
 
     Masses and friction are drawn from the twin's own intervals, everything else according to the options. Names,
-    frames, joints, goal and success are unchanged, as are photographed poses and points: they are the twin's estimate.
+    frames, joints, goal and success are unchanged, as are photographed poses and points, which are estimates of the
+    twin.
 
     The backend offers `build(bundle, options) -> (TaskBundle, body -> scale factors)` and `portraits(bundle)`.
     """

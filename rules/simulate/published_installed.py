@@ -20,5 +20,5 @@ BACKEND = Backend(
 
 
 def files(ctx: Context, folder: FolderOptions, options: Options) -> dict[str, bytes]:
-    """Path in the folder -> content, the licence that holds there included."""
+    """Path in the folder -> content, including the licence that applies."""
     return distributions.files(folder.distribution, folder.folder, folder.only)

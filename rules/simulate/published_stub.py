@@ -1,4 +1,4 @@
-"""simulate.published without distributions: every folder has the file that says so."""
+"""simulate.published without distributions: every folder contains a placeholder file."""
 
 from __future__ import annotations
 

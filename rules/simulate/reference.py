@@ -15,7 +15,7 @@ from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 
 class ReferenceOptions(Options):
-    """Options of simulate.reference: the robot's own dynamics, unknown to the twin."""
+    """Options of simulate.reference: dynamics of the real robot, unknown to the twin."""
 
     seed: NonNegativeInt = 0
     """Seed of the draws."""
@@ -38,7 +38,7 @@ class ReferenceOptions(Options):
 
 
 class ReferenceBackend(Protocol):
-    """What a backend of simulate.reference defines."""
+    """Interface of a backend of simulate.reference."""
 
     def build(
         self, ctx: Context, bundle: TaskBundle, world: World, common: ReferenceOptions, options: Any
@@ -66,8 +66,8 @@ def reference(
     """Return the task in its reference world: true shapes, masses, friction and hinges, in the twin's world frame [m].
 
     A simulated substitute for hardware. Names, frames, joints, goal and success are the twin's, as if its assets were
-    tracked: a body's frame is the twin's in the photograph and moves with the true object. The robot's base aligns both
-    worlds.
+    tracked: a body's frame coincides with the twin's in the photograph and moves with the true object. The robot's base
+    aligns both worlds.
 
     The backend offers `build(bundle, world, options) -> TaskBundle` and `portraits(bundle)`: captions and pixels.
     """

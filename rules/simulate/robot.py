@@ -164,7 +164,7 @@ class RobotOptions(Options):
     grips: dict[str, GripOptions] = Field(default_factory=dict)
     """Name -> grip of the only hand."""
     limbs: dict[str, LimbOptions] = Field(default_factory=dict)
-    """Limb -> what the roles of `frames` do not say of it."""
+    """Limb -> properties that do not follow from the roles of `frames`."""
     apart: tuple[tuple[str, str], ...] = ()
     """Pairs of links excluded from contact, in addition to neighbours."""
 

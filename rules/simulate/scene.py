@@ -12,7 +12,7 @@ from dextera_build.sim.model import description, mjcf, names, neighbours
 from .metric import metric
 
 NOTABLE_M = 0.005
-"""Overlaps from here on are told: a shape is wrong where it was not seen [m]."""
+"""Overlap above which a warning is given, because an unseen part of a shape is wrong [m]."""
 
 
 @rule(version=3, packages=("scipy",))
@@ -21,9 +21,9 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
 
     If `support.scale` is `unknown`, its unit is not the metre, and no task can be built on it.
 
-    Every object is a free body with its explicit mass properties, a textured visual and convex collision pieces;
-    keyframe `home` holds the pose and the joint positions of the photograph. Where neighbours overlap, one of both is
-    cut back, see `dextera_build.sim.model.neighbours`.
+    Every object is a free body with explicit mass properties, a textured visual and convex collision pieces; keyframe
+    `home` contains the pose and the joint positions of the photograph. Where neighbours overlap, one of them is cut
+    back, see `dextera_build.sim.model.neighbours`.
     """
     room = metric(background, support.factor)
     found = description.parted(assets.items, room)

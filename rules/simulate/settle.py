@@ -1,4 +1,4 @@
-"""simulate.settle: simulate the scene and check that everything stays as in the photograph."""
+"""simulate.settle: simulate the scene and check that all bodies rest as photographed."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ class SettleOptions(Options):
     max_tilt_rad: PositiveFloat = 0.17
     """Maximum rotation of a body that did not fall over [rad]."""
     max_drift_m: PositiveFloat = 0.005
-    """Maximum displacement of a body that stays where the photograph has it [m]."""
+    """Maximum displacement of a body that stays at its photographed pose [m]."""
     max_depth_m: PositiveFloat = 0.0005
     """Maximum penetration of a body at rest [m]."""
     max_joint_rad: PositiveFloat = 0.05
-    """Maximum motion of a joint that holds [rad or m]."""
+    """Maximum motion of a joint that holds its position [rad or m]."""
     max_speed_m_s: PositiveFloat = 0.01
     """Maximum final speed of a body at rest [m/s]."""
     max_turn_rad_s: PositiveFloat = 0.1
     """Maximum final angular speed of a body at rest [rad/s]."""
     max_energy: PositiveFloat = 0.01
-    """Maximum change of the mechanical energy after the first half second, over the m g h of the bodies."""
+    """Maximum change of the mechanical energy after the first half second, as a fraction of m g h of the bodies."""
 
 
 class SettleBackend(Protocol):
-    """What a backend of simulate.settle defines."""
+    """Interface of a backend of simulate.settle."""
 
     def let_go(self, ctx: Context, scene: Scene, common: SettleOptions, options: Any) -> SettleReport:
-        """Simulate the scene and judge every body."""
+        """Simulate the scene and evaluate every body."""
         ...
 
 

@@ -20,7 +20,7 @@ BACKEND = Backend(
 
 
 def let_go(ctx: Context, scene: Scene, common: SettleOptions, options: Options) -> SettleReport:
-    """Simulate `scene` and judge every body by `common`."""
+    """Simulate `scene` and evaluate every body by the limits in `common`."""
     run = runner.let_go(scene.model, scene.bodies, common.seconds)
     bodies = tuple(
         Settled(
@@ -44,7 +44,7 @@ def let_go(ctx: Context, scene: Scene, common: SettleOptions, options: Options) 
 
 
 def rests(motion: runner.Motion, options: SettleOptions) -> bool:
-    """Whether a body is finally at rest, upright, in its place, with unchanged joints, and not inside another body."""
+    """Whether a body ends at rest, upright, in place, with unchanged joints, and without penetrating another body."""
     within = (
         motion.tilt_rad <= options.max_tilt_rad,
         motion.drift_m <= options.max_drift_m,

@@ -1,4 +1,4 @@
-"""simulate.steady: hold the bodies that would not stay where the photograph has them."""
+"""simulate.steady: fix bodies that would not rest at their photographed poses."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ class SteadyOptions(SettleOptions):
     """Options of simulate.steady: those of `simulate.settle`."""
 
     seconds: PositiveFloat = 1.5
-    """Simulated time of an attempt [s]; what `simulate.settle` finds later, it reports."""
+    """Simulated time of an attempt [s]; `simulate.settle` reports later motion."""
 
 
 class SteadyBackend(Protocol):
-    """What a backend of simulate.steady defines."""
+    """Interface of a backend of simulate.steady."""
 
     def hold(self, ctx: Context, scene: Scene, common: SteadyOptions, options: Any) -> tuple[Scene, list[str]]:
-        """The scene in which the free bodies rest, and what was done about the others."""
+        """The scene in which all free bodies rest, and the report on the fixed ones."""
         ...
 
 
 @rule(version=3)
 def steady(ctx: Context[SteadyBackend], scene: Scene, *, options: SteadyOptions) -> Scene:
-    """Return the scene with the bodies that would not rest held in their places, as parts of the static scene.
+    """Return the scene with bodies that would not rest fixed at their poses, as parts of the static scene.
 
-    One wrong shape does not spoil a scene: a fragment inside another body, or a body that tips over, stays where the
-    photograph has it, with its looks and its collision geometry, and a warning names it.
+    One wrong shape does not invalidate a scene: a fragment inside another body, or a body that tips over, is fixed at
+    its photographed pose with its visual and collision geometry, and a warning names it.
     """
     result, reasons = ctx.backend.hold(ctx, scene, options, ctx.backend_options)
     for reason in reasons:

@@ -22,7 +22,7 @@ BACKEND = Backend(
 
 
 def hold(ctx: Context, scene: Scene, common: SteadyOptions, options: Options) -> tuple[Scene, list[str]]:
-    """Let the scene go and hold what does not rest by `common`."""
+    """Simulate the scene and fix bodies that violate the limits in `common`."""
     found = runner.steady(scene.model, scene.bodies, common.seconds, lambda motion: rests(motion, common))
     free = tuple(name for name in scene.bodies if name not in found.held)
     held = (*scene.held, *found.held)

@@ -14,5 +14,5 @@ BACKEND = Backend(summary="no simulation: every body is free", profiles=("stub",
 
 
 def hold(ctx: Context, scene: Scene, common: SteadyOptions, options: Options) -> tuple[Scene, list[str]]:
-    """Return the scene as it is."""
+    """Return the scene unchanged."""
     return scene, []

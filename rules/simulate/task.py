@@ -38,21 +38,22 @@ class ResetOptions(Options):
     robot_deg: NonNegativeFloat = 2.0
     """Half range of every joint of the robot around home [deg]."""
     dynamics: NonNegativeFloat = 1.0
-    """Fraction of the twin's own intervals to draw masses, sizes, friction, gains and known errors of poses from, those
-    of the objects and that of the robot's base."""
+    """Fraction of the twin's own intervals from which masses, sizes, friction, gains and known pose errors of the
+    objects and of the robot's base are drawn."""
     joints: NonNegativeFloat = 0.0
-    """Fraction of their ranges to draw damping and friction of joints from: factors from 0.6 to 1.65."""
+    """Fraction of the full range from which factors on damping and friction of joints are drawn; 1: factors of 0.6
+    to 1.65."""
     goal_m: NonNegativeFloat = 0.0
-    """Half width of the square in which a target is placed, half range of a height to lift [m]."""
+    """Half width of the square in which a target is placed, or half range of a lift height [m]."""
     goal_deg: NonNegativeFloat = 0.0
-    """Half range of a target's turn about the vertical, or of commands of joints [deg]."""
+    """Half range of a target's rotation about the vertical, or of commanded joint positions [deg]."""
     visual: NonNegativeFloat = 0.0
-    """Fraction of the cameras' calibration covariance, and of the ranges of exposure, light and noise, to draw from.
-    The photograph's camera has no error of its own where the base has one."""
+    """Fraction of the cameras' calibration covariance, and of the ranges of exposure, light and noise, from which
+    they are drawn. The photograph's camera has no error of its own if the base has one."""
 
 
 class TaskOptions(Options):
-    """Options of simulate.task: the objective, and of its goal those that the primitive has."""
+    """Options of simulate.task: the objective, and the goal options of its primitive."""
 
     name: str
     """Name of the task: `CloseLaptop`."""
@@ -61,31 +62,33 @@ class TaskOptions(Options):
     object: str
     """Label of the task's asset."""
     limbs: tuple[str, ...] = ()
-    """Limbs that must do it, together if there are several; empty: any."""
+    """Limbs that must act, jointly if several are named; empty: any."""
     height_m: PositiveFloat | None = None
-    """lift: required rise [m]; 0.10."""
+    """lift: required rise [m]; default 0.10."""
     joints_deg: dict[str, float] | None = None
     """articulate: joint of the asset -> commanded position [deg]."""
     to_m: tuple[float, float] | tuple[float, float, float] | None = None
-    """Other primitives: target of the object's origin in the world, x and y for a push, else x, y and z [m]."""
+    """Other primitives: target position of the object's origin in the world, x and y for a push, else x, y and z
+    [m]."""
     by_m: tuple[float, float] | tuple[float, float, float] | None = None
-    """The same as a way from the photograph's position [m]."""
+    """The same, as a displacement from the photographed position [m]."""
     yaw_deg: float | None = None
-    """push: target turn about the vertical from the photograph's orientation [deg]; left out: any."""
+    """push: target rotation about the vertical from the photographed orientation [deg]; None: any."""
     turn_deg: tuple[float, float, float] | None = None
-    """pick_and_reorient, pick_and_place: target orientation as turns of the photograph's about x, y, z [deg]."""
+    """pick_and_reorient, pick_and_place: target orientation as rotations of the photographed one about x, y, z
+    [deg]."""
     into: str | None = None
-    """pick_and_place: label of the container in whose cavity the object must be, in place of a target."""
+    """pick_and_place: label of the container whose cavity must contain the object, instead of a target position."""
     tolerance_m: PositiveFloat | None = None
-    """Maximum distance from a target [m]; 0.03."""
+    """Maximum distance from a target [m]; default 0.03."""
     tolerance_deg: PositiveFloat | None = None
-    """Maximum distance of joints from their command, or rotation from a target [deg]; 5, or 15."""
+    """Maximum deviation of joints from their command, or of the rotation from a target [deg]; default 5, or 15."""
     symmetry: NonNegativeInt | None = None
-    """Orientations that look alike when the object turns about its own z axis; 0: all; 1."""
+    """Order of the object's rotational symmetry about its own z axis; 0: any rotation; default 1."""
     giver: str | None = None
-    """handover: limb that takes the object from its support."""
+    """handover: limb that picks up the object."""
     receiver: str | None = None
-    """handover: limb that holds it in the end."""
+    """handover: limb that holds it at the end."""
     hold_s: NonNegativeFloat = 0.5
     """Time for which the condition must hold [s]."""
     timeout_s: PositiveFloat = 8.0
@@ -93,8 +96,8 @@ class TaskOptions(Options):
     control_hz: PositiveFloat = 20.0
     """Rate of observations and actions [Hz]."""
     action: ActionKind = "joint"
-    """Kind of the actions that Gymnasium takes and data sets for LeRobot hold: joint targets, their changes, or changes
-    of the palms' poses with targets of the fingers."""
+    """Kind of actions of the Gymnasium environment and of LeRobot data sets: joint targets, their changes, or
+    changes of palm poses with finger targets."""
     reset: ResetOptions = ResetOptions()
     """Start distribution."""
     points: PositiveInt = 256
@@ -113,7 +116,7 @@ class TaskOptions(Options):
 
 
 class TaskBackend(Protocol):
-    """What a backend of simulate.task defines."""
+    """Interface of a backend of simulate.task."""
 
     def fitted(self, ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, options: Any) -> TaskOptions:
         """The options of the recipe, fitted to the bodies and their joints."""
@@ -126,7 +129,7 @@ class TaskBackend(Protocol):
         ...
 
     def portraits(self, ctx: Context, bundle: TaskBundle, options: Any) -> list[tuple[str, np.ndarray]]:
-        """Captions and pictures (H, W, 3) uint8; fails for a task that cannot be begun or is out of reach."""
+        """Captions and pictures (H, W, 3) uint8; raises for a task that cannot be started or is out of reach."""
         ...
 
 
@@ -196,10 +199,10 @@ def _check_scale(ctx: Context, scene: Scene) -> None:
 
 
 def parameters_of(options: TaskOptions) -> Parameters:
-    """The parameters of the primitive that the options name.
+    """The parameters of the primitive from the options.
 
     Raises:
-        ValueError: An option belongs to another primitive, or has a value that this one does not take.
+        ValueError: An option belongs to another primitive, or has a value that this one does not accept.
     """
     kind = catalogue.KINDS[options.primitive]
     every = {name for each in catalogue.KINDS.values() for name in each.parameters.model_fields}
@@ -259,7 +262,7 @@ def _spec(
             visual=reset.visual,
         ),
     )
-    actions.of_task(spec, robot)  # refuses a kind that the robot lacks
+    actions.of_task(spec, robot)  # raises for a kind that the robot lacks
     return spec
 
 

@@ -33,7 +33,7 @@ SHOWN = 3
 
 
 def fitted(ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, options: Options) -> TaskOptions:
-    """Return the common unchanged."""
+    """Return `common` unchanged."""
     return common
 
 
@@ -45,7 +45,7 @@ def compose(ctx: Context, scene: Folder, robot: RobotModel, world_from_base: np.
 def portraits(ctx: Context, bundle: TaskBundle, options: Options) -> list[tuple[str, np.ndarray]]:
     """Captions and pictures of the photograph's configuration and of some starts.
 
-    Fails if the object or its target is farther away than the arms are long, if the simulation cannot keep the rate,
+    Raises if the object or its target is farther away than the arms are long, if the simulation cannot keep the rate,
     and if no start can be drawn.
     """
     try:
@@ -62,7 +62,7 @@ def portraits(ctx: Context, bundle: TaskBundle, options: Options) -> list[tuple[
 
 
 def _check_rate(ctx: Context, environment: Environment) -> None:
-    """Refuse a rate that differs from what whole steps of the simulation give."""
+    """Raise for a rate that whole simulation steps cannot keep."""
     asked, step_s = environment.task.control_hz, environment.model.opt.timestep
     steps = max(1.0, 1.0 / (asked * step_s))
     ctx.check(

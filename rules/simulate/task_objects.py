@@ -1,4 +1,4 @@
-"""The movable objects of a task: what resets and success need to know of an asset."""
+"""The movable objects of a task: properties of assets that resets and success tests need."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dextera_build.sim.model import names, whole
 
 
 def check(ctx: Context, scene: Scene, labels: Mapping[str, str], assets: Collection[Asset]) -> None:
-    """Refuse assets that the scene was not made of, and those that cannot be simulated.
+    """Raise for assets that are not part of the scene, or that cannot be simulated.
 
     Args:
         ctx: Context for errors.
@@ -57,7 +57,7 @@ def described(assets: Collection[Asset], label: str, count: int) -> TaskObject:
 
 
 def hollowed(thing: TaskObject, asset: Asset) -> TaskObject:
-    """The object with the room inside it, joints as in the photograph; without one if nothing would stay in it."""
+    """The object with its interior space, joints as in the photograph; None if it cannot contain anything."""
     found = cavities.find(*kinematics.posed_surface(asset.body))
     if found is None:
         return thing

@@ -19,7 +19,7 @@ BACKEND = Backend(summary="no simulation: scene and robot side by side", profile
 
 
 def fitted(ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, options: Options) -> TaskOptions:
-    """Return the options, changed to what upstream stubs found: the first object, or one without the named joints.
+    """Return the options adapted to the output of upstream stubs: the first object, or one without the named joints.
 
     Args:
         ctx: The rule's context.

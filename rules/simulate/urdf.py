@@ -39,7 +39,7 @@ def urdf(ctx: Context, asset: Asset, *, options: UrdfOptions) -> Folder:
 
     A link's frame is at the origin of its parent joint and parallel to the object frame with all joints at 0; the root
     link's frame is the object frame. `placement.json` contains the object's pose in the world and its joint positions,
-    which URDF cannot express.
+    which URDF cannot represent.
     """
     files: dict[str, bytes] = {}
     robot = urdf_xml.root(options.name)

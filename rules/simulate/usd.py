@@ -22,7 +22,7 @@ ROBOT = "robot/"
 
 
 class UsdBackend(Protocol):
-    """What a backend of simulate.usd defines."""
+    """Interface of a backend of simulate.usd."""
 
     def write(self, ctx: Context, described: SceneDescription, held: tuple[str, ...], options: Any) -> Folder:
         """The stage and its textures; the objects in `held` do not move."""
@@ -31,7 +31,7 @@ class UsdBackend(Protocol):
     def problems(
         self, ctx: Context, folder: Folder, described: SceneDescription, held: tuple[str, ...], options: Any
     ) -> list[str]:
-        """Errors and warnings of the validators, and what differs from the MJCF of the scene, one line each."""
+        """Errors and warnings of the validators, and differences from the MJCF of the scene, one line each."""
         ...
 
 
@@ -48,9 +48,9 @@ def usd(
 ) -> Folder:
     """Return `scene.usda` and its textures [m, kg, degrees], z up, in the world frame, all paths relative.
 
-    Rigid bodies with explicit mass properties, convex hulls as colliders, joints between sibling links. The objects
-    that `scene` holds cannot move here either. A `robot` stands at `base`, T_world_base, as an articulation with
-    drives. The stage is read back and compared with what MuJoCo makes of the same scene.
+    Rigid bodies with explicit mass properties, convex hulls as colliders, joints between sibling links. Objects that
+    are fixed in `scene` are fixed here, too. A `robot` is placed at `base`, T_world_base, as an articulation with
+    drives. The stage is read back and compared with MuJoCo's model of the same scene.
     """
     held = () if scene is None else scene.held
     room = metric(background, support.factor)

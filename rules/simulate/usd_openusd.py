@@ -24,6 +24,6 @@ def write(ctx: Context, described: SceneDescription, held: tuple[str, ...], opti
 def problems(
     ctx: Context, folder: Folder, described: SceneDescription, held: tuple[str, ...], options: Options
 ) -> list[str]:
-    """Errors and warnings of the validators, or else what differs from the MJCF of the scene, one line each."""
+    """Errors and warnings of the validators, or else differences from the MJCF of the scene, one line each."""
     invalid = usd_check.problems(folder, ctx.scratch)
     return invalid or usd_check.unequal(folder, described, held, ctx.scratch)

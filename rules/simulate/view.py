@@ -29,7 +29,7 @@ class ViewOptions(Options):
     target_m: Point | None = None
     """Target of a camera at `eye_m`, in the world [m]; image right is horizontal."""
     samples: Literal[1, 2, 4, 8] = 1
-    """Samples per pixel; with four, edges are smooth, and rendering takes more than twice as long."""
+    """Samples per pixel; four give smooth edges, but rendering takes more than twice as long."""
     shift_m: Point = (0.0, 0.0, 0.0)
     """Additional translation in the world [m], as of a bumped camera."""
 
@@ -39,8 +39,8 @@ def view(ctx: Context, scene: Scene, measured: Pose | None = None, *, options: V
     """Return the photograph's camera, cropped evenly and scaled to the new size, or one at another position.
 
     Its covariance is that of the calibration `measured` (T_camera_base), because a policy acts in the base's frame;
-    without one it is the scene's. A camera placed by hand is exact. The photograph's camera says that it is that one:
-    where a start draws an error of the base, the same calibration gives the camera none on top.
+    without one it is the scene's. A camera placed by hand is exact. The photograph's camera is marked as such: if a
+    start draws an error of the base from the same calibration, the camera has no additional error.
     """
     if (options.eye_m is None) != (options.target_m is None):
         ctx.fail("`eye_m` and `target_m` go together", eye_m=options.eye_m, target_m=options.target_m)
@@ -58,7 +58,7 @@ def view(ctx: Context, scene: Scene, measured: Pose | None = None, *, options: V
 
 
 def _calibrated(pose: Pose, measured: Pose) -> Pose:
-    """T_world_camera with the covariance that an exact base and T_camera_base give it."""
+    """T_world_camera with the covariance that follows from an exact base and T_camera_base."""
     base = Pose(parent=pose.parent, child=measured.child, matrix=pose.matrix @ measured.matrix)
     return pose.model_copy(update={"covariance": (base @ measured.inverse()).covariance})
 

@@ -1,4 +1,4 @@
-"""Sizes of the chunks of an MCAP file before they are unpacked: 45 kB can stand for gigabytes.
+"""Sizes of the chunks of an MCAP file before they are unpacked: 45 kB can expand to gigabytes.
 
 https://mcap.dev/spec#chunk-op0x06
 """
@@ -13,17 +13,17 @@ from typing import IO, Any
 from dextera_build.artifacts import bounds
 
 MOST_BYTES = 1 << 28
-"""Most unpacked bytes of chunks that overlap in time, which a reader holds at once."""
+"""Maximum unpacked size of chunks that overlap in time, which a reader holds at once [bytes]."""
 _CHUNK = 6
 """Opcode of a chunk."""
 _HEADER = struct.Struct("<BQQQQII")
 """Opcode, length, times of the first and last message, unpacked size, checksum, length of the compression's name."""
 _FRAME = 64
-"""Bytes that hold the length of the packed records and the header of their frame."""
+"""Bytes with the length of the packed records and the header of their frame."""
 
 
 def check(stream: IO[bytes], name: str, index: Sequence[Any]) -> None:
-    """Refuse a file whose chunks unpack to too much.
+    """Raise for a file whose chunks unpack to too much.
 
     Args:
         stream: The file.
@@ -31,7 +31,7 @@ def check(stream: IO[bytes], name: str, index: Sequence[Any]) -> None:
         index: Its `mcap.records.ChunkIndex` records.
 
     Raises:
-        ValueError: A chunk is larger than the index says, or the file has chunks and no index of them.
+        ValueError: A chunk is larger than stated in the index, or the file has chunks without an index.
         ArtifactError: Chunks that overlap in time are too large together.
     """
     if not index and _has_chunks(stream):
@@ -51,7 +51,7 @@ def check(stream: IO[bytes], name: str, index: Sequence[Any]) -> None:
 
 
 def _size(stream: IO[bytes], offset: int) -> int:
-    """Unpacked size of the chunk at an offset, as its own header and that of its packed records say."""
+    """Unpacked size of the chunk at an offset, as stated in its own header and that of its packed records."""
     stream.seek(offset)
     opcode, _, _, _, size, _, length = _HEADER.unpack(stream.read(_HEADER.size))
     if opcode != _CHUNK:

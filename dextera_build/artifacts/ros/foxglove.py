@@ -1,7 +1,7 @@
-"""Messages of Foxglove's schemas, as protobuf or JSON, in the shape of the ROS messages that mean the same.
+"""Messages of Foxglove's schemas, as protobuf or JSON, converted to equivalent ROS messages.
 
 Schemas: https://docs.foxglove.dev/docs/visualization/message-schemas. A `foxglove.JointStates` becomes a
-`sensor_msgs/JointState`, so that what reads recordings knows one shape.
+    `sensor_msgs/JointState`, so that readers of recordings handle one form only.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ def _protobuf() -> Any:
 
 
 def shaped(kind: str, message: Any) -> Any:
-    """A decoded message in the shape of ROS; those of ROS and of other schemas stay as they are.
+    """A decoded message in the form of ROS; messages of ROS and of other schemas are unchanged.
 
     Args:
-        kind: `foxglove.RawImage`, or `foxglove_msgs/msg/RawImage` where ROS carried it.
-        message: What the decoder made of it.
+        kind: `foxglove.RawImage`, or `foxglove_msgs/msg/RawImage` in ROS recordings.
+        message: Output of the decoder.
     """
     package, name = kind.replace("/msg/", ".").replace("/", ".").rpartition(".")[::2]
     if package not in ("foxglove", "foxglove_msgs"):
@@ -114,14 +114,14 @@ def _header(message: Any) -> Any:
 
 
 def _stated(message: Any, name: str) -> bool:
-    """Whether an optional number is there; protobuf knows, JSON leaves it out."""
+    """Whether an optional number is present; protobuf has presence, JSON omits the field."""
     if hasattr(message, "HasField"):
         return bool(message.HasField(name))
     return getattr(message, name, None) is not None
 
 
 def _bytes(data: Any) -> bytes:
-    """Bytes, which JSON spells in base64."""
+    """Bytes, which are base64 in JSON."""
     return base64.b64decode(data) if isinstance(data, str) else bytes(data)
 
 

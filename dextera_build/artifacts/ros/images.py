@@ -15,7 +15,7 @@ _ENCODINGS = {
     "rgba8": (4, [0, 1, 2]),
     "bgra8": (4, [2, 1, 0]),
 }
-"""Encoding of `sensor_msgs/Image` -> bytes per pixel, and where red, green and blue are among them."""
+"""Encoding of `sensor_msgs/Image` -> bytes per pixel, and positions of red, green and blue among them."""
 _GREY = ("mono8", "8UC1")
 _COUNTS, _METRES = ("16UC1", "mono16", "z16"), ("32FC1",)
 MILLIMETRE = 0.001

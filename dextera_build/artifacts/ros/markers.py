@@ -24,7 +24,7 @@ class Marker:
     kind: int
     """`CUBE` or `TRIANGLES`."""
     colour: tuple[float, float, float, float]
-    """Red, green, blue and opacity, 0..1; of triangles with `colours` only the opacity counts."""
+    """Red, green, blue and opacity, 0..1; for triangles with `colours` only the opacity is used."""
     pose: np.ndarray = field(default_factory=lambda: np.array([0.0, 0, 0, 1, 0, 0, 0]))
     """Position [m] and quaternion w x y z (7,) in the frame."""
     size: np.ndarray = field(default_factory=lambda: np.ones(3))
@@ -42,7 +42,7 @@ def marker_array(stamp: int, markers: Sequence[Marker]) -> bytes:
         message.i32(stamp // 1_000_000_000).u32(stamp % 1_000_000_000).string(marker.frame)
         message.string(marker.name).i32(0, marker.kind, 0)
         message.f64(marker.pose[:3]).f64(np.roll(marker.pose[3:], -1)).f64(marker.size).f32(marker.colour)
-        message.i32(0).u32(0).boolean(True)  # for ever, and with its frame
+        message.i32(0).u32(0).boolean(True)  # unlimited lifetime, locked to its frame
         message.rows(np.asarray(marker.points, np.float64)).rows(np.asarray(marker.colours, np.float32))
         message.string("").i32(0).u32(0).string("").string("").u8s(b"")  # no texture
         message.u32(0).string("").string("").string("").u8s(b"").boolean(False)  # no text, no mesh file

@@ -19,7 +19,7 @@ def joint_state(
     velocities: np.ndarray | tuple[()] = (),
     efforts: np.ndarray | tuple[()] = (),
 ) -> bytes:
-    """`sensor_msgs/JointState` [rad or m]; speeds and efforts are empty where they were not recorded."""
+    """`sensor_msgs/JointState` [rad or m]; speeds and efforts are empty if they were not recorded."""
     return _header(stamp, "").strings(names).f64s(positions).f64s(velocities).f64s(efforts).bytes()
 
 

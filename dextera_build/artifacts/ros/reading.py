@@ -1,4 +1,4 @@
-"""Messages of MCAP files by topic and time, decoded by the schemas that the file itself holds."""
+"""Messages of MCAP files by topic and time, decoded by the schemas in the file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Found:
     Args:
         topic: `/joint_states`.
         kind: Name of its messages' type, `sensor_msgs/msg/JointState`.
-        encoding: Of its messages: `cdr`.
+        encoding: Encoding of its messages: `cdr`.
         count: Number of messages.
     """
 
@@ -35,7 +35,7 @@ class Found:
 
 @contextmanager
 def damage(name: str) -> Iterator[None]:
-    """Turn what readers raise on damaged files into one error that names the file."""
+    """Convert exceptions of readers on damaged files to one error that names the file."""
     from mcap.exceptions import McapError
     from zstandard import ZstdError
 
@@ -79,14 +79,14 @@ def index(stream: IO[bytes], name: str) -> tuple[list[Found], int, int]:
 def messages(
     stream: IO[bytes], name: str, topics: Sequence[str], start: int | None, end: int | None
 ) -> Iterator[tuple[int, str, Any]]:
-    """(time of the recording [ns], topic, decoded message) in order of time; only chunks of that time are read.
+    """(time of the recording [ns], topic, decoded message) in order of time; only chunks of the interval are read.
 
     Args:
         stream: The file.
         name: Its name, for errors.
         topics: Topics to read.
         start: First time [ns]; None: from the beginning.
-        end: First time that is left out [ns]; None: to the end.
+        end: End of the interval, exclusive [ns]; None: to the end.
 
     Raises:
         ArtifactError: The file is damaged, or the type of a message is unknown.
@@ -103,7 +103,7 @@ def messages(
 
 
 def stamp(message: Any, received: int) -> int:
-    """Time of a message's header [ns]; the time of the recording where the header has none."""
+    """Time of a message's header [ns], or of the recording if there is no header."""
     header = getattr(message, "header", None)
     found = 0 if header is None else header.stamp.sec * SECOND + header.stamp.nanosec
     return int(found or received)

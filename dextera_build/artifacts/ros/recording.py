@@ -14,10 +14,10 @@ from dextera_build.artifacts.ros import types
 
 
 class Recording:
-    """One MCAP file that is being written; channels appear with their first message.
+    """An MCAP file that is being written; channels are created with their first message.
 
     Args:
-        out: Where to write.
+        out: Output stream.
         compression: Compression of the file's chunks.
     """
 
@@ -39,7 +39,7 @@ class Recording:
         self.finish()
 
     def finish(self) -> None:
-        """Write the index; nothing can follow."""
+        """Write the index and end the file."""
         self._writer.finish()  # type: ignore[no-untyped-call]
 
     def metadata(self, name: str, facts: Mapping[str, str]) -> None:

@@ -1,4 +1,4 @@
-"""How one tracked object looks: its colours, brightness from several directions, and features of its print."""
+"""Appearance of one tracked object: its colours, brightness from several directions, and features of its texture."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.model import Cast, Model, State
 
 LOOKS = 24
-"""Earlier views that are kept."""
+"""Maximum number of stored views."""
 APART = np.cos(np.radians(20.0))
-"""Cosine of the angle between the directions of two of them."""
+"""Cosine of the minimum angle between the directions of two stored views."""
 PATTERN = 12.0
-"""Standard deviation of brightness from which an object has a texture, 0..255."""
+"""Standard deviation of brightness above which an object has a texture, 0..255."""
 
 
 class Appearance:
-    """What was learned of an object's looks from frames in which it was tracked.
+    """Appearance of an object, learned from frames in which it was tracked.
 
     Args:
         number: Its number, as in `Frame.owner`.
@@ -33,11 +33,11 @@ class Appearance:
 
     @property
     def textured(self) -> bool:
-        """Whether it has a print or a pattern by which views can be told apart."""
+        """Whether its texture is sufficient to distinguish views."""
         return any(float(look.grey.std()) > PATTERN for look in self._looks)
 
     def learn(self, frame: Frame, state: State, rate: float) -> None:
-        """Colours of what shows it, and of what is around it, mixed in with weight `rate`."""
+        """Learn the colours of its pixels and of its surroundings, with weight `rate`."""
         cast = self._model.cast(state, frame.k, frame.shape, 1200)
         box = self._model.box(state, frame.k, frame.shape, margin=0.35)
         if cast is None or box is None:
@@ -52,12 +52,12 @@ class Appearance:
         rows, columns = np.arange(box[1], box[3], step), np.arange(box[0], box[2], step)
         outside = around[cast.link_at(rows[:, None], columns[None]) < 0]
         if rate == 1.0:
-            # The whole first picture too, so that search knows what else has these colours.
+            # The whole first picture, too, so that the search accounts for other objects with these colours.
             outside = np.concatenate([outside, bins(frame.rgb[4::16, 4::16])[frame.owner[4::16, 4::16] < 0]])
         self.colours.learn(inside, outside, rate)
 
     def nearest(self, state: State) -> terms.Look | None:
-        """The earlier view from the nearest direction; None if none is near."""
+        """The stored view from the nearest direction; None if none is near."""
         if not self._looks:
             return None
         towards = _towards(state, self._model)
@@ -65,11 +65,11 @@ class Appearance:
         return found if float(found.towards @ towards) > np.cos(np.radians(50.0)) else None
 
     def remember(self, frame: Frame, state: State, covariance: np.ndarray) -> None:
-        """Keep how it looks now, if it was not seen from about here.
+        """Store the current view, unless a view from about this direction exists.
 
         Args:
-            frame: What is seen.
-            state: Where it was found.
+            frame: The current frame.
+            state: Its state in this frame.
             covariance: (6, 6) of its pose.
         """
         towards = _towards(state, self._model)
@@ -94,13 +94,13 @@ class Appearance:
 
 
 def _towards(state: State, model: Model) -> np.ndarray:
-    """Direction (3,) from the object's middle to the camera, in the object frame."""
+    """Direction (3,) from the object's centre to the camera, in the object frame."""
     away = transforms.apply(transforms.invert(state.pose), np.zeros((1, 3)))[0] - model.centre
     return np.asarray(away / np.linalg.norm(away))
 
 
 def _inside(cast: Cast, most: int) -> terms.Spots:
-    """Hits that are not beside the outline: there, brightness is mixed with that of the surroundings."""
+    """Hits away from the outline, where brightness is mixed with that of the surroundings."""
     import cv2
 
     inner = cv2.erode(np.pad(cast.drawn, 1).astype(np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1]

@@ -1,4 +1,4 @@
-"""How the camera has moved between two frames, from points of the scene that do not move."""
+"""Motion of the camera between two frames, from points of the static scene."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from dextera_build.geometry import planes, transforms
 from dextera_build.geometry.tracking.frame import Frame
 
 BLOCK = 30
-"""Side of the squares of which each gives one point [px]."""
+"""Side of the squares that contribute one point each [px]."""
 STILL_PX = 0.35
-"""Median way of points up to which the camera stands still [px]."""
+"""Median displacement of points below which the camera is static [px]."""
 FEWEST = 12
-"""Fewest points that determine a motion."""
+"""Minimum number of points that determine a motion."""
 _TRIALS = 120
 _MATCHES = 700
 
 
 @dataclass(frozen=True)
 class Ways:
-    """Pixels (N, 2) of one frame, and where they are in the next."""
+    """Pixels (N, 2) of one frame, and their positions in the next."""
 
     before: np.ndarray
     after: np.ndarray
 
 
 def flow(first: Frame, second: Frame, extra: np.ndarray) -> Ways:
-    """Points with texture, followed by pyramids of Lucas and Kanade, those that lead back to themselves.
+    """Textured points, tracked by pyramidal Lucas-Kanade with a forward-backward check.
 
     Args:
         first: The earlier frame.
@@ -50,7 +50,7 @@ def flow(first: Frame, second: Frame, extra: np.ndarray) -> Ways:
 
 
 def matched(first: Frame, second: Frame) -> Ways:
-    """Pairs of ORB features that are each other's best (Rublee et al. 2011), for frames that are far apart."""
+    """Mutually best ORB matches (Rublee et al. 2011), for frames that are far apart."""
     import cv2
 
     finder = cv2.ORB_create(_MATCHES)
@@ -64,15 +64,16 @@ def matched(first: Frame, second: Frame) -> Ways:
 
 
 def motion(first: Frame, second: Frame, ways: Ways, ignored: np.ndarray) -> np.ndarray | None:
-    """T_second_first (4, 4) of the scene, which is the inverse of the camera's way; None if it is not determined.
+    """T_second_first (4, 4) of the scene, the inverse of the camera's motion; None if undetermined.
 
-    Three-point RANSAC over pairs with depth, then least squares of those that agree. Identity if the camera stands.
+    Three-point RANSAC over pairs with depth, then least squares of the inliers. A static camera yields exactly the
+    identity.
 
     Args:
         first: The earlier frame.
         second: The later frame.
         ways: Pixels in both.
-        ignored: (H, W) bool, pixels of the first frame that may move by themselves.
+        ignored: (H, W) bool, pixels of the first frame that may belong to moving objects.
     """
     at, to = (np.round(each).astype(np.int64) for each in (ways.before, ways.after))
     at, to = (each.clip(0, np.array(first.shape[::-1]) - 1) for each in (at, to))
@@ -88,15 +89,15 @@ def motion(first: Frame, second: Frame, ways: Ways, ignored: np.ndarray) -> np.n
 
 
 def consensus(source: np.ndarray, target: np.ndarray, fewest: int = FEWEST) -> np.ndarray | None:
-    """The rigid motion (4, 4) that most pairs of points (N, 3) agree with, by three-point RANSAC; None without one.
+    """The rigid motion (4, 4) with most inliers among pairs of points (N, 3), by three-point RANSAC, or None.
 
     Args:
         source: Points [m].
         target: The same points in the frame of a depth camera [m].
-        fewest: Pairs that must agree.
+        fewest: Minimum number of inliers.
     """
     limit = 0.006 + 3.0 * planes.depth_sigma(target[:, 2])
-    random = np.random.default_rng(0)  # equal frames give equal answers
+    random = np.random.default_rng(0)  # deterministic: equal frames give equal results
     turns, shifts = _of_triples(source, target, random.integers(0, len(source), (_TRIALS, 3)))
     apart = np.linalg.norm(source @ turns.swapaxes(1, 2) + shifts[:, None] - target, axis=2) < limit
     counts = apart.sum(axis=1)
@@ -113,7 +114,7 @@ def consensus(source: np.ndarray, target: np.ndarray, fewest: int = FEWEST) -> n
 
 
 def _of_triples(source: np.ndarray, target: np.ndarray, picks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations (T, 3, 3) and translations (T, 3) that lay three points each (T, 3) on their partners (Kabsch)."""
+    """Rotations (T, 3, 3) and translations (T, 3) that align triples of points (T, 3) (Kabsch)."""
     one, other = source[picks], target[picks]
     middle, there = one.mean(axis=1), other.mean(axis=1)
     u, _, vt = np.linalg.svd(np.einsum("tni,tnj->tij", other - there[:, None], one - middle[:, None]))
@@ -123,7 +124,7 @@ def _of_triples(source: np.ndarray, target: np.ndarray, picks: np.ndarray) -> tu
 
 
 def _corners(frame: Frame) -> np.ndarray:
-    """The pixel with the steepest brightness of each square (N, 2) float32, where there is depth."""
+    """The pixel with the largest brightness gradient of each square (N, 2) float32, where there is depth."""
     right, down = frame.slopes
     height, width = (side // BLOCK * BLOCK for side in frame.shape)
     steep = (np.abs(right) + np.abs(down))[:height, :width] * (frame.depth[:height, :width] > 0)

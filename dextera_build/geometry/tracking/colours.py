@@ -1,4 +1,4 @@
-"""How well colours tell an object from what is around it."""
+"""Colour model that separates an object from its surroundings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 _BITS = 4
 """Bits per channel of a histogram."""
 _EMPTY = 0.3
-"""Pixels that every colour counts as seen before, which keeps unseen colours undecided."""
+"""Pseudo-count of each colour, which keeps unseen colours undecided."""
 
 
 def bins(pixels: np.ndarray) -> np.ndarray:
@@ -26,11 +26,11 @@ class Colours:
 
     @property
     def known(self) -> bool:
-        """Whether anything was learned."""
+        """Whether a histogram has been learned."""
         return bool(self._inside.any())
 
     def learn(self, inside: np.ndarray, around: np.ndarray, rate: float) -> None:
-        """Mix in the bins (N,) of the object's pixels and (M,) of its surroundings with weight `rate`."""
+        """Update with the bins (N,) of the object's pixels and (M,) of its surroundings, with weight `rate`."""
         for held, found in ((self._inside, inside), (self._around, around)):
             if len(found) < 20:
                 continue

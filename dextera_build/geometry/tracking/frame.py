@@ -10,12 +10,12 @@ import numpy as np
 from dextera_build.geometry import cameras
 
 ROBOT = 127
-"""Owner of the pixels of the robot."""
+"""Owner of the robot's pixels."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame with what several objects use of it."""
+    """A frame with data shared by several objects."""
 
     rgb: np.ndarray
     """(H, W, 3) uint8."""
@@ -26,7 +26,7 @@ class Frame:
     stamp: float
     """Time [s]."""
     owner: np.ndarray = field(init=False)
-    """(H, W) int8, number of the object that a pixel was found to show, `ROBOT`, or -1 for none so far."""
+    """(H, W) int8, number of the object assigned to a pixel, `ROBOT`, or -1 for none so far."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "owner", np.full(self.depth.shape, -1, np.int8))
@@ -45,14 +45,14 @@ class Frame:
 
     @cached_property
     def smooth(self) -> np.ndarray:
-        """Brightness (H, W) float32 without the finest detail, so that its slope holds over some pixels."""
+        """Brightness (H, W) float32 without the finest detail, so that its gradient is valid over a few pixels."""
         import cv2
 
         return np.asarray(cv2.GaussianBlur(self.grey, (7, 7), 1.5).astype(np.float32))
 
     @cached_property
     def slopes(self) -> tuple[np.ndarray, np.ndarray]:
-        """Slope of `smooth` along columns and rows, (H, W) float32 [1/px]."""
+        """Gradient of `smooth` along columns and rows, (H, W) float32 [1/px]."""
         import cv2
 
         right = cv2.Sobel(self.smooth, cv2.CV_32F, 1, 0, scale=1 / 8)
@@ -63,7 +63,7 @@ class Frame:
         return cameras.nearest_pixels(points, self.k, self.depth.shape)
 
     def others(self, rows: np.ndarray | slice, columns: np.ndarray | slice, number: int) -> np.ndarray:
-        """Whether pixels were found to show the robot, or another object than `number`."""
+        """Whether pixels are assigned to the robot, or to another object than `number`."""
         owner = self.owner[rows, columns]
         return np.asarray((owner >= 0) & (owner != number))
 

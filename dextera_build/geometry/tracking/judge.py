@@ -1,4 +1,4 @@
-"""Whether a pose agrees with a frame: what is seen where the model is, before it and behind it."""
+"""Agreement of a pose with a frame: measurements on the model, in front of it and behind it."""
 
 from __future__ import annotations
 
@@ -13,40 +13,40 @@ from dextera_build.geometry.tracking.model import Cast, Model, State
 from dextera_build.geometry.tracking.solve import Fit
 
 TOLERANCE_M = 0.008
-"""Distance in depth up to which a pixel shows the model, added to three standard deviations of the noise [m]."""
+"""Depth difference up to which a pixel shows the model, added to three standard deviations of the noise [m]."""
 
 
 @dataclass(frozen=True)
 class Gate:
-    """When a pose counts as measured."""
+    """Requirements for a measured pose."""
 
     agreement: float = 0.7
-    """Least part of the pixels with depth that show the model, of those where it is not hidden."""
+    """Minimum fraction of the unoccluded pixels with depth that show the model."""
     visible: float = 0.18
-    """Least part of the model's pixels, hidden ones included, that show it."""
+    """Minimum fraction of the model's pixels, including hidden ones, that show it."""
     pixels: float = 120.0
-    """Least number of pixels whose depth shows it."""
+    """Minimum number of pixels whose depth shows the model."""
     correlation: float = 0.35
-    """Least correlation of brightness with an earlier view, where the object has a texture."""
+    """Minimum correlation of brightness with a stored view, if the object has a texture."""
     outline: float = 0.45
-    """Least part of the unhidden outline that is seen within 4 px."""
+    """Minimum fraction of the unoccluded outline that is detected within 4 px."""
     sharp: float = 0.0
-    """Least part of the unhidden outline that is seen there clearly."""
+    """Minimum fraction of the unoccluded outline that is detected there clearly."""
     odds: float = -0.3
-    """Least mean log-likelihood ratio of the object's colours where it is seen."""
+    """Minimum mean log-likelihood ratio of the object's colours on its visible pixels."""
     sigma_m: float = 0.012
-    """Largest standard deviation of the place of its middle along any axis [m]."""
+    """Maximum standard deviation of the position of its centre along any axis [m]."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a pose agrees with a frame."""
+    """Agreement of a pose with a frame."""
 
-    agreement: float  # of the unhidden pixels with depth, the part that shows the model
-    visible: float  # of the model's pixels, the part that shows it
-    hidden: float  # the part that something nearer hides
-    outside: float  # the part that is outside the picture
-    pixels: float  # pixels whose depth shows it
+    agreement: float  # fraction of the unoccluded pixels with depth that shows the model
+    visible: float  # fraction of the model's pixels that shows it
+    hidden: float  # fraction hidden by something nearer
+    outside: float  # fraction outside the picture
+    pixels: float  # number of pixels whose depth shows it
     odds: float  # mean log-likelihood ratio of the colours there
 
     @property
@@ -58,7 +58,7 @@ class Verdict:
 
 
 LOST = Verdict(0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
-"""Of a pose that is outside the picture."""
+"""Verdict of a pose outside the picture."""
 
 
 def look(
@@ -77,7 +77,7 @@ def look(
     before, behind = ((z > 0) & (z < own - limit)) | others, (z > own + limit) & ~others
     odds = colours.odds()[bins(frame.rgb[rows, columns])]
     measured = float(agree.sum())
-    # Without depth, colours tell: dark and shining surfaces return none.
+    # Without depth, colours are used: dark and shiny surfaces return none.
     agree |= (z == 0) & (odds > 0.5) & ~others
     count, whole = len(z), _whole(model, state, frame, cast)
     shown = float(agree.sum())
@@ -95,7 +95,7 @@ def look(
 
 
 def passes(fit: Fit, verdict: Verdict, gate: Gate) -> str:
-    """Why a pose is not measured, in words; empty if it is."""
+    """Reason why a pose does not count as measured, in words; empty if it does."""
     reasons = {
         "outside the picture or hidden": verdict.visible < gate.visible or verdict.pixels < gate.pixels,
         "something else is seen behind it": verdict.agreement < gate.agreement,
@@ -109,14 +109,14 @@ def passes(fit: Fit, verdict: Verdict, gate: Gate) -> str:
 
 
 def _thickness(cast: Cast) -> np.ndarray:
-    """How much the depth of the model changes from ray to ray [m]: pixels do not coincide better."""
+    """Depth change of the model from ray to ray [m], the limit of depth comparisons."""
     filled = np.where(cast.drawn, cast.depth, np.nan)
     down, right = np.abs(np.diff(filled, axis=0, append=np.nan)), np.abs(np.diff(filled, axis=1, append=np.nan))
     return np.asarray(np.minimum(np.nan_to_num(np.fmax(down, right))[cast.drawn], 0.02))
 
 
 def _whole(model: Model, state: State, frame: Frame, cast: Cast) -> float:
-    """Rays that would meet the model if the picture had no border."""
+    """Number of rays that would hit the model in an unbounded picture."""
     height, width = frame.shape
     box = model.box(state, frame.k, (1 << 20, 1 << 20))
     inside = model.box(state, frame.k, frame.shape)

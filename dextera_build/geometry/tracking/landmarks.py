@@ -1,4 +1,4 @@
-"""Features of a printed object, by which it is found again wherever it is and however it is turned."""
+"""Features of a textured object, by which it is found again at any position and orientation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.model import Cast, State
 
 FEWEST = 7
-"""Fewest matches that agree with one pose."""
+"""Minimum number of matches that agree with one pose."""
 _FEATURES = 1500
 _RATIO = 0.8
 """Largest ratio of the distances to the nearest and to the second nearest descriptor (Lowe 2004)."""
@@ -23,14 +23,14 @@ Features = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Landmarks:
-    """Features (N, 128) of one view of an object, and where they are on its first link (N, 3) [m]."""
+    """Features (N, 128) of one view of an object, and their positions on its first link (N, 3) [m]."""
 
     descriptors: np.ndarray
     points: np.ndarray
 
 
 def of(frame: Frame, cast: Cast) -> Landmarks | None:
-    """SIFT features (Lowe 2004) inside the model as it was cast; None if there are too few."""
+    """SIFT features (Lowe 2004) inside the ray-cast model; None if there are too few."""
     import cv2
 
     top, left, side = int(cast.rows[0]), int(cast.columns[0]), cast.stride
@@ -51,13 +51,13 @@ def features(frame: Frame) -> Features:
 
 
 def found(landmarks: Landmarks, frame: Frame, seen: Features, joints: np.ndarray) -> State | None:
-    """The state in which landmarks are where a frame shows them, by their depth; None if few agree.
+    """The state in which landmarks fit their matches in a frame, by their depth; None if few agree.
 
     Args:
-        landmarks: Of an earlier view.
-        frame: What is seen.
+        landmarks: Landmarks of a stored view.
+        frame: The current frame.
         seen: Its `features`.
-        joints: Positions that the state gets.
+        joints: Joint positions of the state.
     """
     import cv2
 

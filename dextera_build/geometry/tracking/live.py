@@ -5,8 +5,8 @@ for seen in live.follow(tracker, camera(), budget_s=1 / 15):
     print(seen.stamp, seen.found["mug"].status, seen.delay_s)
 ```
 
-A thread waits for frames and keeps the newest; frames that came while the tracker was busy are dropped, so poses are
-never older than two frames and the work on one.
+A thread waits for frames and keeps the newest; frames that arrive while the tracker is busy are dropped, so that the
+delay of a pose is at most two frame intervals plus the processing time of one frame.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Shot(Protocol):
 
     @property
     def pose(self) -> np.ndarray | None:
-        """T_world_camera (4, 4), OpenCV axes; None if the camera's motion is unknown, then it is estimated."""
+        """T_world_camera (4, 4), OpenCV axes; None if the camera's motion is unknown and must be estimated."""
         ...
 
 
@@ -53,25 +53,25 @@ class Seen:
     """The poses of one frame."""
 
     stamp: float
-    """Of the frame [s]."""
+    """Time of the frame [s]."""
     found: dict[str, Tracked]
-    """Name -> what is known of the object."""
+    """Name -> state of the object."""
     delay_s: float
-    """From the arrival of the frame until now [s]."""
+    """Time from the arrival of the frame until now [s]."""
     dropped: int
-    """Frames that came since the last one and were not looked at."""
+    """Number of frames dropped since the last one."""
 
 
 def follow(tracker: Tracker, source: Iterable[Shot], budget_s: float | None = None) -> Iterator[Seen]:
     """Track objects in the newest frame of a source, until it ends.
 
     Args:
-        tracker: Knows where the objects are in the first frame (`Tracker.start`).
-        source: Waits for a frame and gives it. It is read by a thread of its own, and may be endless.
+        tracker: A tracker with the objects' states in the first frame (`Tracker.start`).
+        source: Blocks until the next frame. It is read by a separate thread, and may be endless.
         budget_s: Time for one frame [s], after which lost objects are searched in later frames; None without.
 
     Raises:
-        Exception: Whatever the source raises, after the frames before it.
+        Exception: Any exception of the source, after its earlier frames were processed.
     """
     newest = _Newest(source)
     before: np.ndarray | None = None
@@ -89,7 +89,7 @@ def follow(tracker: Tracker, source: Iterable[Shot], budget_s: float | None = No
 
 
 class _Newest:
-    """The newest frame of a source, and how many it replaced."""
+    """The newest frame of a source, and the number of frames that it replaced."""
 
     def __init__(self, source: Iterable[Shot]) -> None:
         self._changed = threading.Condition()
@@ -100,7 +100,7 @@ class _Newest:
         threading.Thread(target=self._read, args=(source,), name="camera", daemon=True).start()
 
     def take(self) -> tuple[Shot, float, int] | None:
-        """A frame, when it came (`time.monotonic`) and how many were dropped before it; None at the end."""
+        """A frame, its arrival time (`time.monotonic`) and the number of frames dropped before it; None at the end."""
         with self._changed:
             self._changed.wait_for(lambda: self._shot is not None or self._ended)
             if self._shot is None:
@@ -112,7 +112,7 @@ class _Newest:
             return taken
 
     def close(self) -> None:
-        """Stop reading after the frame that is awaited."""
+        """Stop reading after the next frame."""
         self._closed = True
 
     def _read(self, source: Iterable[Shot]) -> None:

@@ -11,18 +11,18 @@ import numpy as np
 from dextera_build.geometry import cameras, kinematics, transforms
 
 RAYS = 1500
-"""Rays of one cast, about; the box around the object is divided so."""
+"""Approximate number of rays of one cast over the object's box."""
 MESH_SIGMA_M = 0.0015
-"""Standard deviation of a mesh from the true surface if nobody states it [m]."""
+"""Standard deviation of a mesh from the true surface if it is not stated [m]."""
 NORMAL = 1.4826
 """Standard deviation of normal numbers over the median of their absolute values."""
 FINEST_M, COARSEST_M = 0.0005, 0.005
-"""Least and largest deviation of a mesh that is taken over from its maker [m]."""
+"""Limits of a stated deviation of a mesh [m]."""
 
 
 @dataclass(frozen=True)
 class State:
-    """Where an object is."""
+    """State of an object."""
 
     pose: np.ndarray
     """T_camera_object (4, 4) [m]."""
@@ -32,7 +32,7 @@ class State:
 
 @dataclass(frozen=True)
 class Cast:
-    """A model under one pose as a camera sees it, on a coarse grid of pixels (h, w)."""
+    """A model at one pose, ray-cast on a coarse grid of pixels (h, w)."""
 
     rows: np.ndarray  # (h,) row of each ray [px]
     columns: np.ndarray  # (w,) column of each ray [px]
@@ -40,15 +40,15 @@ class Cast:
     depth: np.ndarray  # (h, w) image-plane z of the nearest hit [m], inf without one
     link: np.ndarray  # (h, w) link of the hit, -1 without one
     points: np.ndarray  # (h, w, 3) hit in the frame of the object with its joints at 0 [m]
-    normals: np.ndarray  # (h, w, 3) of the surface there, towards the camera, in the same frame
+    normals: np.ndarray  # (h, w, 3) surface normal there, towards the camera, in the same frame
 
     @property
     def drawn(self) -> np.ndarray:
-        """Rays that meet the model, (h, w) bool."""
+        """Rays that hit the model, (h, w) bool."""
         return self.link >= 0
 
     def link_at(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Link of the ray through or nearest to pixels, in the shape of `rows` and `columns`; -1 without one."""
+        """Link of the ray nearest to each pixel, in the shape of `rows` and `columns`; -1 without a hit."""
         down = (rows - self.rows[0] + self.stride // 2) // self.stride
         right = (columns - self.columns[0] + self.stride // 2) // self.stride
         height, width = self.link.shape
@@ -57,11 +57,11 @@ class Cast:
 
 
 class Model:
-    """An object as a tracker knows it.
+    """An object prepared for tracking.
 
     Args:
         meshes: Link -> vertices (V, 3) [m] and faces (F, 3), in the object frame with every joint at 0.
-        joints: A tree over the links, as `kinematics.link_poses` takes it.
+        joints: A tree over the links, as in `kinematics.link_poses`.
         mesh_sigma_m: Standard deviation of the meshes from the true surface [m]; 0 for exact ones.
     """
 
@@ -93,21 +93,21 @@ class Model:
 
     @classmethod
     def of(cls, body: kinematics.BodyLike, residual_m: float | None = None) -> Self:
-        """A body as a tracker knows it; `artifacts.object.Body` is one.
+        """Prepare a body for tracking, such as `artifacts.object.Body`.
 
         Args:
             body: Its links and joints.
-            residual_m: Median distance of the measured depth from it that its maker stated [m].
+            residual_m: Stated median distance of the measured depth from it [m].
         """
         links = {name: (link.mesh.vertices, link.mesh.faces) for name, link in body.links.items()}
         if residual_m is None:
             return cls(links, body.joints)
-        # It contains the noise of the depth: never less than the mesh is off.
+        # It includes depth noise, so it is an upper bound of the mesh error.
         return cls(links, body.joints, mesh_sigma_m=min(max(NORMAL * residual_m, FINEST_M), COARSEST_M))
 
     @property
     def at_rest(self) -> np.ndarray:
-        """Positions (J,) of the joints as they stand in the body."""
+        """Positions (J,) of the joints in the body."""
         return np.array([joint.position for joint in self.joints], np.float64)
 
     def link_poses(self, positions: np.ndarray) -> np.ndarray:
@@ -119,7 +119,7 @@ class Model:
         return np.stack([found[name] for name in self._names])
 
     def limited(self, positions: np.ndarray) -> np.ndarray:
-        """The nearest positions (J,) within the joints' limits, where they have some."""
+        """The nearest positions (J,) within the joints' limits, if they have any."""
         low = [getattr(joint, "lower", -np.inf) for joint in self.joints]
         high = [getattr(joint, "upper", np.inf) for joint in self.joints]
         return np.asarray(np.clip(positions, low, high))
@@ -131,7 +131,7 @@ class Model:
             state: Its pose and joints.
             k: (3, 3) intrinsics [px].
             shape: Height and width.
-            margin: Added on each side, in parts of the size.
+            margin: Margin on each side, as a fraction of the size.
         """
         poses = state.pose @ self.link_poses(state.joints)
         points = np.concatenate([transforms.apply(pose, hull) for pose, hull in zip(poses, self._hulls, strict=True)])
@@ -145,7 +145,7 @@ class Model:
         return found if found[2] - found[0] > 2 and found[3] - found[1] > 2 else None
 
     def cast(self, state: State, k: np.ndarray, shape: tuple[int, ...], rays: int = RAYS) -> Cast | None:
-        """Rays through a coarse grid over the model's box; None if it is outside the picture."""
+        """Cast rays through a coarse grid over the model's box; None if it is outside the picture."""
         box = self.box(state, k, shape)
         if box is None:
             return None
@@ -190,7 +190,7 @@ class Model:
 
 
 def _outer(vertices: np.ndarray) -> np.ndarray:
-    """Corners of the convex hull that are farthest along 42 directions."""
+    """Corners of the convex hull that are extreme along 42 directions."""
     points = np.asarray(vertices, np.float64)
     steps = np.stack(np.meshgrid(*3 * [np.linspace(-1, 1, 5)]), axis=-1).reshape(-1, 3)
     ways = steps[np.abs(steps).max(axis=1) == 1]

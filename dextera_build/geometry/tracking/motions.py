@@ -1,4 +1,4 @@
-"""Small motions of a pose, and how fast a pose changes.
+"""Small motions of a pose.
 
 A twist (6,) is a translation [m] and a rotation vector [rad] about the axes of the parent frame, as in
 `geometry.uncertainty`: p = p0 + dp, R = Exp(dr) R0.
@@ -22,12 +22,12 @@ def between(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def proper(pose: np.ndarray) -> np.ndarray:
-    """The pose with the nearest rotation: many products round it off."""
+    """The pose with the nearest rotation, because many products accumulate rounding errors."""
     u, _, vt = np.linalg.svd(pose[:3, :3])
     return transforms.rigid(u @ vt, pose[:3, 3])
 
 
 def displacement(first: np.ndarray, second: np.ndarray, corners: np.ndarray) -> float:
-    """Root mean square way [m] of points (N, 3) of the object between two of its poses (4, 4)."""
+    """Root mean square displacement [m] of points (N, 3) of the object between two of its poses (4, 4)."""
     apart = transforms.apply(first, corners) - transforms.apply(second, corners)
     return float(np.sqrt(np.square(apart).sum(axis=1).mean()))

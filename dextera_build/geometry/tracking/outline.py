@@ -1,4 +1,4 @@
-"""The term of the outline: where colours and depth show the border of an object."""
+"""The outline term: the border of an object detected by colours and depth."""
 
 from __future__ import annotations
 
@@ -13,26 +13,27 @@ from dextera_build.geometry.tracking.model import Cast
 from dextera_build.geometry.tracking.terms import NEIGHBOURS, Placed, Rows, Spots, image_motion
 
 BESIDE_M = 0.02
-"""Depth behind the outline from which a pixel cannot show the object, and before it from which it hides it [m]."""
+"""Depth difference behind the model at which a pixel does not show the object, and in front of it at which it hides
+it [m]."""
 ROUNDED_PX = 1.5
-"""Standard deviation of the place of a step, beside that of its posterior [px]: colours blur, rays are coarse."""
+"""Standard deviation of the position of a step, in addition to that of its posterior [px], for blur and coarse rays."""
 NOISE = 0.7
-"""Noise of a place in parts of both together."""
+"""Independent noise of a position, as a fraction of the total."""
 BIAS_PX = 0.2
-"""That of an error which stays, such as that of colours that were learned from pixels of both sides [px]."""
+"""Standard deviation of persistent errors, such as those of colours learned from pixels of both sides [px]."""
 
 
 @dataclass(frozen=True)
 class Outline:
-    """Places on a model whose images are its outline, and where the outside is."""
+    """Points of a model on its outline in the picture, with outward directions."""
 
     spots: Spots
     outward: np.ndarray  # (N, 2) unit directions in the picture, right and down
-    beyond: float  # from a place to the outline [px]
+    beyond: float  # from a point to the outline [px]
 
     @classmethod
     def of(cls, cast: Cast, shape: tuple[int, int], most: int = 90) -> Outline:
-        """Hits at the border of the drawn mask, without the border of the picture."""
+        """Hits at the border of the rendered mask, except the border of the picture."""
         import cv2
 
         drawn = np.pad(cast.drawn, 1).astype(np.uint8)
@@ -51,18 +52,18 @@ class Outline:
 
 @dataclass(frozen=True)
 class Seen:
-    """Where the picture shows the outline: offsets (N,) outward and their standard deviations [px]; NaN if hidden."""
+    """Detected outline: offsets (N,) outward and their standard deviations [px]; NaN if hidden."""
 
     offset: np.ndarray
     sigma: np.ndarray
 
 
 def seek(frame: Frame, placed: Placed, outline: Outline, colours: Colours, reach_px: int, number: int) -> Seen:
-    """Look along the normals of an outline for the step from the object to its surroundings.
+    """Search along the normals of an outline for the step from the object to its surroundings.
 
-    The posterior of the step's place given the colours (Stoiber et al. 2022, region modality) and the depth: what is
-    clearly behind is not the object; a line along which something nearer is seen, or another object than `number` was
-    found, tells nothing.
+    The posterior of the step's position given the colours (Stoiber et al. 2022, region modality) and the depth: pixels
+    clearly behind the model are not the object; lines with something nearer, or with pixels of another object than
+    `number`, are ignored.
     """
     steps = np.arange(-reach_px, reach_px + 1)
     middle = cameras.project(placed.points, frame.k) + outline.beyond * outline.outward
@@ -76,7 +77,7 @@ def seek(frame: Frame, placed: Placed, outline: Outline, colours: Colours, reach
     nearer = (z > 0) & (z < own - BESIDE_M)
     hidden = (nearer | frame.others(row, column, number)).mean(axis=1) > 0.2
     total = np.cumsum(evidence, axis=1)
-    # If the step lies after sample i, those up to i are the object; neighbours are not independent.
+    # If the step is after sample i, samples up to i are the object; neighbours are not independent.
     belief = np.exp(0.7 * (total - total.max(axis=1, keepdims=True)))
     belief /= belief.sum(axis=1, keepdims=True)
     places = steps + 0.5
@@ -91,7 +92,7 @@ def rows(frame: Frame, placed: Placed, edge: Outline, seen: Seen) -> Rows:
     jacobian = np.einsum("nk,nkj->nj", edge.outward[known], image_motion(frame, placed)[known])
     spread = np.square(seen.sigma[known]) + ROUNDED_PX**2
     off = seen.offset[known]
-    # Lines to something else of the object's colour pull with bounded force (Huber).
+    # Lines to something else of the object's colour have bounded influence (Huber).
     weight = 1.0 / spread * np.minimum(1.0, 3.0 / np.maximum(np.abs(off), 1e-9))
     lasting = np.hypot(BIAS_PX, NEIGHBOURS * placed.surface_m * frame.k[0, 0] / placed.points[known, 2])
     return Rows(jacobian, off, weight, NOISE * np.sqrt(spread), lasting[:, None], placed.patch[known])

@@ -1,4 +1,4 @@
-"""Finding an object again: by the motion of its own points, and in the whole picture by colour and depth."""
+"""Recovery of a lost object: by the motion of its own points, and in the whole picture by colour and depth."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.model import Cast, Model, State
 
 STEP = 8
-"""Pixels per cell of the coarse picture that is searched."""
+"""Pixels per cell of the downsampled picture that is searched."""
 PLACES = 5
-"""Places in the picture where an object may be."""
+"""Maximum number of positions in the picture that are tried."""
 TURNS = 48
-"""Orientations spread over SO(3) that are tried at the best places."""
+"""Number of orientations distributed over SO(3) that are tried at the best positions."""
 _FOLLOWED = 40
 _FEWEST = 6
 
 
 def textured(frame: Frame, cast: Cast) -> np.ndarray:
-    """Pixels (N, 2) of a cast model with the steepest brightness, to be followed by flow."""
+    """Pixels (N, 2) of a cast model with the largest brightness gradients, to be tracked by flow."""
     rows, columns = np.nonzero(cast.drawn)
     rows, columns = cast.rows[rows], cast.columns[columns]
     right, down = frame.slopes
@@ -37,7 +37,7 @@ def textured(frame: Frame, cast: Cast) -> np.ndarray:
 
 
 def followed(model: Model, frame: Frame, start: State, cast: Cast, ways: Ways) -> State | None:
-    """The state in which the places of an earlier cast are where flow led their pixels; None if there are too few."""
+    """The state in which the points of an earlier cast are at their tracked pixels; None if there are too few."""
     cell = np.round((ways.before[:, ::-1] - [cast.rows[0], cast.columns[0]]) / cast.stride).astype(np.int64)
     size = np.array(cast.drawn.shape)
     inside = ((cell >= 0) & (cell < size)).all(axis=1)
@@ -47,7 +47,7 @@ def followed(model: Model, frame: Frame, start: State, cast: Cast, ways: Ways) -
         return None
     cell, target = cell[inside], ways.after[inside]
     spots = terms.Spots.at(cast, np.ravel_multi_index((cell[:, 0], cell[:, 1]), cast.drawn.shape))
-    # The pixel that was followed lies beside the ray of its cell.
+    # The tracked pixel is off the centre ray of its cell.
     beside = ways.before[inside] - np.stack([cast.columns[cell[:, 1]], cast.rows[cell[:, 0]]], axis=1)
     return _reprojected(model, frame, start, spots, target - beside)
 
@@ -75,15 +75,15 @@ def _reprojected(model: Model, frame: Frame, start: State, spots: terms.Spots, t
 def places(
     model: Model, frame: Frame, colours: Colours, number: int, mask: np.ndarray | None, most: int = PLACES
 ) -> list[np.ndarray]:
-    """Centres (3,) in the camera frame [m] around which the object's colours lie together, most likely first.
+    """Centres (3,) in the camera frame [m] of clusters of the object's colours, most likely first.
 
     Args:
         model: The object, for its size.
         frame: What is seen.
-        colours: Of the object and its surroundings.
-        number: Of the object, as in `Frame.owner`.
-        mask: (H, W) bool, pixels that somebody says show it; None if nobody does.
-        most: Largest number of places.
+        colours: Colour model of the object and its surroundings.
+        number: Number of the object, as in `Frame.owner`.
+        mask: (H, W) bool, given mask of the object; None if there is none.
+        most: Maximum number of centres.
     """
     import cv2
 
@@ -93,11 +93,11 @@ def places(
     belief = 1.0 / (1.0 + np.exp(-colours.odds()[bins(frame.rgb[half, half])]))
     belief = np.where((z > 0) & ~others, np.square(belief), 0.0)
     if not belief.any():
-        return []  # without any depth, as behind a covered lens
+        return []  # no depth at all, e.g. with a covered lens
     if mask is not None and mask[half, half].any():
         belief = belief * np.where(mask[half, half], 1.0, 0.02)
     points = frame.measured(*np.mgrid[STEP // 2 : frame.shape[0] : STEP, STEP // 2 : frame.shape[1] : STEP])
-    # Of two equal clusters, the one whose size in the picture is that of the object.
+    # Of two equal clusters, the one with the object's size in the picture is preferred.
     wide = (
         int(np.clip(model.radius * frame.k[0, 0] / max(float(np.median(z[z > 0], axis=0)), 0.1) / STEP, 1, 15)) * 2 + 1
     )
@@ -116,7 +116,7 @@ def places(
 def _centre(
     model: Model, points: np.ndarray, belief: np.ndarray, row: int, column: int, wide: int
 ) -> np.ndarray | None:
-    """Weighted middle of the points of a cluster, a little behind the surface that is seen."""
+    """Weighted mean of the points of a cluster, moved slightly behind the visible surface."""
     rows = slice(max(0, row - wide // 2), row + wide // 2 + 1)
     columns = slice(max(0, column - wide // 2), column + wide // 2 + 1)
     weight, near = belief[rows, columns].reshape(-1), points[rows, columns].reshape(-1, 3)
@@ -131,12 +131,12 @@ def _centre(
 
 
 def hypotheses(model: Model, at: Sequence[np.ndarray], turns: Sequence[np.ndarray], joints: np.ndarray) -> list[State]:
-    """The object with its middle at each place (3,), in each orientation (3, 3)."""
+    """The object with its centre at each position (3,), in each orientation (3, 3)."""
     return [State(transforms.rigid(turn, place - turn @ model.centre), joints) for place in at for turn in turns]
 
 
 def around(place: np.ndarray) -> list[np.ndarray]:
-    """Places (3,) on a grid around one: 3 cm apart across, 5 cm along the line of sight."""
+    """Positions (3,) on a grid around one: 3 cm apart across, 5 cm along the line of sight."""
     ahead = place / np.linalg.norm(place)
     right = np.cross([0.0, 1.0, 0.0], ahead)
     right /= np.linalg.norm(right)
@@ -147,7 +147,7 @@ def around(place: np.ndarray) -> list[np.ndarray]:
 
 @cache
 def spread(count: int = TURNS) -> list[np.ndarray]:
-    """Orientations (3, 3) spread evenly."""
+    """Uniformly distributed orientations (3, 3)."""
     return list(spread_rotations(count))
 
 

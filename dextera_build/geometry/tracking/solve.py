@@ -1,4 +1,4 @@
-"""Gauss-Newton steps over all terms of one object, and the covariance that they leave."""
+"""Gauss-Newton steps over all terms of one object, and their covariance."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.model import Model, State
 
 PRIOR = np.array([0.03, 0.03, 0.03, 0.03, 0.03, 0.03])
-"""Standard deviation of a prediction [m, rad] beside terms whose errors are dependent: what none of them determines
-stays as predicted, such as the turn of a round thing about its axis."""
+"""Standard deviation of a prediction [m, rad], added to terms with correlated errors: motions that no term determines
+keep the prediction, such as the rotation of a round object about its axis."""
 STANDING = np.full(6, 0.002)
-"""The same of a thing that stood and is partly hidden: what is nearer must not turn it [m, rad]."""
+"""The same for an object that stood and is partly hidden, so that the occluder does not rotate it [m, rad]."""
 JOINT_PRIOR = 0.1
 """Standard deviation of a predicted joint position [rad or m]."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What the terms say of one object in one frame."""
+    """Result of a fit of one object in one frame."""
 
     state: State
     spread: spread.Spread
-    middle_sigma_m: float  # largest standard deviation of the place of its middle along any axis [m]
-    correlation: float  # of brightness with an earlier view; NaN if there is none or no texture
-    outline: float  # part of the outline that is where it is expected; NaN if none is seen
-    sharp: float  # part of the outline that is seen there clearly; NaN if none is
+    middle_sigma_m: float  # largest standard deviation of the position of its centre along any axis [m]
+    correlation: float  # of brightness with a stored view; NaN if there is none or no texture
+    outline: float  # fraction of the outline at its expected position; NaN if none is visible
+    sharp: float  # fraction of the outline that is detected there clearly; NaN if none is visible
 
     @property
     def covariance(self) -> np.ndarray:
@@ -49,11 +49,11 @@ class Stage:
 COARSE = Stage((0.03, 0.02, 0.015), 14)
 FINE = Stage((0.012, 0.010, 0.008), 7)
 ALIKE = 0.2
-"""Correlation of brightness with an earlier view from which its differences count."""
+"""Minimum correlation of brightness with a stored view at which its differences are used."""
 CLEAR_PX = 3.0
-"""Standard deviation of the place of an outline below which it is seen; equal colours on both sides give 4.3 [px]."""
+"""Standard deviation of an outline's position below which it is detected; equal colours on both sides give 4.3 [px]."""
 POINTS = 350
-"""Places on a model that are compared with the depth."""
+"""Number of points on a model that are compared with the depth."""
 
 
 def fit(
@@ -71,11 +71,11 @@ def fit(
     Args:
         model: The object.
         frame: What is seen.
-        start: The prediction, to which undetermined motions return.
-        colours: Of the object and its surroundings.
-        look: An earlier view of its texture.
+        start: The prediction, to which undetermined motions are pulled.
+        colours: Colour model of the object and its surroundings.
+        look: A stored view of its texture.
         stages: Coarse to fine.
-        number: Of the object, as in `Frame.owner`.
+        number: Number of the object, as in `Frame.owner`.
         prior: Standard deviation of the prediction (6,) [m, rad].
     """
     now, score, seen = start, np.nan, None
@@ -97,7 +97,7 @@ def fit(
                 rows.append(outline.rows(frame, border, edge, seen))
             if look is not None:
                 found, score = terms.brightness(frame, terms.Placed.of(model, now, look.spots), look, number, cast)
-                # Where it looks otherwise, slopes of a fine print lead nowhere.
+                # If its appearance differs, gradients of a fine texture are misleading.
                 if score > ALIKE:
                     rows.append(found)
                     earlier = look.error(now.pose)
@@ -108,14 +108,14 @@ def fit(
 
 
 def _of_middle(model: Model, state: State, covariance: np.ndarray) -> float:
-    """See `Fit.middle_sigma_m`; the origin of the mesh may be anywhere, where it is uncertain by a turn."""
+    """See `Fit.middle_sigma_m`; the origin of the mesh may be far away, where a rotation makes it uncertain."""
     x, y, z = state.pose[:3, :3] @ model.centre
     moves = np.hstack([np.eye(3), [[0, z, -y], [-z, 0, x], [y, -x, 0]]])
     return float(np.sqrt(np.linalg.eigvalsh(moves @ covariance[:6, :6] @ moves.T)[-1]))
 
 
 def _placed_well(seen: outline.Seen | None) -> tuple[float, float]:
-    """Parts of the outline that are within 4 px, and of those that are told clearly."""
+    """Fractions of the outline that are within 4 px, and that are detected clearly."""
     if seen is None or np.isfinite(seen.offset).sum() < 8:
         return np.nan, np.nan
     known = np.isfinite(seen.offset)
@@ -133,7 +133,7 @@ def _step(model: Model, now: State, start: State, rows: Sequence[terms.Rows], si
     away = np.append(motions.between(now.pose, start.pose), start.joints - now.joints)
     right += away / sigma**2
     step = np.linalg.solve(normal, right)
-    # A step that leaves the reach of the gates is cut: the next one sees new partners.
+    # A step beyond the gates is shortened: the next one has new correspondences.
     far, wide = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:6]))
     step *= min(1.0, 0.04 / max(far, 1e-12), 0.35 / max(wide, 1e-12))
     return State(motions.moved(now.pose, step[:6]), model.limited(now.joints + step[6:]))

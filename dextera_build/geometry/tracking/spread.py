@@ -1,13 +1,12 @@
-"""What the errors of all terms do to a fitted pose.
+"""Propagation of the errors of all terms to a fitted pose.
 
-The covariance is that of a weighted least squares estimate whose residuals are not as independent as its weights say
-(the sandwich H^-1 S H^-1 of Huber 1967 and White 1980, with clusters as Liang and Zeger 1986). S adds up the noise of
-every frame, what is alike over a patch of the surface, such as an error of the mesh, what the residuals of each patch
-have in common, and the error of the earlier view that brightness is compared with. Only the first becomes smaller when
-poses of a thing that stands are averaged.
+The covariance is that of a weighted least squares estimate with correlated residuals (the sandwich H^-1 S H^-1 of Huber
+1967 and White 1980, with clusters as Liang and Zeger 1986). S is the sum of the noise of every frame, errors common to
+a patch of the surface, such as those of the mesh, the mean residuals of each patch, and the error of the stored view
+that brightness is compared with. Averaging the poses of a static object reduces only the first.
 
-The deviations of the terms were chosen so that the 95 % regions hold 92 to 98 % of the true poses of rendered
-sequences; `tests/benchmarks/tracking/coverage.py` counts that on others.
+The deviations of the terms were chosen so that the 95 % regions contain 92 to 98 % of the true poses of rendered
+sequences; `tests/benchmarks/tracking/coverage.py` measures the coverage on others.
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ import numpy as np
 from dextera_build.geometry.tracking.terms import Rows
 
 UNKNOWN = np.array([1.0, 1.0, 1.0, 1.8, 1.8, 1.8])
-"""Standard deviation that is stated of what no term determines [m, rad]; 1.8 rad is any turn."""
+"""Stated standard deviation of a motion that no term determines [m, rad]; 1.8 rad is a uniform rotation."""
 _LEAST = 0.02
-"""Part of the error that independent residuals would leave, below which none is stated."""
+"""Lower bound of the stated error, as a fraction of that of independent residuals."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +29,11 @@ class Spread:
     """Errors of a fit, as matrices (6 + J, 6 + J) over a twist and the joints."""
 
     information: np.ndarray
-    """Of all terms, H."""
+    """Information of all terms, H."""
     noise: np.ndarray
-    """Covariance of H times the error, of what is new in every frame."""
+    """Covariance of H times the error, of noise that is independent between frames."""
     lasting: np.ndarray
-    """The same of what stays."""
+    """The same for persistent errors."""
 
     def covariance(self, frames: int = 1) -> np.ndarray:
         """Covariance (6 + J, 6 + J) of the mean of the poses of so many frames [m, rad]."""
@@ -51,8 +50,8 @@ def of(rows: Sequence[Rows], earlier: np.ndarray | None) -> Spread:
     """Errors of an estimate from the rows of its last step.
 
     Args:
-        rows: Of each term.
-        earlier: (6, 6) covariance of the pose in the view that the last term compares brightness with; None without.
+        rows: Rows of each term.
+        earlier: (6, 6) covariance of the pose of the stored view that the last term compares brightness with, or None.
     """
     size = rows[0].jacobian.shape[1]
     information, noise, lasting = (np.zeros((size, size)) for _ in range(3))
@@ -68,6 +67,6 @@ def of(rows: Sequence[Rows], earlier: np.ndarray | None) -> Spread:
             np.add.at(summed, number, pull * common[:, None])
             lasting += summed.T @ summed
     if earlier is not None:
-        # `told` is that of brightness, the last term: an error of the earlier pose is repeated by it.
+        # `told` is that of brightness, the last term, which repeats an error of the earlier pose.
         lasting += told[:, :6] @ earlier @ told[:6]
     return Spread(information, noise, lasting)

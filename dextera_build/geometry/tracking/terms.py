@@ -11,15 +11,15 @@ from dextera_build.geometry.tracking.frame import Frame
 from dextera_build.geometry.tracking.model import Cast, Model, State
 
 DEPTH_NOISE = 0.7
-"""Noise of depth in parts of that of a structured-light camera at the same distance."""
+"""Noise of depth relative to that of a structured-light camera at the same distance."""
 NEIGHBOURS = 1.25
-"""Errors of the mesh in one patch are like those in the next one, which counts as if they were larger by so much."""
+"""Correlation of mesh errors between neighbouring patches, as a factor on these errors."""
 STEP_M = 0.0001
-"""Standard deviation of a lasting error of depth: its stored steps, and that of the nearest pixel [m]."""
+"""Standard deviation of a persistent error of depth: quantisation, and use of the nearest pixel [m]."""
 GREY_NOISE, GREY_LASTING = 3.2, 3.0
-"""Standard deviation of brightness between two views by noise, and by light that falls otherwise, alike in a patch."""
+"""Standard deviation of brightness between two views: noise, and changed lighting, common to a patch."""
 GREY = 10.0
-"""Standard deviation of brightness between two views of one place, for its weight beside other terms, 0..255."""
+"""Standard deviation of brightness between two views of one point, for its weight relative to other terms, 0..255."""
 
 
 @dataclass(frozen=True)
@@ -27,16 +27,16 @@ class Rows:
     """Rows of one term, in its own unit: m, px, or brightness 0..255."""
 
     jacobian: np.ndarray  # (N, 6 + J) for a twist of the pose and steps of the joints
-    off: np.ndarray  # (N,) residuals that the step shall cancel
+    off: np.ndarray  # (N,) residuals that the step is to cancel
     weight: np.ndarray  # (N,) inverse of variances
-    noise: np.ndarray  # (N,) standard deviation of what is new in every frame
-    lasting: np.ndarray  # (N, K) of K errors that stay, such as those of the mesh, and are alike within a patch
+    noise: np.ndarray  # (N,) standard deviation of the noise that is independent between frames
+    lasting: np.ndarray  # (N, K) of K persistent errors, such as those of the mesh, common within a patch
     patch: np.ndarray  # (N,) int, part of the surface
 
 
 @dataclass(frozen=True)
 class Spots:
-    """Places on a model: points and normals (N, 3) of its links, with joints at 0."""
+    """Points of a model: points and normals (N, 3) of its links, with joints at 0."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -44,21 +44,21 @@ class Spots:
 
     @classmethod
     def of(cls, cast: Cast, most: int) -> Spots:
-        """Hits of a cast, thinned evenly to at most `most`, without those that are seen too obliquely."""
+        """Hits of a cast, subsampled evenly to at most `most`, without grazing ones."""
         chosen = np.flatnonzero(cast.drawn)
         chosen = chosen[:: max(1, -(-len(chosen) // most))]
         return cls.at(cast, chosen)
 
     @classmethod
     def at(cls, cast: Cast, chosen: np.ndarray) -> Spots:
-        """Hits of a cast by their flat number (N,)."""
+        """Hits of a cast by their flat index (N,)."""
         points, normals = (each.reshape(-1, 3)[chosen].astype(np.float64) for each in (cast.points, cast.normals))
         return cls(points, normals, cast.link.reshape(-1)[chosen])
 
 
 @dataclass(frozen=True)
 class Placed:
-    """Spots under a state."""
+    """Points of a model at a state."""
 
     points: np.ndarray  # (N, 3) camera frame [m]
     normals: np.ndarray  # (N, 3) camera frame
@@ -68,7 +68,7 @@ class Placed:
 
     @classmethod
     def of(cls, model: Model, state: State, spots: Spots) -> Placed:
-        """Where they are, and how they move."""
+        """Their positions and derivatives."""
         links = state.pose @ model.link_poses(state.joints)
         if len(links) == 1:
             turn, shift = links[0, :3, :3], links[0, :3, 3]
@@ -106,8 +106,8 @@ def _axes(model: Model, state: State) -> list[tuple[np.ndarray, np.ndarray]]:
 def depth(frame: Frame, placed: Placed, gate_m: float, number: int) -> Rows:
     """Point-to-plane distances to the depth at the projected pixels (projective association).
 
-    Points that something nearer hides, where nothing is within `gate_m`, or where another object than `number` was
-    found, do not take part; Tukey's biweight.
+    Occluded points, points without a measurement within `gate_m`, and pixels of another object than `number` are
+    ignored; weights are Tukey's biweight.
     """
     rows, columns, inside = frame.nearest(placed.points)
     inside &= ~frame.others(rows, columns, number)
@@ -137,25 +137,25 @@ def image_motion(frame: Frame, placed: Placed) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Look:
-    """How an object looked once: places on it, and their brightness."""
+    """Stored view of an object: points on it, and their brightness."""
 
     spots: Spots
     grey: np.ndarray  # (N,) 0..255
     towards: np.ndarray  # (3,) direction to the camera in the object frame
-    turn: np.ndarray  # (3, 3) R_camera_object that was found then
-    covariance: np.ndarray  # (6, 6) of the pose that was found then, as a twist in the camera frame
+    turn: np.ndarray  # (3, 3) R_camera_object of that view
+    covariance: np.ndarray  # (6, 6) covariance of the pose of that view, as a twist in the camera frame
 
     def error(self, pose: np.ndarray) -> np.ndarray:
-        """Covariance (6, 6) that its pose leaves in one that is compared with it, T_camera_object (4, 4) now."""
+        """Covariance (6, 6) that its pose error causes in a pose compared with it, T_camera_object (4, 4) now."""
         turned = np.kron(np.eye(2), pose[:3, :3] @ self.turn.T)
         return np.asarray(turned @ self.covariance @ turned.T)
 
 
 def brightness(frame: Frame, placed: Placed, look: Look, number: int, cast: Cast) -> tuple[Rows, float]:
-    """Differences of brightness to an earlier view, up to a gain and an offset, and the correlation with it.
+    """Brightness differences to a stored view, up to a gain and an offset, and the correlation with it.
 
-    What something nearer hides, or where another object than `number` was found, does not take part, nor what by the
-    `cast` another link hides, such as the keyboard below a lid.
+    Occluded points and pixels of another object than `number` are ignored, as are points that another link hides in the
+    `cast`, such as the keyboard below a lid.
     """
     rows, columns, inside = frame.nearest(placed.points)
     shown = cast.link_at(rows, columns)
@@ -174,12 +174,12 @@ def brightness(frame: Frame, placed: Placed, look: Look, number: int, cast: Cast
     gain = np.clip(spread_now / max(spread_then, 1.0), 0.4, 2.5)
     off = gain * (then - then.mean()) + np.median(now - gain * (then - then.mean())) - now
     slope = np.stack([each[rows, columns] for each in frame.slopes], axis=1).astype(np.float64)
-    # A subpixel correction: the brightness was taken at the nearest pixel.
+    # A subpixel correction, because the brightness was sampled at the nearest pixel.
     exact = cameras.project(placed.points[fits], frame.k) - np.stack([columns, rows], axis=1)
     off -= (slope * exact).sum(axis=1)
     jacobian = np.einsum("nk,nkj->nj", slope, image_motion(frame, placed)[fits])
     weight = np.minimum(1.0, 1.5 * GREY / np.maximum(np.abs(off), 1e-9)) / GREY**2
-    # A print on a mesh that is bent lies beside its place.
+    # The texture of a distorted mesh is displaced.
     beside = slope * (placed.surface_m * frame.k[0, 0] / own[fits])[:, None]
     lasting = np.column_stack([np.full(len(off), GREY_LASTING), beside])
     told = Rows(jacobian, off, weight, np.full(len(off), GREY_NOISE), lasting, placed.patch[fits])

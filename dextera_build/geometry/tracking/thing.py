@@ -1,4 +1,4 @@
-"""One tracked object: its state, how it moves, and what is said about it."""
+"""One tracked object: its state, its motion model, and its status."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from dextera_build.geometry.tracking.model import Cast, Model, State
 from dextera_build.geometry.tracking.terms import Look
 
 Measured = tuple[solve.Fit, Verdict, Cast | None]
-"""A fit with how it agrees with the frame."""
+"""A fit with its agreement with the frame."""
 Status = Literal["tracked", "predicted", "lost"]
 LEARN_EVERY = 5
-"""Frames between two from which its colours are learned."""
+"""Interval in frames between updates of its colours."""
 ALIKE = 0.5
-"""Part of the usual log-likelihood ratio of its colours that something found must have."""
+"""Minimum log-likelihood ratio of the colours of a recovered object, relative to its usual value."""
 HIDDEN = 0.9
-"""Part of an object below which what is seen of it may lead its turn astray: shading and shadows are no print."""
+"""Visible fraction below which the orientation is unreliable, because shading and shadows resemble texture."""
 AS_GOOD = 0.02
-"""Score by which a moved pose of such a thing must be better than one that stayed on its support or in its hand."""
+"""Margin of the score by which a moved pose of such an object must beat a static or carried one."""
 WHOLE = 0.6
-"""Part of an object that must be seen to find it by shape and colour alone."""
+"""Minimum visible fraction to recover an object by shape and colour alone."""
 STILL_M = 0.004
-"""Way of its corners up to which an object stands still [m]."""
+"""Displacement of its corners up to which an object is static [m]."""
 STILL_FRAMES = 5
-"""Frames after which a pose is averaged."""
+"""Number of frames after which poses are averaged."""
 AVERAGED = 50
-"""Frames over which the pose of a thing that stands is averaged."""
+"""Number of frames over which the pose of a static object is averaged."""
 _SLOWER = 0.7
 _DRIFT = np.diag([0.01, 0.01, 0.01, 0.05, 0.05, 0.05]) ** 2
-"""Covariance that a pose without a measurement gains per frame."""
+"""Covariance added per frame to a pose without a measurement."""
 
 
 @dataclass(frozen=True)
 class Tracked:
-    """What is known of an object at one time."""
+    """Estimate of an object at one time."""
 
     status: Status
     pose: np.ndarray | None
@@ -54,9 +54,9 @@ class Tracked:
     joint_sigmas: np.ndarray
     """Their standard deviations (J,)."""
     visible: float
-    """Part of it that is seen."""
+    """Visible fraction."""
     why: str
-    """Why it is not measured; empty if it is."""
+    """Reason why it is not measured; empty if it is."""
 
 
 class Thing:
@@ -85,43 +85,43 @@ class Thing:
 
     @property
     def distance(self) -> float:
-        """From the camera along its axis [m]."""
+        """Distance from the camera along its axis [m]."""
         return np.inf if self.state is None else float(self.state.pose[2, 3])
 
     @property
     def still(self) -> bool:
-        """Whether it has stood for some frames."""
+        """Whether it has been static for some frames."""
         return self._count >= STILL_FRAMES
 
     @property
     def colours(self) -> Colours:
-        """Its colours and those around it."""
+        """Colour model of the object and its surroundings."""
         return self.appearance.colours
 
     @property
     def landmarks(self) -> list[landmarks.Landmarks]:
-        """Features of its print."""
+        """Features of its texture."""
         return self.appearance.landmarks
 
     @property
     def explained(self) -> bool:
-        """Whether something nearer explains that it is not seen."""
+        """Whether an occluder explains that it is not visible."""
         return self._verdict.hidden > 0.5 and self._verdict.agreement > 0.3
 
     def begin(self, state: State) -> None:
-        """State where it is in the next frame."""
+        """Set its state in the next frame."""
         self.state, self.status, self._why = state, "predicted", "it has not been seen"
         self._velocity, self._count = np.zeros(6), 0
 
     def lose(self, why: str) -> None:
-        """Give up the pose, but keep it as the place to look first."""
+        """Drop the pose, but keep it as the first position to search."""
         self.status, self._why, self._count, self.strikes, self.cast = "lost", why, 0, 0, None
         self._velocity = np.zeros(6)
 
     def predictions(
         self, frame: Frame, ways: camera_motion.Ways | None, camera: np.ndarray | None, held: np.ndarray | None
     ) -> list[State]:
-        """States that may hold now: in the hand that holds it, at rest in the scene, moving on, as its points moved."""
+        """Candidate states: in the hand that holds it, at rest, at constant velocity, and from its tracked points."""
         assert self.state is not None
         base = np.eye(4) if camera is None else camera
         resting = State(base @ self.state.pose, self.state.joints)
@@ -135,7 +135,7 @@ class Thing:
         return found if held is None else [State(held @ self.state.pose, self.state.joints), *found]
 
     def orientations(self) -> list[np.ndarray]:
-        """Rotations (3, 3) R_camera_object that are likely when it is found again."""
+        """Likely orientations (3, 3) R_camera_object for a recovery."""
         assert self.state is not None
         last = self.state.pose[:3, :3]
         axis = last[:, 2]
@@ -143,7 +143,7 @@ class Thing:
         return [registration.rotation(axis * angle) @ last for angle in angles]
 
     def turn(self, of: int, count: int) -> list[int]:
-        """The next `count` of `of` numbers in turn, so that a long search tries all."""
+        """The next `count` of `of` indices cyclically, so that a long search tries all."""
         found = [(self._offset + number) % of for number in range(count)]
         self._offset += count
         return found
@@ -159,7 +159,7 @@ class Thing:
         again: bool = False,
         held: bool = False,
     ) -> bool:
-        """Fit the model to the frame from a start; take the result over if it passes the gate."""
+        """Fit the model to the frame from a start; accept the result if it passes the gate."""
         if fresh:
             self.appearance.learn(frame, start, 1.0)
         look = self.appearance.nearest(start)
@@ -188,7 +188,7 @@ class Thing:
         return True
 
     def _stayed(self, frame: Frame, start: State, look: Look | None, moved: Measured) -> Measured:
-        """The fit of a thing that stood, unless it is clearly seen to have moved."""
+        """The fit of a static object, unless it has clearly moved."""
         fit = solve.fit(self.model, frame, start, self.colours, look, number=self.number, prior=solve.STANDING)
         if fit is None:
             return moved
@@ -196,12 +196,12 @@ class Thing:
         return moved if moved[1].score > verdict.score + AS_GOOD else (fit, verdict, cast)
 
     def _doubt(self, fit: solve.Fit, verdict: Verdict) -> str:
-        """Why something that was found is perhaps not this object, in words; empty if it is."""
+        """Reason why a recovered pose may belong to another object, in words; empty if there is none."""
         if verdict.odds < ALIKE * self._odds:
             return "its colours are hardly seen"
         if not np.isnan(fit.correlation):
             return ""
-        # Shape alone: a printed box fits its place turned by half, and a part of a plane fits any other.
+        # By shape alone, a printed box also fits rotated by half a turn, and a part of a plane fits any other.
         if self.appearance.textured:
             return "from there its texture has not been seen"
         return "" if verdict.visible >= WHOLE else "too little of it is seen"
@@ -209,7 +209,7 @@ class Thing:
     def carry(
         self, frame: Frame, state: State, camera: np.ndarray | None, patience_s: float, hidden_s: float, *, held: bool
     ) -> None:
-        """Go on without a measurement: at rest, or with falling speed; lost after a while."""
+        """Extrapolate without a measurement: at rest, or with decreasing speed; lost after a while."""
         assert self.state is not None
         verdict, _ = judge.look(self.model, frame, state, self.colours, self.number)
         self._verdict = verdict
@@ -229,7 +229,7 @@ class Thing:
         self._stamp = frame.stamp
 
     def told(self, stamp: float) -> Tracked:
-        """What to report."""
+        """The reported estimate."""
         joints = self.model.at_rest if self.state is None else self.state.joints
         sigmas = np.sqrt(np.diag(self._covariance)[6:])
         if self.status == "lost" or self.state is None:
@@ -239,7 +239,7 @@ class Thing:
         )
 
     def _take(self, frame: Frame, fit: solve.Fit, camera: np.ndarray | None, *, again: bool) -> None:
-        """Take a measured state over: speed, and the average of a thing that stands before a standing camera."""
+        """Accept a measured state: speed, and the average of a static object in front of a static camera."""
         state = fit.state
         base = np.eye(4) if camera is None else camera
         passed = frame.stamp - self._stamp

@@ -1,4 +1,4 @@
-"""Frame-to-model tracking of several objects, one frame after the other, for recordings and live cameras alike."""
+"""Frame-to-model tracking of several objects, for recordings and live cameras."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ FOUND = Gate(agreement=0.8, visible=0.4, pixels=200.0, correlation=0.5, outline=
 
 @dataclass(frozen=True)
 class Tuning:
-    """How a tracker decides."""
+    """Parameters of a tracker."""
 
     gate: Gate = FOLLOWED
-    """When a pose that follows from the frame before counts as measured."""
+    """Requirements for a pose predicted from the previous frame."""
     found: Gate = FOUND
-    """When a pose that was searched for does."""
+    """Requirements for a recovered pose."""
     patience_s: float = 0.5
     """Time without a measurement after which an object is lost [s]."""
     hidden_s: float = 3.0
-    """The same for an object that stood still and that something hides [s]."""
+    """The same for a static object that is occluded [s]."""
     mask_overlap: float = 0.4
-    """Part of the object's pixels inside the given mask below which the pose is doubted."""
+    """Fraction of the object's pixels inside the given mask below which the pose is doubted."""
     strikes: int = 3
-    """Frames in a row with a doubted pose after which it is searched again."""
+    """Number of consecutive frames with a doubted pose after which it is searched again."""
 
 
 class Tracker:
@@ -43,7 +43,7 @@ class Tracker:
     Args:
         models: Name -> object.
         k: (3, 3) intrinsics [px], OpenCV convention.
-        tuning: How it decides.
+        tuning: Parameters.
     """
 
     def __init__(self, models: Mapping[str, Model], k: np.ndarray, tuning: Tuning | None = None) -> None:
@@ -53,11 +53,11 @@ class Tracker:
         self._features: landmarks.Features | None = None
 
     def start(self, poses: Mapping[str, np.ndarray], joints: Mapping[str, np.ndarray] | None = None) -> None:
-        """State where objects are in the next frame.
+        """Set the states of objects in the next frame.
 
         Args:
             poses: Name -> T_camera_object (4, 4) [m].
-            joints: Name -> positions (J,) [rad or m]; those of the body where it is left out.
+            joints: Name -> positions (J,) [rad or m]; by default those of the body.
         """
         for name, pose in poses.items():
             thing = self.things[name]
@@ -76,21 +76,21 @@ class Tracker:
         carried: Mapping[str, np.ndarray] | None = None,
         budget_s: float | None = None,
     ) -> dict[str, Tracked]:
-        """Track all objects into a new frame.
+        """Track all objects in a new frame.
 
         Args:
             rgb: (H, W, 3) uint8 sRGB.
             depth: (H, W) image-plane z [m], registered to `rgb`; 0 where nothing was measured.
             stamp: Time [s], later than before.
-            masks: Name -> (H, W) bool, where a video segmentation sees the object; an empty one says nothing.
+            masks: Name -> (H, W) bool, the object in a video segmentation; an empty mask is ignored.
             moved: T_now_before (4, 4) of the camera frames, if the camera's motion is known; otherwise it is estimated.
-            robot: (H, W) bool, pixels of the robot, by its model and its joints: what is there hides objects.
-            carried: Name -> T_now_before (4, 4) of the camera frames, of objects that a hand seems to hold: its motion.
-            budget_s: Time after which no second lost object is searched in this frame [s]; its turn comes in a later
-                one. None: all are searched, and equal frames give equal answers.
+            robot: (H, W) bool, pixels of the robot, from its model and its joints, which occlude objects.
+            carried: Name -> motion T_now_before (4, 4) in the camera frame of the hand that probably holds the object.
+            budget_s: Once it is spent [s], at most one lost object is searched per frame; others wait for later frames.
+                None: all are searched, and results are deterministic.
 
         Returns:
-            Name -> what is known of the object now.
+            Name -> current estimate of the object.
         """
         begin = time.monotonic()
         frame = Frame(np.ascontiguousarray(rgb), np.asarray(depth, np.float32), self._k, float(stamp))
@@ -116,7 +116,7 @@ class Tracker:
         return next(name for name, each in self.things.items() if each is thing)
 
     def _camera(self, frame: Frame, moved: np.ndarray | None) -> tuple[camera_motion.Ways | None, np.ndarray | None]:
-        """Flow from the last frame, and T_now_before of the scene; None where it is not known."""
+        """Flow from the last frame, and T_now_before of the scene; None if unknown."""
         if self._last is None:
             return None, None
         known = [thing.cast for thing in self.things.values() if thing.cast is not None and thing.status == "tracked"]
@@ -128,7 +128,7 @@ class Tracker:
         found = camera_motion.motion(self._last, frame, ways, ignored)
         if found is None:
             far = camera_motion.matched(self._last, frame)
-            # Most of the scene may be the objects themselves, and they may all stand.
+            # Most of the scene may be the objects themselves, all of them static.
             found = camera_motion.motion(self._last, frame, far, ignored)
             found = camera_motion.motion(self._last, frame, far, np.zeros_like(ignored)) if found is None else found
         return ways, found
@@ -142,7 +142,7 @@ class Tracker:
         mask: np.ndarray | None,
         held: np.ndarray | None,
     ) -> bool:
-        """Track one object from the frame before; whether that succeeded."""
+        """Track one object from the previous frame; returns whether that succeeded."""
         if thing.state is None:
             return False
         fresh = not thing.colours.known
@@ -164,7 +164,7 @@ class Tracker:
         return judge.look(thing.model, frame, state, thing.colours, thing.number, rays=250)[0].score
 
     def _doubted(self, thing: Thing, frame: Frame, mask: np.ndarray | None) -> bool:
-        """Whether the given mask has been elsewhere for several frames; then the object counts as lost."""
+        """Whether the given mask has been elsewhere for several frames, so that the object counts as lost."""
         thing.strikes = thing.strikes + 1 if self._elsewhere(thing, frame, mask) else 0
         if thing.strikes < self._tuning.strikes:
             return False
@@ -182,7 +182,7 @@ class Tracker:
         thing.lose("its mask is elsewhere")
 
     def _recognised(self, thing: Thing, frame: Frame) -> list[State]:
-        """States by the features of a print, the best first."""
+        """States from the features of a texture, the best first."""
         if not thing.landmarks:
             return []
         self._features = landmarks.features(frame) if self._features is None else self._features
@@ -191,11 +191,11 @@ class Tracker:
         return list(search.best(thing.model, frame, known, thing.colours, thing.number, 2))
 
     def _search(self, thing: Thing, frame: Frame, camera: np.ndarray | None, mask: np.ndarray | None) -> None:
-        """Look for an object by its print, around its last pose and in the whole picture."""
+        """Search an object by its texture, around its last pose and in the whole picture."""
         if thing.state is None or not thing.colours.known:
             return
         if thing.status == "predicted" and thing.explained:
-            return  # something hides it where it was: to look elsewhere finds things that look like it
+            return  # occluded at its last position: a search elsewhere would find similar-looking objects
         for states in (self._recognised(thing, frame), *self._places(thing, frame, mask)):
             for state in states:
                 if not thing.measure(frame, state, self._tuning.found, camera, again=True):

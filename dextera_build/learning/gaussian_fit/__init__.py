@@ -1,1 +1,1 @@
-"""3D Gaussians fitted to pictures and depth, with whatever renders them and their gradients."""
+"""Fitting of 3D Gaussians to pictures and depth, with any differentiable renderer."""

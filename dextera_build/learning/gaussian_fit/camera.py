@@ -1,4 +1,4 @@
-"""Where a picture of Gaussians is taken; without Warp, because other renderers take it too."""
+"""Camera of a picture of Gaussians; without Warp, because other renderers use it, too."""
 
 from __future__ import annotations
 
@@ -14,4 +14,4 @@ class Camera:
     k: np.ndarray  # (3, 3) intrinsics, integer pixel centres [px]
     world_from_camera: np.ndarray  # (4, 4), OpenCV axes
     size: tuple[int, int]  # rows, columns [px]
-    near_m: float = 0.01  # least depth of a drawn mean [m]
+    near_m: float = 0.01  # smallest depth of a rendered mean [m]

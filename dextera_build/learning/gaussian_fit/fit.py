@@ -1,4 +1,4 @@
-"""The optimiser of 3D Gaussians: Adam with the rates of Kerbl et al. 2023; their number stays as it is."""
+"""The optimiser of 3D Gaussians: Adam with the rates of Kerbl et al. 2023; the number of Gaussians is constant."""
 
 from __future__ import annotations
 
@@ -15,38 +15,38 @@ from dextera_build.learning.gaussian_fit.loss import Target, loss_of
 from dextera_build.learning.gaussian_fit.parameters import Trained
 
 Render = Callable[[Trained, Camera], tuple[Tensor, Tensor, Tensor]]
-"""Colour (H, W, 3), summed depth (H, W) [m] and passing light (H, W), with gradients."""
+"""Colour (H, W, 3), accumulated depth (H, W) [m] and transmittance (H, W), with gradients."""
 
 TURN_STEP, SCALE_STEP, OPACITY_STEP, COLOUR_STEP = 1e-3, 5e-3, 5e-2, 2.5e-3
-"""Step widths of Adam for quaternions, logarithms of scales, logits and coefficients of colours; that of the means is a
-setting."""
+"""Learning rates of Adam for quaternions, logarithms of scales, logits and coefficients of colours; that of the means
+is a setting."""
 STAY = (0.3, 0.5, 2.0, 0.5, 0.5)
-"""Changes of the same, in the same order, that the anchor holds as it holds a mean that moved by a pixel; the last is
-of the coefficients that depend on the direction."""
+"""Changes of these, in the same order, with the same penalty of the anchor as a mean displaced by a pixel; the last is
+that of the view-dependent coefficients."""
 LAST = 0.1
-"""The step widths fall to this part of what they were, geometrically."""
+"""Final learning rates relative to the initial ones, with exponential decay."""
 DIRECTED = 1 / 20
-"""Step width of coefficients that depend on the direction, over that of the base colour."""
+"""Learning rate of view-dependent coefficients, relative to the base colour."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How to fit."""
+    """Settings of the optimisation."""
 
     steps: int
-    """Steps, one view each; every view has its turn before one comes again."""
+    """Number of steps, one view each; all views are used before one is repeated."""
     pixel_m: float
     """Distance of neighbouring pixels on the surface [m], the unit of the means."""
     mean_step: float = 0.02
-    """Step width of the means at the beginning, in that unit."""
+    """Initial learning rate of the means, in that unit."""
     anchor: float = 0.1
-    """Weight of what holds Gaussians where they began; one that no view shows well would wander off otherwise."""
+    """Weight that keeps Gaussians near their initial values, so that poorly visible ones do not drift."""
     ssim_share: float = 0.2
     """See `loss_of`."""
     depth_weight: float = 0.1
     """See `loss_of`."""
     seed: int = 0
-    """Order of the views."""
+    """Seed of the order of the views."""
 
 
 def fit(
@@ -56,7 +56,7 @@ def fit(
     settings: Settings,
     progress: Callable[[int, float], None] = lambda step, loss: None,
 ) -> Trained:
-    """The Gaussians after gradient descent; `progress` is told the number of steps done and the loss of the last.
+    """The Gaussians after gradient descent; `progress` is called with the number of steps and the last loss.
 
     Raises:
         FloatingPointError: The loss is no number.
@@ -102,7 +102,7 @@ def _joined(tensors: list[Tensor]) -> Trained:
 
 
 def _turns(count: int, settings: Settings) -> Iterator[int]:
-    """The views of all steps."""
+    """The view of each step."""
     draw, order = np.random.default_rng(settings.seed), list[int]()
     for _ in range(settings.steps):
         order = order or draw.permutation(count).tolist()

@@ -1,4 +1,4 @@
-"""How far a rendered picture is from a photograph: L1 and SSIM of colours (Kerbl et al. 2023), and L1 of depth."""
+"""Loss between a rendered picture and a photograph: L1 and SSIM of colours (Kerbl et al. 2023), L1 of depth."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STEADY = (0.01**2, 0.03**2)
 
 @dataclass(frozen=True)
 class Target:
-    """What a camera saw."""
+    """Picture and depth of a camera."""
 
     camera: Camera
     pixels: Tensor  # (H, W, 3) sRGB 0..1
@@ -41,10 +41,10 @@ def loss_of(made: tuple[Tensor, Tensor, Tensor], target: Target, ssim_share: flo
     """(1 - s) L1 + s (1 - SSIM) of the colours + w times the mean relative error of the expected depth.
 
     Args:
-        made: Colour (H, W, 3), summed depth (H, W) [m] and passing light (H, W).
-        target: What the camera saw.
+        made: Colour (H, W, 3), accumulated depth (H, W) [m] and transmittance (H, W).
+        target: Picture and depth of the camera.
         ssim_share: s.
-        depth_weight: w; relative, because a far wall would outweigh the table otherwise.
+        depth_weight: w; relative errors prevent a far wall from outweighing the table.
     """
     colour, depth, light = made
     loss = (1 - ssim_share) * (colour - target.pixels).abs().mean()
@@ -59,7 +59,7 @@ def loss_of(made: tuple[Tensor, Tensor, Tensor], target: Target, ssim_share: flo
 
 
 def ssim(colour: Tensor, target: Target) -> Tensor:
-    """Mean structural similarity of a picture (H, W, 3) 0..1 and the target's; beyond the border is black."""
+    """Mean structural similarity of a picture (H, W, 3) 0..1 and the target's; black beyond the border."""
     x, y = colour.permute(2, 0, 1), target.channels
     mean, square, both = blurred(torch.cat([x, x * x, x * y])).chunk(3)
     other, other_variance = target.windowed

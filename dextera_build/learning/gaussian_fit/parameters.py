@@ -1,4 +1,4 @@
-"""Gaussians as the tensors that an optimiser changes."""
+"""Gaussians as tensors for an optimiser."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from torch import Tensor
 from dextera_build.geometry.gaussians import Gaussians
 
 LEAST = 1e-4
-"""Opacities are kept this far from 0 and 1, where their logit has no slope left."""
+"""Minimum distance of opacities from 0 and 1, where the gradient of their logit vanishes."""
 
 
 class Trained(NamedTuple):
-    """N Gaussians in one frame; every value of every tensor is a valid one."""
+    """N Gaussians in one frame, in an unconstrained parametrisation."""
 
     means: Tensor  # (N, 3) [m]
     quaternions: Tensor  # (N, 4) w x y z, of any length
@@ -25,7 +25,7 @@ class Trained(NamedTuple):
 
 
 def opened(given: Gaussians, device: str, degree: int) -> Trained:
-    """Gaussians as float32 tensors on a device, with coefficients of a degree: more are dropped, absent ones are 0."""
+    """Gaussians as float32 tensors on a device, with coefficients of a given degree; missing ones are 0."""
     opacities = given.opacities.clip(LEAST, 1 - LEAST)
     harmonics = np.zeros((len(given), (degree + 1) ** 2, 3))
     known = min(harmonics.shape[1], given.harmonics.shape[1])
@@ -36,7 +36,7 @@ def opened(given: Gaussians, device: str, degree: int) -> Trained:
 
 
 def closed(given: Trained) -> Gaussians:
-    """The same as values, float64; quaternions have unit length."""
+    """Convert back to values, float64; quaternions have unit length."""
     means, quaternions, log_scales, logits, harmonics = (each.detach().cpu().numpy().astype(float) for each in given)
     turns = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
     return Gaussians(means, turns, np.exp(log_scales), 1 / (1 + np.exp(-logits)), harmonics)

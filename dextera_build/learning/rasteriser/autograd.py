@@ -1,4 +1,4 @@
-"""The rasteriser as a function of torch; tensors and arrays of Warp share their memory."""
+"""The rasteriser as a function of torch; tensors and Warp arrays share their memory."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from dextera_build.learning.rasteriser.raster import Parameters, Rasteriser
 
 
 def rendered(maker: Rasteriser, given: Trained, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:
-    """Colour (H, W, 3), summed depth (H, W) [m] and passing light (H, W); see `raster.Picture`.
+    """Colour (H, W, 3), accumulated depth (H, W) [m] and transmittance (H, W); see `raster.Picture`.
 
     Args:
-        maker: Of the device and the type of the tensors.
+        maker: Rasteriser for the device and the type of the tensors.
         given: Contiguous tensors.
-        camera: Where the picture is taken.
+        camera: The camera.
     """
     made: tuple[Tensor, Tensor, Tensor] = _Rendering.apply(maker, camera, *given)  # type: ignore[no-untyped-call]
     colour, depth, light = made
@@ -53,7 +53,7 @@ def _parameters(maker: Rasteriser, given: tuple[Tensor, ...]) -> Parameters:
 
 
 def _same_stream(tensor: Tensor) -> AbstractContextManager[object]:
-    """On a GPU Warp works in the stream of torch, so neither overtakes the other."""
+    """On a GPU, Warp uses the stream of torch, so that their kernels run in order."""
     if not tensor.is_cuda:
         return nullcontext()
     scoped: AbstractContextManager[object] = wp.ScopedStream(wp.stream_from_torch(tensor.device))

@@ -1,4 +1,4 @@
-"""Kernels that lay the Gaussians of a tile over one another, one thread a pixel, and bring gradients back to them."""
+"""Kernels for alpha blending of the Gaussians of a tile, one thread per pixel, and for its gradients."""
 
 # No `from __future__ import annotations`: Warp reads the annotations of kernels, which are types of this call.
 from functools import cache
@@ -9,12 +9,12 @@ import warp as wp
 from dextera_build.learning.rasteriser.projection import MOST, TILE_PX
 
 LEAST_LIGHT = 1e-4
-"""A Gaussian that would let no more than this of the light pass is left out, and all behind it."""
+"""A Gaussian that would reduce the transmittance below this is skipped, with all behind it."""
 
 
 @wp.func
 def spotted(first: int, number: int, size: wp.vec2i) -> wp.vec3i:
-    """Tile, column and row of a pixel that is counted from the first one of tile `first`, tile by tile."""
+    """Tile, column and row of a pixel, counted tile by tile from tile `first`."""
     tile = first + number / (TILE_PX * TILE_PX)
     within = number % (TILE_PX * TILE_PX)
     wide = (size[0] + TILE_PX - 1) / TILE_PX
@@ -30,7 +30,7 @@ def exponent(g: Any, dx: Any, dy: Any) -> Any:
 
 @cache
 def blending(real: Any) -> Any:
-    """The kernel from sorted Gaussians to pixels: colour, depth, and light that passes all within the pixel's limit."""
+    """The kernel from sorted Gaussians to pixels: colour, depth, and transmittance within the pixel's depth limit."""
     three, eight = (wp.types.vector(length, real) for length in (3, 8))
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -114,7 +114,7 @@ def unblending(real: Any) -> Any:
         toned = to_picture[pixel]
         far = to_depth[pixel]
         passing = light[pixel]
-        # What the light would still be worth behind the Gaussian at hand.
+        # Weight of the light behind the current Gaussian.
         behind = passing * to_light[pixel]
         for step in range(lasts[pixel] - starts[tile]):
             k = lasts[pixel] - 1 - step

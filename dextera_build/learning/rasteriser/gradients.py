@@ -1,4 +1,4 @@
-"""Kernels that bring gradients of Gaussians on the picture back to their parameters."""
+"""Kernels for gradients of projected Gaussians with respect to their parameters."""
 
 # No `from __future__ import annotations`: Warp reads the annotations of kernels, which are types of this call.
 from functools import cache
@@ -19,9 +19,9 @@ from dextera_build.learning.rasteriser.shapes import (
 
 @cache
 def adding(real: Any) -> Any:
-    """The kernel that adds up the gradients of each Gaussian's pairs with tiles.
+    """The kernel that sums the gradients of each Gaussian over its pairs with tiles.
 
-    It does so in one order, so the sums are the same whatever ran first.
+    The order of summation is fixed, so that sums are deterministic.
     """
     three, eight = (wp.types.vector(length, real) for length in (3, 8))
 
@@ -49,7 +49,7 @@ def adding(real: Any) -> Any:
 
 @cache
 def recolouring(real: Any) -> Any:
-    """The kernel from gradients of colours to those of coefficients, and of means by the direction they are seen in."""
+    """The kernel from gradients of colours to those of coefficients, and of means through the viewing direction."""
     three = wp.types.vector(3, real)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -70,7 +70,7 @@ def recolouring(real: Any) -> Any:
         way = wp.normalize(ray)
         shown = to_colours[i]
         for c in range(3):
-            # What was raised to 0 does not change.
+            # Colours clamped to 0 have no gradient.
             if not colours[i][c] > real(0.0):
                 shown[c] = real(0.0)
         to_way = three()
@@ -109,7 +109,7 @@ def reshaping(real: Any) -> Any:
             return
         g = to_flat[i]
         to_logits[i] = g[6] * flat[i][6] * (real(1.0) - flat[i][6])
-        # Covariance on the picture, from its inverse.
+        # Covariance in the picture, from its inverse.
         conic = pair(flat[i][2], flat[i][3], flat[i][3], flat[i][4])
         to_spread = -conic * pair(g[2], real(0.5) * g[3], real(0.5) * g[3], g[4]) * conic
         length = wp.length(quaternions[i])
@@ -123,7 +123,7 @@ def reshaping(real: Any) -> Any:
         to_quaternions[i] = normalised_gradient(unit, length, turned_gradient(unit, scaled(to_half, scales)))
         for c in range(3):
             to_log_scales[i][c] = to_half[0, c] * half[0, c] + to_half[1, c] * half[1, c] + to_half[2, c] * half[2, c]
-        # Place in the camera: the shape's Jacobian, the centre, the depth.
+        # Position in the camera: the Jacobian of the shape, the centre, the depth.
         to_p = flattening_gradient(lens, p, to_across * wp.transpose(turn))
         across_u = lens[0] / p[2] * g[0]
         across_v = lens[1] / p[2] * g[1]

@@ -1,4 +1,4 @@
-"""Gaussians as arrays of Warp, for pictures without gradients; PyTorch is not needed for these."""
+"""Gaussians as Warp arrays, for pictures without gradients and without PyTorch."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dextera_build.geometry.gaussians import Gaussians
 from dextera_build.learning.rasteriser.raster import Parameters
 
 LEAST = 1e-4
-"""Opacities are kept this far from 0 and 1, where their logit is infinite."""
+"""Minimum distance of opacities from 0 and 1, where their logit is infinite."""
 
 
 def placed(given: Gaussians, device: str) -> Parameters:

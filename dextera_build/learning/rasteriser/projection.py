@@ -1,7 +1,7 @@
-"""Kernels that bring Gaussians onto the picture, and the gradients back to their parameters.
+"""Kernels that project Gaussians to the picture, and their gradients.
 
-A Gaussian on the picture is eight numbers: column and row of its centre [px]; xx, xy, yy of the inverse covariance
-[1/px^2]; the largest exponent at which it still shows; its opacity; its depth [m].
+A projected Gaussian has eight numbers: column and row of its centre [px]; xx, xy, yy of the inverse covariance
+[1/px^2]; the largest exponent at which it is visible; its opacity; its depth [m].
 """
 
 # No `from __future__ import annotations`: Warp reads the annotations of kernels, which are types of this call.
@@ -22,12 +22,12 @@ TILE_PX = 16
 LOW_PASS_PX2 = 0.3
 """Variance that is added along both axes of the picture."""
 LEAST, MOST = 1 / 255, 0.99
-"""Opacities in one pixel: less is left out, more is lowered."""
+"""Opacities in one pixel: lower ones are skipped, higher ones are clipped."""
 
 
 @wp.func
 def boxed(left: Any, top: Any, right: Any, bottom: Any, size: wp.vec2i) -> wp.vec4i:
-    """First column and row and last column and row of the tiles that a box of pixels reaches; an empty box if none."""
+    """First and last tile column and row that a box of pixels touches; an empty box if none."""
     none = left - left
     last_column = type(left)(size[0] - 1)
     last_row = type(left)(size[1] - 1)
@@ -43,7 +43,7 @@ def boxed(left: Any, top: Any, right: Any, bottom: Any, size: wp.vec2i) -> wp.ve
 
 @cache
 def projecting(real: Any) -> Any:
-    """The kernel from parameters to Gaussians on the picture: `flat`, `colours`, their tiles and the number of them."""
+    """The kernel from parameters to projected Gaussians: `flat`, `colours`, their tiles and the number of them."""
     three, four, eight = (wp.types.vector(length, real) for length in (3, 4, 8))
     seven, grid = wp.types.vector(7, real), wp.types.matrix((3, 3), real)
 

@@ -1,4 +1,4 @@
-"""The rasteriser: arrays of Gaussians and a camera in, a picture out; and its gradients the other way."""
+"""The rasteriser: from Gaussians and a camera to a picture, and its gradients."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from dextera_build.learning.gaussian_fit.camera import Camera
 from dextera_build.learning.rasteriser import blending, gradients, projection, tiles
 
 WIDEST = 1.3
-"""Directions are linearised at most at this multiple of half the field of view."""
+"""Limit of the directions of linearisation, as a multiple of half the field of view."""
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """Arrays of Warp on one device, or what refers to the same memory: N Gaussians as an optimiser changes them."""
+    """Warp arrays on one device, or objects with the same memory: N Gaussians in the optimiser's parametrisation."""
 
     means: Any  # (N, 3) [m]
     quaternions: Any  # (N, 4) w x y z, of any length
@@ -33,12 +33,12 @@ class Parameters:
 
 @dataclass(frozen=True)
 class Picture:
-    """What a camera sees; arrays of Warp, one entry a pixel, row by row."""
+    """Rendering by a camera; Warp arrays, one entry per pixel, row by row."""
 
-    colour: Any  # (H W, 3) sRGB on black
-    depth: Any  # (H W,) sum of weight times depth [m]; over `1 - light` it is the expected depth
-    light: Any  # (H W,) what passes all Gaussians, 0..1; 1 minus it is their opacity
-    kept: Any  # what the gradients need; None if there are none
+    colour: Any  # (H W, 3) sRGB over black
+    depth: Any  # (H W,) sum of weight times depth [m]; divided by `1 - light` it is the expected depth
+    light: Any  # (H W,) transmittance of all Gaussians, 0..1; 1 minus it is their opacity
+    kept: Any  # data for the gradients; None if there are none
 
 
 @dataclass(frozen=True)
@@ -59,11 +59,11 @@ class _Kept:
 class Rasteriser:
     """Kernels for one device and one floating-point type.
 
-    On the CPU Warp runs a kernel in one thread, so tiles are shared out among threads of this process. No two of them
-    write to the same place, and sums have one order: on the CPU results do not depend on the number of threads.
+    On the CPU Warp runs a kernel in one thread, so tiles are distributed over threads of this process. They write to
+    disjoint memory, and the order of sums is fixed, so that CPU results do not depend on the number of threads.
 
     Args:
-        device: `cpu` or `cuda`, as Warp spells it.
+        device: `cpu` or `cuda`, as in Warp.
         double: Whether to compute in float64.
         threads: Threads on the CPU; None for the cores of the process.
     """
@@ -76,17 +76,17 @@ class Rasteriser:
         self._pool = ThreadPoolExecutor(self.threads) if device == "cpu" and self.threads > 1 else None
 
     def forward(self, parameters: Parameters, camera: Camera, limits: Any = None, *, faded: bool = False) -> Picture:
-        """The picture that the camera sees.
+        """Render the Gaussians.
 
-        The low-pass makes Gaussians below a pixel as large as one. Together they then cover more than they did, and
-        the nearest of them hides the others. With `faded` their opacity falls as they widen (the 2D filter of
-        Mip-Splatting, Yu et al. 2024), so that a small picture shows the mean of a large one.
+        The low-pass enlarges Gaussians smaller than a pixel to its size, so that together they cover too much and the
+        nearest hides the others. With `faded` their opacity is reduced accordingly (the 2D filter of Mip-Splatting, Yu
+        et al. 2024), so that a small picture shows the mean of a large one.
 
         Args:
             parameters: The Gaussians.
-            camera: Where the picture is taken.
-            limits: (H W,) depth of something solid in each pixel [m], which hides means that are farther; or None.
-            faded: Whether opacities make up for the low-pass; such a picture has no gradients.
+            camera: The camera.
+            limits: (H W,) depth of an opaque surface in each pixel [m], which hides farther means; or None.
+            faded: Whether opacities compensate the low-pass; such a picture has no gradients.
         """
         rows, columns = camera.size
         placed, size = self._camera(camera), wp.vec2i(columns, rows)
@@ -112,7 +112,7 @@ class Rasteriser:
         return Picture(picture, depth, light, None if faded else kept)
 
     def backward(self, picture: Picture, to_colour: Any, to_depth: Any, to_light: Any, into: Parameters) -> None:
-        """Write the gradients of the parameters to `into`, which holds zeros, from those of a picture's arrays."""
+        """Add the gradients of the parameters to `into`, initially zeros, given those of a picture's arrays."""
         kept, given = picture.kept, picture.kept.parameters
         *placed, size = kept.camera
         pairs = len(kept.run)
@@ -132,7 +132,7 @@ class Rasteriser:
         self._launch(gradients.reshaping(self.real), count, [*given_shapes, to_flat, *out])
 
     def _sorted(self, size: Any, flat: Any, colours: Any, boxes: Any, counts: Any, ends: Any, pairs: int) -> Any:
-        """Where each tile starts, where each pair went, and what the tiles read, tile by tile from near to far."""
+        """Start of each tile, position of each pair, and sorted data of the tiles, from near to far."""
         many = _across(size[0]) * _across(size[1])
         keys = wp.empty(2 * pairs, dtype=wp.int64, device=self.device)
         numbers = wp.empty(2 * pairs, dtype=wp.int32, device=self.device)
@@ -147,7 +147,7 @@ class Rasteriser:
         return starts, places, run, tones
 
     def _camera(self, camera: Camera) -> tuple[Any, Any, Any]:
-        """Rotation, place and lens as kernels take them."""
+        """Rotation, position and intrinsics for kernels."""
         pose, k, (rows, columns) = camera.world_from_camera, camera.k, camera.size
         limits = WIDEST * columns / 2 / k[0, 0], WIDEST * rows / 2 / k[1, 1]
         turn = wp.types.matrix((3, 3), self.real)(*pose[:3, :3].T.ravel().tolist())
@@ -184,7 +184,7 @@ class Rasteriser:
 
 @cache
 def _prepare() -> None:
-    """Compiled kernels stay in `dxb/warp` of the user's cache folder, or where `WARP_CACHE_PATH` says."""
+    """Compiled kernels are cached in `dxb/warp` of the user's cache folder, or in `WARP_CACHE_PATH`."""
     wp.config.log_level = wp.LOG_WARNING
     if "WARP_CACHE_PATH" not in os.environ:
         folder = os.path.expanduser(os.environ.get("XDG_CACHE_HOME") or "~/.cache")

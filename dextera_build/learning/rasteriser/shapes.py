@@ -47,7 +47,7 @@ def normalised_gradient(unit: Any, length: Any, g: Any) -> Any:
 
 @wp.func
 def scaled(turn: Any, s: Any) -> Any:
-    """R diag(s), (3, 3): half of the covariance R S S R^T."""
+    """R diag(s), (3, 3), the factor of the covariance R S S R^T."""
     return wp.matrix_from_cols(
         wp.vector(turn[0, 0] * s[0], turn[1, 0] * s[0], turn[2, 0] * s[0]),
         wp.vector(turn[0, 1] * s[1], turn[1, 1] * s[1], turn[2, 1] * s[1]),
@@ -63,7 +63,7 @@ def clamped(value: Any, limit: Any) -> Any:
 
 @wp.func
 def flattening(lens: Any, p: Any) -> Any:
-    """Derivative (2, 3) of pixels with respect to the place `p` in the camera, at a direction within the limits.
+    """Derivative (2, 3) of pixels with respect to the position `p` in the camera, at a direction within the limits.
 
     `lens` is fx, fy, cx, cy [px], the largest |x / z| and |y / z|, and the least depth [m].
     """
@@ -79,7 +79,7 @@ def flattening(lens: Any, p: Any) -> Any:
 
 @wp.func
 def flattening_gradient(lens: Any, p: Any, g: Any) -> Any:
-    """Gradient of the place `p` from that of `flattening`, `g` (2, 3); a clamped direction does not move."""
+    """Gradient of the position `p` from that of `flattening`, `g` (2, 3); clamped directions have none."""
     none = p[0] - p[0]
     z = p[2]
     zz = z * z

@@ -1,4 +1,4 @@
-"""Which Gaussians each tile shows, from near to far."""
+"""Sorting of Gaussians by tile and depth."""
 
 # No `from __future__ import annotations`: Warp reads the annotations of kernels, which are types of this call.
 from functools import cache
@@ -11,7 +11,7 @@ from dextera_build.learning.rasteriser.projection import TILE_PX
 
 @cache
 def listing(real: Any) -> Any:
-    """The kernel that writes one pair for each tile that a Gaussian reaches: its key, tile before depth, and owner."""
+    """The kernel that writes one pair for each tile that a Gaussian touches: key, tile before depth, and index."""
     eight = wp.types.vector(8, real)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -31,7 +31,7 @@ def listing(real: Any) -> Any:
         box = boxes[i]
         wide = (size[0] + TILE_PX - 1) / TILE_PX
         k = ends[i] - counts[i]
-        # The bits of positive numbers are in the order of the numbers.
+        # The bit patterns of positive floats are ordered like the numbers.
         nearness = wp.int64(wp.cast(wp.float32(flat[i][7]), wp.int32))
         for row in range(box[1], box[3] + 1):
             for column in range(box[0], box[2] + 1):
@@ -45,7 +45,7 @@ def listing(real: Any) -> Any:
 
 @cache
 def gathering(real: Any) -> Any:
-    """The kernel that copies what the pixels of a tile read into one run, and notes where each tile begins."""
+    """The kernel that copies the data of each tile into one run, and records the start of each tile."""
     three, eight = (wp.types.vector(length, real) for length in (3, 8))
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -69,7 +69,7 @@ def gathering(real: Any) -> Any:
         before = int(-1)
         if place > 0:
             before = int(keys[place - 1] >> wp.int64(32))
-        # `starts` of all further tiles hold the number of pairs already.
+        # `starts` of all further tiles already contain the number of pairs.
         for passed in range(before + 1, tile + 1):
             starts[passed] = place
 

@@ -1,4 +1,4 @@
-"""Joint targets from actions of every kind, and actions from joint targets."""
+"""Conversion of actions of every kind to joint targets, and back."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ SOLVER = ("mink", "daqp")
 
 
 class ActionMap:
-    """What actions of one kind mean for a robot's joints.
+    """Maps actions of one kind to a robot's joints.
 
-    Both directions depend on nothing but their arguments, so an action means the same whenever it is sent. Arms with
-    more joints than the pose of a palm needs move towards home meanwhile in kind `end_effector`, so joint targets that
-    become actions and targets again have the same palm, but may have another posture.
+    Both directions are pure functions of their arguments, so that an action is independent of earlier ones. In kind
+    `end_effector`, redundant arms move towards home, so that joint targets converted to actions and back have the same
+    palm pose, but possibly another posture.
 
     Args:
-        task: Gives the rate, and the kind where none is given.
+        task: The task, with the rate and the default kind.
         robot: The embodiment.
         kind: Another kind; None: the task's.
 
     Raises:
-        RuleError: There is no such kind, or the robot has no palm to move.
+        RuleError: There is no such kind, or the robot has no palm.
     """
 
     def __init__(self, task: TaskSpec, robot: RobotModel, kind: ActionKind | None = None) -> None:
@@ -49,7 +49,7 @@ class ActionMap:
             self._kinematics = Kinematics(robot)
 
     def solve(self) -> None:
-        """Prepare inverse kinematics, which `targets` of kind `end_effector` needs.
+        """Prepare the inverse kinematics that `targets` of kind `end_effector` needs.
 
         Raises:
             MachineError: The solver is not installed.
@@ -69,7 +69,7 @@ class ActionMap:
         self._control = PoseControl(self._robot, self.spec.rate_hz)
 
     def fault(self, action: np.ndarray) -> str:
-        """Why an action cannot be sent; empty if it can."""
+        """Reason why an action cannot be sent; empty if it can."""
         spec = self.spec
         if action.shape != spec.lower.shape:
             return f"the action has shape {action.shape}, but kind `{spec.kind}` has {len(spec.names)} numbers"
@@ -77,14 +77,14 @@ class ActionMap:
         return f"the action for `{spec.names[bad[0]]}` is not a finite number" if len(bad) else ""
 
     def targets(self, action: np.ndarray, sent: np.ndarray) -> np.ndarray:
-        """Joint targets (A,) [rad] of an action (N,), cut to its limits.
+        """Joint targets (A,) [rad] of an action (N,), clipped to its limits.
 
         Args:
-            action: Without a fault.
-            sent: Joint targets (A,) that were sent last [rad].
+            action: An action without a fault.
+            sent: Previously sent joint targets (A,) [rad].
 
         Raises:
-            MachineError: Kind `end_effector` finds no solver.
+            MachineError: The solver of kind `end_effector` is not installed.
         """
         found = np.clip(np.asarray(action, np.float64), self.spec.lower, self.spec.upper)
         if self.spec.kind == "joint":
@@ -107,11 +107,11 @@ class ActionMap:
         return self._control.follow(Command(aims, "action"))
 
     def actions(self, targets: np.ndarray, sent: np.ndarray) -> np.ndarray:
-        """The action (N,) that asks for joint targets (A,) [rad], not cut to its limits.
+        """The action (N,) that produces joint targets (A,) [rad], not clipped to its limits.
 
         Args:
             targets: Joint targets (A,) [rad].
-            sent: Those that were sent before (A,) [rad].
+            sent: Previously sent joint targets (A,) [rad].
         """
         if self.spec.kind == "joint":
             return np.array(targets)

@@ -1,4 +1,4 @@
-"""Kinematics of a hand on its own: fingertip positions in the palm's frame."""
+"""Kinematics of a hand: fingertip positions in the palm's frame."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.sim.model.robot import load
 
 STILL_M = 0.005
-"""Way of a fingertip below which it does not take part in a grip [m]."""
+"""Displacement below which a fingertip does not take part in a grip [m]."""
 
 
 class HandKinematics:
@@ -52,10 +52,10 @@ class HandKinematics:
         return np.asarray(palm.xmat.reshape(3, 3).T @ away)
 
     def reach(self, posture: np.ndarray, fingers: Sequence[str] = ()) -> np.ndarray:
-        """Mean position (3,) [m] of `fingers` in the palm's frame; without them, of all opposite the thumb."""
+        """Mean position (3,) [m] of `fingers` in the palm's frame; if empty, of all opposite the thumb."""
         return np.asarray(np.mean([self.tip(role, posture) for role in fingers or self.fingers], axis=0))
 
     def pressing(self, opened: np.ndarray, closed: np.ndarray) -> tuple[str, ...]:
-        """Fingertips opposite the thumb that move from one posture (H,) to another; if none does, all."""
+        """Fingertips opposite the thumb that move between two postures (H,); if none moves, all."""
         moved = {role: self.tip(role, closed) - self.tip(role, opened) for role in self.fingers}
         return tuple(role for role, way in moved.items() if np.linalg.norm(way) > STILL_M) or self.fingers

@@ -1,4 +1,4 @@
-"""Inverse kinematics of a robot's palms; objects are ignored."""
+"""Inverse kinematics of a robot's palms, without collision avoidance."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dextera_build.sim.model.robot import load
 
 SOLVER = "daqp"
 POSITION_COST = 10.0
-"""Weight of a metre in the least squares; a radian has weight 1, so a millimetre weighs as much as 0.6 degrees."""
+"""Weight of a metre in the least squares, relative to a radian: a millimetre weighs as much as 0.6 degrees."""
 POSTURE_COST = 1e-2
 """Weight of a radian away from the seed: resolves the arm's redundancy without displacing the hand."""
 DAMPING = 1e-6
@@ -25,7 +25,7 @@ DAMPING = 1e-6
 ITERATIONS = 120
 """Maximum iterations per descent."""
 STALLED = 12
-"""Iterations without progress after which a descent ends: the target is out of reach from there."""
+"""Iterations without progress after which a descent ends, because the target is out of reach from there."""
 SEED_SPREAD_RAD = 0.6
 """Standard deviation of restarts around the seed [rad]."""
 
@@ -51,8 +51,8 @@ class Solution:
 class ArmKinematics:
     """Forward and inverse kinematics of the palms of one or several limbs, with hands and other limbs fixed.
 
-    The problem has a frame task per limb; joints that a mechanism couples to others are constraints. Targets are
-    (4, 4) T_base_palm, of several limbs (L, 4, 4) in their order.
+    The problem has a frame task per limb; mechanically coupled joints are constraints. Targets are (4, 4) T_base_palm,
+    or (L, 4, 4) for several limbs in their order.
 
     Args:
         robot: The embodiment; all joints but those of the arms are fixed at home.
@@ -170,7 +170,7 @@ class ArmKinematics:
             task.set_target(mink.SE3.from_matrix(np.asarray(pose, np.float64)))
 
     def _step(self, dt: float, *, timed: bool) -> None:
-        """Move by the nearest displacement to the targets within the joints' ranges, and with `timed` their speeds."""
+        """Move towards the targets within the joints' ranges, and with `timed` within their speeds."""
         if self._couplings is None:
             self._state.update(self._state.q + self._displacement(dt if timed else np.inf))
             return
@@ -187,10 +187,10 @@ class ArmKinematics:
         self._state.integrate_inplace(velocity, dt)
 
     def _displacement(self, dt: float) -> np.ndarray:
-        """What `mink.solve_ik` gives without constraints, in a third of its time.
+        """The result of `mink.solve_ik` without constraints, in a third of the time.
 
-        Every joint is a hinge or a slide, so that all limits are bounds of single variables, and where none is active
-        the normal equations have the solution.
+        Every joint is a hinge or a slide, so that all limits are bounds of single variables; if none is active, the
+        solution of the normal equations is exact.
         """
         parts = [palm.compute_qp_residual(self._state) for palm in self._palms]
         rows, errors = np.concatenate([each[0] for each in parts]), np.concatenate([each[1] for each in parts])
@@ -231,7 +231,7 @@ def _arms_alone(robot: RobotModel, kept: set[str]) -> Any:
 
 
 def _fix(joint: Any, position: float) -> None:
-    """Move the joint's body to where it is at `position` [rad or m]."""
+    """Move the joint's body to its pose at `position` [rad or m]."""
     body, axis = joint.parent, np.array(joint.axis) / np.linalg.norm(joint.axis)
     turned = quaternions.to_matrix(np.array(body.quat))
     if joint.type == mujoco.mjtJoint.mjJNT_SLIDE:

@@ -1,4 +1,4 @@
-"""An object's joint to be moved by a hand: the pose of its link and where to push it."""
+"""A joint of an object that a hand moves: the pose of its link, and contact points for pushing."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Command:
     """An operator's command at one control step."""
 
     aims: Mapping[str, Aim]
-    """Limb -> its target; limbs that are not named stay where they are."""
+    """Limb -> its target; other limbs hold their position."""
     segment: str
     """Part of the demonstration: `approach`, `grasp`, `lift`, ..."""
     frame: str = ""
@@ -54,7 +54,7 @@ class Command:
 
 
 class OutOfReach(Exception):  # noqa: N818  a verdict on a start, not a fault
-    """The operator cannot do the task from this start; the text is the recorded reason."""
+    """The task cannot be done from this start; the text is the recorded reason."""
 
 
 class Operator(Protocol):

@@ -1,7 +1,7 @@
 """Inputs and actions of a reinforcement-learned policy: small steps of the palm or of joints.
 
-A decision holds for several control periods, over which the joint targets move linearly to its goal. It depends only on
-the last targets and the joint positions, so no state is kept between decisions.
+A decision lasts for several control periods, over which the joint targets move linearly to its goal. It depends only on
+the last targets and the joint positions, so that no state is kept between decisions.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dextera_build.policy.features import Fields
 from dextera_build.sim.model import robot as robots
 
 ITERATIONS = 3
-"""Newton steps towards a pose of the palm, which is near."""
+"""Newton steps towards a nearby pose of the palm."""
 DAMPING = 0.05
 """Damping of the least squares, in which rotation is weighted by `RADIAN_M`."""
 RADIAN_M = 0.3

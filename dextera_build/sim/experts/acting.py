@@ -1,4 +1,4 @@
-"""Which limbs of a robot do something in a demonstration."""
+"""Limbs of a robot that act in a demonstration."""
 
 from __future__ import annotations
 

@@ -27,11 +27,12 @@ class Push:
     pitch_rad: float = 0.0
     """Rotation of the hand about the initial push direction, fingers down at 0 [rad]."""
     share: float = 0.9
-    """Distance from the axis, see `Mechanism.pushed_at`; far out needs the least force, so light objects stay put."""
+    """Distance from the axis, see `Mechanism.pushed_at`; a long lever needs the least force, so that light objects
+    stay in place."""
     clear_m: float = 0.06
     """Distance behind the link at which the push begins [m]."""
     press_m: float = 0.008
-    """Depth inside the link at which the fingertips aim [m]."""
+    """Depth inside the link of the fingertips' target [m]."""
     above_m: float = 0.16
     """Height of the approach above the start of the push [m]."""
     seconds: tuple[float, float, float, float, float] = (1.4, 0.7, 0.4, 1.8, 0.8)
@@ -61,7 +62,8 @@ class Articulate(Pushing):
         base = state.objects[self._object]
         turn = self._orientation(now)
         place, along = self._mechanism.pushed_at(self._goal - now, push.share)
-        # A flat object's link may be lower than fingertips that clear the support, on which the root stands at z = 0.
+        # The link of a flat object may be lower than fingertips that clear the support, on which the root stands at z =
+        # 0.
         low = self._hand.height(turn, np.array([0.0, 0.0, 1.0]))
 
         def palm(position: float, gap: float, up: float = 0.0) -> np.ndarray:
@@ -74,7 +76,7 @@ class Articulate(Pushing):
         over, down, touch, sweep, press = push.seconds
         legs = [
             Leg(palm(now, push.clear_m, push.above_m), self._hand.fingers, over, "approach"),
-            # In the object's frame: a synthesised episode approaches from the same side (Eq. 4a).
+            # In the object's frame, so that a synthesised episode approaches from the same side (Eq. 4a).
             Leg(palm(now, push.clear_m), self._hand.fingers, down, "reach", self._object),
             self._pushes(palm(now, 0.0), touch),
         ]

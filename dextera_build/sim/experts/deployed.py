@@ -1,4 +1,4 @@
-"""A scripted operator in a world that is not the twin: it acts on what is measured there."""
+"""A scripted operator in a world other than the twin, acting on measurements."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from dextera_build.sim.runtime.reconstruction import Tracker, reconstruct
 
 
 class Deployed:
-    """Makes a policy of an operator: its commands become joint targets by inverse kinematics.
+    """Makes a policy from an operator: its commands are converted to joint targets by inverse kinematics.
 
-    The first observation of an episode is put into the twin, where the operator plans; of later ones it sees joints and
-    objects as they were measured. When it has nothing more to do, the last targets hold.
+    The operator plans in the twin, which is set to the first observation of an episode; later it receives measured
+    joints and objects. After its last command, the targets are held.
 
     Args:
-        twin: Of the task in the twin; its environment is used and left in an arbitrary state.
-        operator: Has practised there.
+        twin: Driver of the task in the twin; its environment is used and left in an arbitrary state.
+        operator: Operator that was rehearsed there.
     """
 
     def __init__(self, twin: Driver, operator: Operator) -> None:
@@ -37,7 +37,7 @@ class Deployed:
         """Joint targets (A,) [rad].
 
         Raises:
-            PolicyFault: There is no way to do the task from the first observation.
+            PolicyFault: The operator has no plan from the first observation.
         """
         if not self._begun:
             self._begin(observation)
@@ -49,7 +49,7 @@ class Deployed:
         return self._control.follow(self._last)
 
     def _begin(self, observation: DeployableObservation) -> None:
-        """Plan in the twin from what was measured."""
+        """Plan in the twin from the measured state."""
         environment, sent = self._twin.environment, np.asarray(observation.previous_action, np.float64)
         environment.begin(reconstruct(_measured(observation), sent, environment, Tracker(), 0))
         try:

@@ -16,7 +16,8 @@ from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.recorder import Recorder
 
 HELD_S = 1.0
-"""How long the robot holds still where the operator gives up at once, so that the episode shows the start [s]."""
+"""Duration for which the robot holds still if the operator gives up at once, so that the episode shows the start
+[s]."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ class Driver:
                 break
 
     def _palms(self, command: Command) -> np.ndarray:
-        """Commanded palm poses (L, 7) in the base; those of limbs that are not commanded as they are."""
+        """Commanded palm poses (L, 7) in the base; current poses for limbs without a command."""
         found = self.environment.palm_poses()
         for row, name in enumerate(self.environment.bundle.robot.limb_names):
             if name in command.aims:
@@ -127,7 +128,7 @@ class Driver:
 
 
 def state_of(bundle: TaskBundle, measured: Measurement) -> State:
-    """What an operator sees of a measurement of the task."""
+    """An operator's observation from a measurement of the task."""
     placed = zip(bundle.objects, measured.objects, strict=True)
     inner = zip(bundle.displacement_names, map(float, measured.displacement), strict=True)
     return State(

@@ -1,4 +1,4 @@
-"""A grasp, and the way into it."""
+"""A grasp, and the approach to it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Grasp:
     name: str = ""
     """Human-readable description."""
     way: str = ""
-    """Kind of grasp; grasps of one kind differ in detail."""
+    """Kind of grasp; grasps of one kind differ in details."""
     above_m: float = 0.08
     """Height of the approach above the waiting position [m]."""
     aside: float = 1.0
@@ -35,7 +35,7 @@ class Grasp:
     """Durations: over, down, near, close, lift, hold [s]."""
 
     def taking(self, name: str, base: np.ndarray, up: np.ndarray) -> list[Leg]:
-        """The way to the object and into the grasp.
+        """The approach to the object and the grasp.
 
         Args:
             name: Body of the object.
@@ -48,7 +48,7 @@ class Grasp:
         over[:3, 3] = wait[:3, 3] + (up * self.above_m + base[:3, :3] @ self.away * self.aside)
         return [
             Leg(over, self.open, self.seconds[0], "approach", arc_m=self.arc_m),
-            # In the object's frame: a synthesised episode approaches from the same side (Eq. 4a).
+            # In the object's frame, so that a synthesised episode approaches from the same side (Eq. 4a).
             Leg(wait, self.open, self.seconds[1], "reach", name),
             Leg(hold, self.open, self.seconds[2], "grasp", name, True),
             Leg(hold, self.closed, self.seconds[3], "grasp", name, True),

@@ -1,7 +1,7 @@
 """Candidate grasps from an object's shape and a hand's grips, without object-specific rules.
 
-A grip `against: thumb` holds the object between the thumb and the other fingertips; a grip `against: palm` puts it
-into the palm and closes the fingers around it.
+A grip `against: thumb` holds the object between the thumb and the other fingertips; a grip `against: palm` holds it in
+the palm with the fingers closed around it.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from dextera_build.sim.experts.grasp import Grasp
 
 UP = np.array([0.0, 0.0, 1.0])
 SPARES_M = (0.03, 0.015)
-"""Openings of the fingers beyond the object's width; stretched fingers reach lower [m]."""
+"""Openings of the fingers beyond the object's width; straighter fingers reach lower [m]."""
 SLAB_M = 0.03
 """Half height and half width of the slab in which the object's width is measured [m]."""
 ROOM_M = 0.045
-"""Gap between two walls in which fingers have room [m]."""
+"""Minimum gap between two walls for fingers [m]."""
 RIMS_M = (0.012, 0.018, 0.028)
 """Depths below the top at which walls are pinched [m]."""
 WALL_STRIP_M = 0.018
-"""Half width of the strip across a vessel in which its walls are sought [m]."""
+"""Half width of the strip across a vessel in which its walls are searched [m]."""
 LOW_M = 0.012
 """Smallest height of fingertips at a wall [m]."""
 RETREAT_M = 0.08
@@ -68,7 +68,7 @@ def pinches(points: np.ndarray, name: str, grip: Grip, hand: HandKinematics) -> 
             if held is None or touch is None:
                 continue
             thumb, fingers = _tips(hand, opened + touch * (closed - opened), pressing)
-            # Thumb and fingers press along a horizontal line: a tilted line uses up friction.
+            # Thumb and fingers press along a horizontal line, because a tilted line consumes friction.
             for tilt, spare in itertools.product((0.0, 0.35, -0.35, 0.7, -0.7, 1.05, -1.05), SPARES_M):
                 wide = _part(travel, held[1] + 2 * grip.tip_radius_m + spare) or 0.0
                 down = np.cross(UP, across) * np.sin(tilt) - UP * np.cos(tilt)
@@ -118,7 +118,7 @@ def _label(grip: str, height: float, **angles: float) -> str:
 
 
 def _laid(points: np.ndarray, middle: np.ndarray, out: np.ndarray, along: np.ndarray, forward: float) -> np.ndarray:
-    """Position at which the palm, facing `out`, touches the object, with the object `forward` of it [m]."""
+    """Position at which the palm, facing `out`, touches the object, which is `forward` of it [m]."""
     across = np.cross(out, along)
     origin = middle - forward * along
     local = points - origin
@@ -140,10 +140,10 @@ def _held(points: np.ndarray, height: float, across: np.ndarray) -> tuple[np.nda
 
 
 def _walls(points: np.ndarray, height: float, across: np.ndarray) -> list[tuple[np.ndarray, float]]:
-    """Centres (3,) and widths [m] along `across` of the walls of a vessel at a height; none if it is no vessel."""
+    """Centres (3,) and widths [m] along `across` of the walls of a vessel at a height; none for other objects."""
     middle = np.median(points, axis=0)
     local = points - np.array([middle[0], middle[1], height])
-    # What is higher is in the hand's way, too.
+    # Higher parts obstruct the hand, too.
     above = (local[:, 2] > -SLAB_M / 3) & (np.abs(local @ np.cross(UP, across)) < WALL_STRIP_M)
     along = np.sort(local[above] @ across)
     cuts = np.flatnonzero(np.diff(along) > ROOM_M)

@@ -1,4 +1,4 @@
-"""Scripted operator of primitive `handover`: one hand brings the object before both, the other takes it."""
+"""Scripted operator of primitive `handover`: one hand brings the object in front of both, the other takes it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dextera_build.sim.runtime.environment import Environment
 RISES_M = (0.16, 0.24)
 """Heights of the meeting place above the start [m]."""
 TURNS = np.radians([0, 45, -45, 90, -90])
-"""Turns of the object about the vertical on the way to the meeting place."""
+"""Rotations of the object about the vertical on the way to the meeting place."""
 SECONDS = (0.8, 1.8, 0.8, 0.9, 0.8)
 """Durations: lift, bring, open, retreat, hold [s]."""
 
@@ -30,7 +30,7 @@ class Handover(Taking):
     Args:
         environment: The task; only its data are used.
         reach: Kinematics of giver and receiver, in this order.
-        meeting: T_base_object (4, 4) where the object changes hands.
+        meeting: T_base_object (4, 4) of the handover.
         given: The giver's grasp.
         received: The receiver's grasp.
     """
@@ -59,7 +59,7 @@ class Handover(Taking):
         }
 
     def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
-        """The receiver's grasp, and the giver's retreat; the giver makes good how the object lies in its hand."""
+        """The receiver's grasp, and the giver's retreat; the giver corrects for the grasp actually achieved."""
         given, received = self.given, self.received
         palm = self.meeting @ held[self._giver]
         legs = received.taking(self._object, self.meeting, self._up)
@@ -78,18 +78,18 @@ class Handover(Taking):
         }
 
     def comfort(self, room: Room, state: State) -> float | None:
-        """Comfort of the less comfortable arm: of the giver's way and of the receiver's into its grasp."""
+        """Comfort of the less comfortable arm, over the giver's path and the receiver's approach."""
         there = held_at(self._reach.one(self._giver), state, self.given, self._object, self.meeting)
         given, taken = super().comfort(room, state), None if there is None else self.received_comfort(room, there)
         return None if given is None or taken is None else min(given, taken)
 
     def received_comfort(self, room: Room, there: State) -> float | None:
-        """Comfort of the receiver's way into its grasp, with the object in the giver's hand at the meeting place."""
+        """Comfort of the receiver's approach, with the object in the giver's hand at the meeting place."""
         return room.comfort([{self._receiver: self.phases(there)[1][self._receiver][:4]}], there)
 
 
 def held_at(giver: Reach, state: State, grasp: Grasp, name: str, meeting: np.ndarray) -> State | None:
-    """The state in which the giver holds the object at the meeting place; None if it is out of reach."""
+    """The state in which the giver holds the object at the meeting place; None if out of reach."""
     solved = giver.arm.solve(meeting @ grasp.palm, giver.joints(state), posture=giver.arm.home)
     if not solved.reached():
         return None
@@ -104,7 +104,7 @@ def _rest() -> Sequence[tuple[float, str]]:
 
 
 def meetings(base: np.ndarray, palms: Sequence[np.ndarray], up: np.ndarray) -> Iterator[np.ndarray]:
-    """Poses (4, 4) in the base at which an object may change hands.
+    """Poses (4, 4) in the base at which an object may be handed over.
 
     Args:
         base: T_base_object (4, 4) at the start.

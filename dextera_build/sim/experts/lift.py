@@ -11,7 +11,7 @@ from dextera_build.sim.experts.scripted import Scripted
 from dextera_build.sim.runtime.environment import Environment
 
 MORE_M = 0.03
-"""Height by which the object is raised beyond the task's goal [m]."""
+"""Height by which the object is raised above the task's goal [m]."""
 
 
 class Lift(Scripted):

@@ -32,13 +32,13 @@ class Leg:
 
 
 Plan = Mapping[str, Sequence[Leg]]
-"""Limb -> its legs. Legs of the same number take the same time and belong to the same segment."""
+"""Limb -> its legs. Legs with the same index have the same duration and segment."""
 Hands = Mapping[str, tuple[np.ndarray, np.ndarray]]
 """Limb -> T_base_palm (4, 4) and finger joints (H,) [rad]."""
 
 
 def follow(plan: Plan, hands: Hands, control_hz: float) -> Iterator[Command]:
-    """Commands of all limbs of a plan at control rate, from where their `hands` are."""
+    """Commands of all limbs of a plan at control rate, starting at their `hands`."""
     streams = [sample(limb, *hands[limb], legs, control_hz) for limb, legs in plan.items()]
     for parts in zip(*streams, strict=True):
         aims = {limb: aim for part in parts for limb, aim in part.aims.items()}
@@ -77,7 +77,7 @@ def between(first: np.ndarray, last: np.ndarray, part: float) -> np.ndarray:
 
 
 def shifted(pose: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """A pose (4, 4) moved by `way` (3,) [m]."""
+    """A pose (4, 4) translated by `way` (3,) [m]."""
     moved = pose.copy()
     moved[:3, 3] += way
     return moved

@@ -1,4 +1,4 @@
-"""Scripted operators of primitive `pick_and_place`: grasp, carry over, set down, let go; with one hand or several."""
+"""Scripted operators of primitive `pick_and_place`: grasp, carry, set down, release; with one hand or several."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from dextera_build.sim.runtime.environment import Environment
 OVER_M = 0.08
 """Height at which the object is carried above its start and its target [m]."""
 SPARE_M = 0.006
-"""Height above its support at which the object is let go [m]."""
+"""Height above its support at which the object is released [m]."""
 BELOW_M = 0.08
-"""How far an object is lowered below the rim of a container at most; fingers stay above it [m]."""
+"""Maximum depth below the rim of a container to which an object is lowered; fingers stay above the rim [m]."""
 FINGER_M = 0.015
-"""Thickness of a fingertip below its middle, with a clearance [m]."""
+"""Thickness of a fingertip below its centre, with a clearance [m]."""
 WALL_M = 0.012
-"""Distance from a container's walls that is enough when an object is let go [m]."""
+"""Sufficient distance from a container's walls when an object is released [m]."""
 TURNS = np.radians([0, 15, -15, 30, -30, 45, -45, 60, -60, 75, -75, 90, -90])
-"""Turns about the vertical in which an object may go into a container, preferred first."""
+"""Rotations about the vertical in which an object may be put into a container, preferred first."""
 SECONDS = (0.8, 1.4, 0.9, 0.5, 0.6, 0.7)
 """Durations: lift, carry, lower, open, retreat, rest [s]."""
 
 
 class Target:
-    """Where an object is let go: at its goal, or over the cavity of its container.
+    """Release pose of an object: at its goal, or over the cavity of its container.
 
     Args:
         environment: The task; only its data are used.
@@ -50,7 +50,7 @@ class Target:
         self._cavity = bundle.objects[task.goal.into].cavity if task.goal.into else None
 
     def pose(self, state: State, base: np.ndarray) -> np.ndarray:
-        """T_base_object (4, 4) at its goal or on the rim; turned as it stands at `base` (4, 4) if that fits."""
+        """T_base_object (4, 4) at its goal or on the rim; with the orientation at `base` (4, 4) if that fits."""
         found = base.copy()
         if self._goal.quaternion is not None:
             found[:3, :3] = self._base_from_world[:3, :3] @ quaternions.to_matrix(np.array(self._goal.quaternion))
@@ -61,11 +61,11 @@ class Target:
         return found
 
     def lowered(self, pose: np.ndarray, below_m: float) -> np.ndarray:
-        """T_base_object (4, 4) where a hand lets go of it: below the rim of a container, else at `pose` (4, 4).
+        """T_base_object (4, 4) at release: below the rim of a container, else at `pose` (4, 4).
 
         Args:
             pose: At its goal or on the rim.
-            below_m: How far below the rim it is lowered at most [m].
+            below_m: Maximum depth below the rim [m].
         """
         if self._cavity is None:
             return pose
@@ -73,7 +73,7 @@ class Target:
         return shifted(pose, -self._up * min(below_m, half))
 
     def _over(self, container: np.ndarray, found: np.ndarray) -> np.ndarray:
-        """At the height of the rim, with the footprint's middle over the cavity's."""
+        """The pose at the height of the rim, with the centre of the footprint over that of the cavity."""
         assert self._cavity is not None
         columns, rim = _columns(self._cavity)
         middle = transforms.apply(container, np.array([*columns.mean(axis=0), rim]))
@@ -111,7 +111,7 @@ class Place(Taking):
         self.grasp = grasp
 
     def taking(self, state: State) -> Plan:
-        """The grasp, and up above start and target."""
+        """The grasp, and the lift above start and target."""
         grasp, base = self.grasp, state.objects[self._object]
         height = float((self._target.pose(state, base)[:3, 3] - base[:3, 3]) @ self._up)
         raised = shifted(base @ grasp.palm, self._up * (max(0.0, height) + OVER_M))
@@ -119,7 +119,7 @@ class Place(Taking):
         return {self._reach.limb: [*legs, self._held(raised, grasp.closed, SECONDS[0], "lift")]}
 
     def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
-        """The way to the target and back from it."""
+        """The path to the target and the retreat."""
         grasp, limb = self.grasp, self._reach.limb
         laid = self._target.lowered(self._target.pose(state, base), self._below) @ held[limb]
         above = shifted(laid, self._up * float((last[limb].palm[:3, 3] - laid[:3, 3]) @ self._up))
@@ -142,7 +142,7 @@ class PlaceTogether(Taking):
     Args:
         environment: The task; only its data are used.
         reach: Kinematics of both limbs.
-        squeeze: Where the hands press.
+        squeeze: Contact poses of the hands.
     """
 
     def __init__(self, environment: Environment, reach: Reach, squeeze: Squeeze) -> None:
@@ -151,13 +151,13 @@ class PlaceTogether(Taking):
         self.squeeze = squeeze
 
     def taking(self, state: State) -> Plan:
-        """The hands at both sides, and up above start and target."""
+        """The hands at both sides, and the lift above start and target."""
         base = state.objects[self._object]
         height = float((self._target.pose(state, base)[:3, 3] - base[:3, 3]) @ self._up)
         return self.squeeze.lifting(self._object, base, self._up, max(0.0, height) + OVER_M)
 
     def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
-        """The way to the target, and apart."""
+        """The path to the target, and the opening of the hands."""
         target = self._target.pose(state, base)
         _, carry, lower, let, retreat, rest = SECONDS
         plan = {}
@@ -178,19 +178,19 @@ class PlaceTogether(Taking):
 
 
 def _columns(cavity: Cavity) -> tuple[np.ndarray, float]:
-    """Middles (C, 2) of the columns of a cavity, in its frame, and the height of its rim [m]."""
+    """Centres (C, 2) of the columns of a cavity, in its frame, and the height of its rim [m]."""
     deep = cavity.rim_m - cavity.floor_m
-    # Columns over a foot or a slope do not hold an object.
+    # Columns over a foot or a slope cannot support an object.
     cells = np.argwhere(deep > 0.5 * deep.max())
     return cavity.corner_m + (cells + 0.5) * cavity.cell_m, float(cavity.rim_m[deep > 0].max())
 
 
 def _outside(points: np.ndarray, columns: np.ndarray, cell_m: float) -> float:
-    """How far points (P, 2) are beyond the border of columns (C, 2) at most [m]; negative if all are inside."""
+    """Largest distance of points (P, 2) outside the border of columns (C, 2) [m]; negative if all are inside."""
     low, high = columns.min(axis=0) - cell_m / 2, columns.max(axis=0) + cell_m / 2
     middle, half = (low + high) / 2, (high - low) / 2
     filled = len(columns) * cell_m**2 / max(4.0 * float(half.prod()), 1e-9)
     if filled > 0.9:
         return float((np.abs(points - middle) - half).max())
-    # A round one: an ellipse within the same box.
+    # A round cavity is an ellipse within the same box.
     return float(((np.linalg.norm((points - middle) / half, axis=1) - 1.0) * half.min()).max())

@@ -1,4 +1,4 @@
-"""Plan a scripted operator for a task: candidates are sought from several starts, and rehearsed."""
+"""Planning of a scripted operator for a task: candidates are searched from several starts, and rehearsed."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from dextera_build.sim.runtime.environment import Environment
 
 Progress = Callable[[int, int, str], None]
 PLANNED = 3
-"""Drawn starts from which candidates are sought, beside the photographed one."""
+"""Number of random starts from which candidates are searched, in addition to the photographed one."""
 NEW = 3
-"""Free paths that are enough where none of the rehearsed ones is free."""
+"""Number of sufficient free paths in a new search, if no rehearsed path is free."""
 
 
 class Practised:
-    """The operator that did best in rehearsal and is free of collisions.
+    """The operator with the best rehearsal whose path is free of collisions.
 
     Args:
         rehearsed: Candidates, best first.
-        expert: Where new candidates come from if none of them has a free path.
-        search: Where they are sought.
+        expert: Source of new candidates if no rehearsed one has a free path.
+        search: Context of the search.
     """
 
     def __init__(self, rehearsed: list[Rehearsed], expert: Expert, search: Search) -> None:
@@ -41,7 +41,7 @@ class Practised:
         self._now = rehearsed[0].candidate.operator
 
     def begin(self, state: State) -> None:
-        """Choose the first free path from `state`, or a new one; if none is free, the best one reports the reason."""
+        """Choose the first free path from `state`, or a new one; if none is free, the best candidate raises."""
         for one in self.rehearsed:
             if one.candidate.operator.comfort(self._search.room, state) is not None:
                 self._now = one.candidate.operator
@@ -57,17 +57,17 @@ class Practised:
 
 
 class Unable:
-    """An operator without any way to do its task: every start is out of reach.
+    """An operator without a plan: every start is out of reach.
 
     Args:
-        reason: Why.
+        reason: The reason.
     """
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
 
     def begin(self, state: State) -> None:
-        """Give up.
+        """Raise the reason.
 
         Raises:
             OutOfReach: Always.
@@ -75,18 +75,18 @@ class Unable:
         raise OutOfReach(self.reason)
 
     def command(self, state: State) -> Command | None:
-        """Nothing."""
+        """None."""
         return None
 
 
 def practise(driver: Driver, progress: Progress = lambda done, total, what: None, *, anyway: bool = False) -> Operator:
-    """Find the scripted operator of the driver's task, with the nearest limb that can reach, or those it names.
+    """Find the scripted operator of the driver's task, with the nearest capable limb, or the limbs that the task names.
 
     Args:
         driver: Its environment is used and left in an arbitrary state.
         progress: Receives the progress of the rehearsal.
-        anyway: Where no rehearsal succeeded, return the operator of the likeliest candidate, or `Unable` if there is
-            none, so that its attempts show what goes wrong.
+        anyway: If no rehearsal succeeded, return the operator of the likeliest candidate, or `Unable` if there is none,
+            so that its attempts show the failure.
 
     Raises:
         RuleError: The robot's hand lacks a frame or a grip, the primitive has no script, or, unless `anyway`, the task
@@ -109,7 +109,7 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
         rehearsed = rehearse(driver, found, progress)
         if rehearsed:
             return Practised(rehearsed, expert, search)
-        # It does not plan anew where its path is not free: that would take long, and not help.
+        # New plans are not searched where its path is not free: that would be slow and would not help.
         likeliest = likeliest or found[0].operator
     far = f"`{task.object}` is out of reach: no way to take hold of it that the arm can go"
     if anyway:
@@ -125,7 +125,7 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
 
 
 def _found(driver: Driver, expert: Expert, search: Search) -> list[Candidate]:
-    """Candidates from several starts in turn: what the arm cannot reach from one of them, it may from another."""
+    """Candidates from several starts in turn, because reachability differs between starts."""
     environment = driver.environment
     found: dict[str, Candidate] = {}
     plans: list[list[Candidate]] = []

@@ -15,7 +15,7 @@ from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.runtime.environment import Environment
 
 SPEED_M_S = 0.12
-"""Speed of the push; a slow one ends where the hand ends [m/s]."""
+"""Speed of the push; at low speed the object stops with the hand [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Stroke:
     pitch_rad: float = 0.0
     """Rotation of the hand about the direction of the push, fingers down at 0 [rad]."""
     low: float = 0.35
-    """Height of the fingertips, as a fraction of the object's; low down it does not tip over."""
+    """Height of the fingertips, as a fraction of the object's; a low contact prevents tipping."""
     clear_m: float = 0.06
     """Distance behind the object at which the push begins [m]."""
     above_m: float = 0.16
@@ -66,7 +66,7 @@ class Push(Pushing):
         heights = surface @ self._up
         turn = self._orientation(ahead)
         low = float(heights.min() + max(stroke.low * np.ptp(heights), self._hand.height(turn, self._up)))
-        # A slanted or hollow side is met later than the object's rearmost point.
+        # A slanted or hollow side is touched later than the object's rearmost point.
         meets = self._hand.meets(turn, ahead, self._up, surface - pose[:3, 3])
         start = pose[:3, 3] + ahead * meets + self._up * (low - pose[:3, 3] @ self._up)
 
@@ -79,7 +79,7 @@ class Push(Pushing):
             Leg(palm(-stroke.clear_m), self._hand.fingers, down, "reach", self._object),
             self._pushes(palm(0.0), touch),
         ]
-        # A minimum-jerk motion is 15/8 times as fast in its middle as on average.
+        # The peak speed of a minimum-jerk motion is 15/8 of its mean.
         steps = max(2, round(15 / 8 * far / SPEED_M_S * self._rate))
         legs += [self._pushes(palm(far * minimum_jerk(step / steps)), 1 / self._rate) for step in range(1, steps + 1)]
         return [*legs, self._pushes(legs[-1].palm, rest)]

@@ -1,4 +1,4 @@
-"""Hands that push with their fingertips, and operators that push again until the episode ends."""
+"""Hands that push with their fingertips, and operators that repeat pushes until the episode ends."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from dextera_build.sim.experts.scripted import Scripted
 from dextera_build.sim.runtime.environment import Environment
 
 SUPPORT_M = 0.012
-"""Clearance of pushing fingertips from the support [m]."""
+"""Clearance between pushing fingertips and the support [m]."""
 WIDTH = 1.5
-"""Half width of the strip in which a fingertip meets a surface, in its radii."""
+"""Half width of the strip in which a fingertip touches a surface, in fingertip radii."""
 AWAY_M, RAISED_M, AWAY_S = 0.03, 0.10, 0.5
-"""A hand that pushes again first goes so far back, then up [m], in this time each [s]."""
+"""Retreat before a repeated push: distance backwards and upwards [m], and duration of each [s]."""
 
 
 class Pushed:
@@ -41,7 +41,7 @@ class Pushed:
         self._axes = np.stack([along, out, np.cross(along, out)])
 
     def _spread(self, turn: np.ndarray) -> np.ndarray:
-        """Fingertips (F, 3) of a palm with rotation `turn` (3, 3), from their middle."""
+        """Fingertips (F, 3) of a palm with rotation `turn` (3, 3), relative to their centre."""
         return np.asarray((self._tips - self._pad) @ turn.T)
 
     def palm(self, turn: np.ndarray, tip: np.ndarray) -> np.ndarray:
@@ -49,7 +49,7 @@ class Pushed:
         return transforms.rigid(turn, tip - turn @ self._pad)
 
     def height(self, turn: np.ndarray, up: np.ndarray) -> float:
-        """Least height [m] of the middle of the fingertips at which the lowest one clears the support.
+        """Minimum height [m] of the centre of the fingertips at which the lowest one clears the support.
 
         Args:
             turn: (3, 3) rotation of the palm.
@@ -59,7 +59,7 @@ class Pushed:
         return self.tip_m + SUPPORT_M - lowest
 
     def ahead(self, turn: np.ndarray, way: np.ndarray) -> float:
-        """How far [m] the foremost fingertip is ahead of the middle of the fingertips.
+        """Distance [m] of the foremost fingertip ahead of the centre of the fingertips.
 
         Args:
             turn: (3, 3) rotation of the palm.
@@ -68,13 +68,13 @@ class Pushed:
         return self.tip_m + float((self._spread(turn) @ way).max())
 
     def meets(self, turn: np.ndarray, way: np.ndarray, up: np.ndarray, surface: np.ndarray) -> float:
-        """How far [m] the middle of the fingertips comes from the origin along the push until one of them touches.
+        """Distance [m] along the push from the origin to the centre of the fingertips at first contact.
 
         Args:
             turn: (3, 3) rotation of the palm.
             way: (3,) direction of the push in the same frame.
             up: (3,) vertical in the same frame.
-            surface: (N, 3) points of the object, relative to a point that the middle of the fingertips passes.
+            surface: (N, 3) points of the object, relative to a point on the path of the fingertips' centre.
         """
         tips, across = self._spread(turn), np.cross(up, way)
         beside = np.abs((surface @ across)[None, :] - (tips @ across)[:, None]) < WIDTH * self.tip_m
@@ -89,9 +89,10 @@ class Pushed:
 
 
 class Pushing(Scripted):
-    """Pushes with the fingertips: over, down behind, touch, many short legs along the way, and a last one.
+    """Pushes with the fingertips: over, down behind, touch, many short legs along the path, and a last one.
 
-    It pushes again, from where the object came to lie, until the episode ends: what is pushed may slip or turn away.
+    Pushes are repeated from the object's current pose until the episode ends, because a pushed object may slip or
+    rotate.
     """
 
     def __init__(self, environment: Environment, reach: Reach) -> None:
@@ -99,7 +100,7 @@ class Pushing(Scripted):
         self._hand = Pushed(reach)
 
     def command(self, state: State) -> Command | None:
-        """The next step of the plan, or of another one."""
+        """The next step of the plan, or of a new one."""
         command = super().command(state)
         if command is None and self._plan:
             self._commands = self._again(state)
@@ -107,7 +108,7 @@ class Pushing(Scripted):
         return command
 
     def _again(self, state: State) -> Iterator[Command]:
-        """Away from the object, up, and another push; nothing where the arm cannot go."""
+        """Retreat from the object, upwards, and another push; nothing if out of reach."""
         done = self._plan[self._reach.limb]
         last, way = done[-1].palm, done[2].palm[:3, 3] - done[-2].palm[:3, 3]
         away = shifted(last, AWAY_M * way / max(float(np.linalg.norm(way)), 1e-9))

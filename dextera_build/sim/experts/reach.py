@@ -1,4 +1,4 @@
-"""Shared by scripted operators: the hands' poses, and whether the arms can follow a plan."""
+"""Shared code of scripted operators: the hands' poses, and reachability of plans."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Reach:
 
     Args:
         robot: The embodiment.
-        limbs: Names of the limbs; where one limb is meant, the first.
+        limbs: Names of the limbs; methods for one limb use the first.
     """
 
     def __init__(self, robot: RobotModel, *limbs: str) -> None:
@@ -32,7 +32,7 @@ class Reach:
         self.limb = limbs[0]
         """The first of them."""
         self.grips = robot.limbs[self.limb].grips
-        """Ways to use its hand."""
+        """Grips of its hand."""
         self.fingers = HandKinematics(robot, self.limb)
         """Kinematics of its fingertips."""
         self.arm = ArmKinematics(robot, limbs)
@@ -53,7 +53,7 @@ class Reach:
         return self._parts[limbs[0]] if len(limbs) == 1 else Reach(self._robot, *limbs)
 
     def places(self, joints: Sequence[str]) -> np.ndarray:
-        """Places of joints in `State.joints`."""
+        """Indices of joints in `State.joints`."""
         return np.array([self._names.index(name) for name in joints], int)
 
     def joints(self, state: State) -> np.ndarray:

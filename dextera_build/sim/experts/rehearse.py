@@ -27,13 +27,13 @@ from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.seeds import seed_of
 
 TRIED = 32
-"""Candidates tried once where they were found and once under hard conditions."""
+"""Number of candidates tried once at their own start and once under hard conditions."""
 GOOD = 12
-"""Candidates that succeeded in both after which no more are tried."""
+"""Number of candidates that succeeded in both at which no more are tried."""
 FINAL = 8
-"""Number of the steadiest candidates rehearsed from drawn starts."""
+"""Number of candidates with the least stray that are rehearsed from random starts."""
 STARTS = 6
-"""Number of drawn starts."""
+"""Number of random starts."""
 HARD = 0.9
 """Position of the hard start between nominal and the heavy, slippery and weak ends of the twin's intervals."""
 STRAY_M_RAD = 0.1
@@ -50,21 +50,21 @@ class Planned(Operator, Protocol):
         """The plan from `state`, phase by phase."""
 
     def comfort(self, room: Room, state: State) -> float | None:
-        """Comfort of the arms along the plan from `state`, higher is better; None if it is not free."""
+        """Comfort of the arms along the plan from `state`, higher is better; None if it is not free of collisions."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A way to do the task."""
+    """A candidate plan for the task."""
 
     name: str
     """Human-readable description."""
     way: str
-    """Kind of motion; candidates of one kind differ in detail."""
+    """Kind of motion; candidates of one kind differ in details."""
     operator: Planned
     """The operator to rehearse."""
     start: Start | None = None
-    """Where its path was found to be free; None: as photographed."""
+    """Start at which its path was found free of collisions; None: the photographed one."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def rehearse(
     tried.sort(key=lambda one: (-one.passed, one.stray))
     begun = drawn(driver, STARTS)
     final: list[Rehearsed] = []
-    # The best of every kind first: if one kind has no room, another may.
+    # The best of every kind first, because a kind without free space may be the only one that fails.
     finalists = taking_turns(tried, [one.candidate.way for one in tried])[:FINAL]
     for number, one in enumerate(finalists):
         progress(total - FINAL + number, total, one.candidate.name)
@@ -114,7 +114,7 @@ def rehearse(
         final.append(
             replace(one, stray=max(one.stray, found.stray), passed=one.passed + found.passed, of=one.of + found.of)
         )
-    # The others have less to show, but where the first ones have no room one of them may.
+    # The others are less likely, but may succeed where the first ones have no free space.
     others = [one for one in tried if one not in finalists]
     return sorted(final, key=lambda one: (-one.passed, one.stray)) + others
 
@@ -135,7 +135,7 @@ def stray(episode: Episode, task: TaskSpec, names: Sequence[str], limbs: Sequenc
     objects = episode.objects[:, list(names).index(task.object)]
     first, last = poses.to_matrix(objects[touching[0]]), poses.to_matrix(objects[-1])
     if still == "in hand":
-        # The palm is still relative to the object only at the end of the approach; undo earlier motion.
+        # The palm is at rest relative to the object only at the end of the approach; undo earlier motion.
         palm = episode.hand[:, acting(episode, limbs)[0]]
         first = transforms.invert(poses.to_matrix(palm[_near(episode, touching[0])])) @ first
         last = transforms.invert(poses.to_matrix(palm[-1])) @ last
@@ -172,7 +172,7 @@ def _rehearsed(driver: Driver, candidate: Candidate, drawn: Sequence[Start], *, 
 
 
 def drawn(driver: Driver, most: int) -> list[Start]:
-    """Starts of rehearsals, always the same; fewer than `most` where a task is crowded."""
+    """Starts of rehearsals, deterministic; fewer than `most` if a task is crowded."""
     found = []
     for number in range(most):
         with contextlib.suppress(RuleError):

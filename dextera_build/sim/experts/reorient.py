@@ -1,4 +1,4 @@
-"""Scripted operator of primitive `pick_and_reorient`: grasp, raise, bring to the target pose, hold there."""
+"""Scripted operator of primitive `pick_and_reorient`: grasp, raise, move to the target pose, hold."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dextera_build.sim.experts.scripted import Taking
 from dextera_build.sim.runtime.environment import Environment
 
 RAISED_M = 0.12
-"""Height to which the object is raised before it is turned, and at which it stays if any position will do [m]."""
+"""Height to which the object is raised before its rotation, and at which it stays if no position is commanded [m]."""
 SECONDS = (1.0, 2.0, 1.0)
 """Durations: lift, turn, hold [s]."""
 
@@ -37,14 +37,14 @@ class Reorient(Taking):
         self.grasp = grasp
 
     def taking(self, state: State) -> Plan:
-        """The grasp, and up."""
+        """The grasp and the lift."""
         base = state.objects[self._object]
         raised = shifted(base @ self.grasp.palm, self._up * RAISED_M)
         legs = self.grasp.taking(self._object, base, self._up)
         return {self._reach.limb: [*legs, self._held(raised, self.grasp.closed, SECONDS[0], "lift")]}
 
     def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
-        """To the target, and rest there."""
+        """The motion to the target, and the hold."""
         target = shifted(base, self._up * RAISED_M)
         if self._goal.quaternion is not None:
             target[:3, :3] = self._base_from_world[:3, :3] @ quaternions.to_matrix(np.array(self._goal.quaternion))

@@ -1,4 +1,4 @@
-"""Check whether the arm can follow a plan without collisions."""
+"""Collision checks of plans."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ TOUCH_M = 0.004
 CLEAR_M = 0.010
 """Clearance of the robot from everything else [m]."""
 LAG_M = 0.015
-"""Allowed lag of the palms behind their commands on the way [m]."""
+"""Allowed lag of the palms behind their commands on a path [m]."""
 CLOSING_M = 0.003
 """Clearance of closing fingers from everything but the object [m]."""
 RESTARTS = 3
 """Further starts of the inverse kinematics for the first pose of a plan."""
 EVERY = 2
-"""Control steps between collision checks along a plan."""
+"""Control steps between collision checks along a path."""
 
 
 class Room:
@@ -36,7 +36,7 @@ class Room:
 
     Args:
         environment: The task; only its model is used.
-        reach: Kinematics of the limbs that may move; the others stay where they are.
+        reach: Kinematics of the limbs that may move; the others stay in place.
     """
 
     def __init__(self, environment: Environment, reach: Reach) -> None:
@@ -51,7 +51,7 @@ class Room:
         roots = model.body_rootid[model.geom_bodyid]
         self._robot = roots == model.body(ROBOT + "base").id
         self._object = roots == model.body(environment.task.object).id
-        # Contacts are reported from this distance.
+        # Contacts are reported below this distance.
         model.geom_margin[self._robot] = CLEAR_M
         self._joints = self._addresses([joint.name for joint in environment.bundle.robot.joints])
         self._led = environment.bundle.robot.followers
@@ -59,7 +59,7 @@ class Room:
     def comfort(self, phases: Sequence[Plan], state: State) -> float | None:
         """Comfort of the arms along a plan, higher is better; None if unreachable or in collision.
 
-        After the first contact objects move with the hand, which only a rehearsal can check.
+        After the first contact objects move with the hand, which only a rehearsal can verify.
 
         Args:
             phases: The plan.
@@ -90,7 +90,7 @@ class Room:
         return 3.0 * min(margin, ENOUGH_RAD) - far if self._clear(reach, plan, first, state) else None
 
     def _grasps(self, reach: Reach, joints: np.ndarray, rows: Sequence[Sequence[Leg]]) -> bool:
-        """Whether nothing but the object is in the way at the first contact, and of hands that close there."""
+        """Whether nothing but the object is in contact with closing hands at the first contact."""
         if not self._free(reach, joints, rows[0], object_m=-TOUCH_M):
             return False
         closing = rows[1] if len(rows) > 1 and rows[1][0].segment == "grasp" else rows[0]
@@ -128,8 +128,8 @@ class Room:
     def _free(self, reach: Reach, joints: np.ndarray, aims: Sequence[Leg | Aim], *, object_m: float) -> bool:
         """Whether nothing collides with the arms at `joints` (A,) and the fingers as in `aims`, by limb.
 
-        The task's object may be `object_m` near [m], negative inside; at minus infinity a hand closes at it, and its
-        fingers may meet.
+        The task's object may be as near as `object_m` [m], negative inside; at minus infinity a hand closes on it, and
+        its fingers may touch each other.
         """
         model, data = self._model, self._data
         data.qpos[self._joints[reach.places(reach.arm.joints)]] = joints
@@ -159,6 +159,6 @@ class Room:
 
 
 def _follows(reach: Reach, joints: np.ndarray, aims: Sequence[Aim]) -> bool:
-    """Whether the arms at `joints` (A,) are where they are commanded to be."""
+    """Whether the palms at arm joints `joints` (A,) are at their commanded poses."""
     lag = reach.arm.poses(joints)[:, :3, 3] - np.array([aim.palm[:3, 3] for aim in aims])
     return float(np.linalg.norm(lag, axis=1).max()) < LAG_M

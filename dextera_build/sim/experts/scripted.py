@@ -1,7 +1,6 @@
-"""Shared by scripted operators: a plan is made at the start of an episode and followed to its end.
+"""Base of scripted operators: a plan is made at the start of an episode and executed to its end.
 
-Where an object is carried, the plan has a second phase, which is made again once it is seen how the object came to lie
-in the hand.
+If an object is carried, the plan has a second phase, which is replanned from the grasp actually achieved.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from dextera_build.sim.runtime.environment import Environment
 
 
 class Scripted(ABC):
-    """Follows the plan that it makes of the first state.
+    """Executes the plan that it makes from the first state.
 
     Args:
         environment: The task; only its data are used.
@@ -35,7 +34,7 @@ class Scripted(ABC):
         # The vertical in the base, (3,).
         self._up = base_from_world[:3, 2].copy()
         self._commands: Iterator[Command] = iter(())
-        # The phase that is followed first.
+        # The phase that is executed first.
         self._plan: Plan = {}
 
     def begin(self, state: State) -> None:
@@ -54,7 +53,7 @@ class Scripted(ABC):
         return [{self._reach.limb: self.legs(state)}]
 
     def comfort(self, room: Room, state: State) -> float | None:
-        """Comfort of the arms along the plan from `state`, see `Room.comfort`; None if it is not free."""
+        """Comfort of the arms along the plan from `state`, see `Room.comfort`; None if it is not free of collisions."""
         return room.comfort(self.phases(state), state)
 
     @abstractmethod
@@ -62,12 +61,12 @@ class Scripted(ABC):
         """The plan of one limb from `state`."""
 
     def _checked(self, plan: Plan) -> Plan:
-        """The legs whose ends the arms must reach."""
+        """The legs whose end poses the arms must reach."""
         return plan
 
 
 class Taking(Scripted):
-    """Takes the task's object, and goes on with it as it came to lie in the hand."""
+    """Takes the task's object; transport is replanned from the grasp actually achieved."""
 
     def __init__(self, environment: Environment, reach: Reach) -> None:
         super().__init__(environment, reach)
@@ -93,7 +92,7 @@ class Taking(Scripted):
         return command
 
     def phases(self, state: State) -> list[Plan]:
-        """The plan from `state`, with the object in the hand as it shall be taken."""
+        """The plan from `state`, with the object in the hand as planned."""
         taken, base = self.taking(state), state.objects[self._object]
         last = {limb: legs[-1] for limb, legs in taken.items()}
         inverse = transforms.invert(base)
@@ -109,7 +108,7 @@ class Taking(Scripted):
 
     @abstractmethod
     def taking(self, state: State) -> Plan:
-        """The way to the object and up with it, with a segment `grasp` at whose end it is held."""
+        """The path to the object and the lift, with a segment `grasp` at whose end the object is held."""
 
     @abstractmethod
     def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
@@ -119,7 +118,7 @@ class Taking(Scripted):
             state: Poses of the other objects.
             base: T_base_object (4, 4) at the start.
             last: Limb -> its last leg of the first phase.
-            held: Limb -> T_object_palm (4, 4) since.
+            held: Limb -> T_object_palm (4, 4) in the achieved grasp.
         """
 
     def _held(self, palm: np.ndarray, fingers: np.ndarray, seconds: float, name: str, arc_m: float = 0.0) -> Leg:

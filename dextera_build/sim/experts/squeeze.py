@@ -1,4 +1,4 @@
-"""Two hands that hold an object between them: fingertips press on opposite sides."""
+"""Two-handed grasps: the fingertips of two hands press on opposite sides of an object."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from dextera_build.sim.runtime.environment import Environment
 
 UP = np.array([0.0, 0.0, 1.0])
 CLEAR_M = 0.06
-"""Distance from the object at which the hands wait beside it [m]."""
+"""Distance from the object at which the hands wait next to it [m]."""
 PRESS_M = 0.07
-"""Way that the hands go on after touching [m]."""
+"""Distance that the hands advance after contact [m]."""
 ABOVE_M = (0.14, 0.06)
-"""Heights of the approach above that; hands with fingers down do not rise as far [m]."""
+"""Heights of the approach above that; hands with fingers down rise less [m]."""
 BESIDE_M = 0.035
 """Half width of the strip across the object in which its width is measured [m]."""
 SECONDS = (1.4, 0.8, 0.7, 0.6, 1.6, 0.8)
@@ -37,14 +37,14 @@ class Side:
     palm: np.ndarray
     """(4, 4) T_object_palm when its fingertips touch."""
     away: np.ndarray
-    """(3,) from there to where the hand waits, in the object's frame [m]."""
+    """Offset (3,) to the waiting position of the hand, in the object's frame [m]."""
     fingers: np.ndarray
     """(H,) finger joints [rad]."""
 
 
 @dataclass(frozen=True)
 class Squeeze:
-    """Where two hands press; the same for every start."""
+    """Contact poses of two hands; the same for every start."""
 
     sides: Mapping[str, Side]
     """Limb -> its side."""
@@ -53,10 +53,10 @@ class Squeeze:
     way: str
     """Kind of squeeze."""
     above_m: float
-    """Height of the approach above the places where the hands wait [m]."""
+    """Height of the approach above the waiting positions [m]."""
 
     def lifting(self, name: str, base: np.ndarray, up: np.ndarray, rise_m: float) -> dict[str, list[Leg]]:
-        """The way to both sides, and up.
+        """The approach to both sides, and the lift.
 
         Args:
             name: Body of the object.
@@ -87,7 +87,7 @@ class LiftTogether(Scripted):
     Args:
         environment: The task; only its data are used.
         reach: Kinematics of both limbs.
-        squeeze: Where the hands press.
+        squeeze: Contact poses of the hands.
     """
 
     def __init__(self, environment: Environment, reach: Reach, squeeze: Squeeze) -> None:
@@ -115,7 +115,7 @@ def squeezes(points: np.ndarray, reach: Reach, places: Mapping[str, np.ndarray])
     Args:
         points: (P, 3) on its surface, in its frame, z up [m].
         reach: Kinematics of the limbs.
-        places: Limb -> where its palm is, (3,) in the object's frame; every hand takes its own side.
+        places: Limb -> position (3,) of its palm in the object's frame; every hand uses its own side.
     """
     hands = {limb: Pushed(reach.one(limb)) for limb in reach.limbs}
     top = float(points[:, 2].max())
@@ -149,7 +149,7 @@ def _side(hand: Pushed, touch: np.ndarray, facing: np.ndarray, pitch: float) -> 
 
 
 def _ends(points: np.ndarray, height: float, across: np.ndarray) -> Sequence[np.ndarray] | None:
-    """Where a line through the object's middle along `across` leaves it, two (3,), at a height [m]."""
+    """Both intersections (3,) of a line through the object's centre along `across` with its surface at a height [m]."""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     local = points - np.array([middle[0], middle[1], height])
     strip = np.abs(local @ np.cross(UP, across)) < BESIDE_M

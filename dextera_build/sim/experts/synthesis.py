@@ -23,7 +23,7 @@ from dextera_build.sim.experts.motion import between, minimum_jerk
 from dextera_build.sim.runtime.environment import Environment
 
 ALIKE_M, ALIKE_RAD = 0.04, 0.5
-"""Demonstrations with palms nearer than this grasp in the same way [m, rad]."""
+"""Maximum distance between the palms of demonstrations with the same grasp [m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def bent(path: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def slowed(shown: np.ndarray, path: np.ndarray) -> float:
-    """Factor, at least 1, by which to slow `path` for no step to be faster than in `shown`, (N, 4, 4) each."""
+    """Factor, at least 1, by which `path` is slowed so that no step is faster than in `shown`, (N, 4, 4) each."""
     return max(1.0, float(_lengths(path).max() / max(_lengths(shown).max(), 1e-9)))
 
 
@@ -95,7 +95,7 @@ class Manner:
     timing: Timing = field(default_factory=Timing)
     """Speed of interpolated motion."""
     nearest: int = 3
-    """The source is drawn from this many with the most similar object pose."""
+    """Number of demonstrations with the most similar object pose from which the source is drawn."""
 
 
 class Synthesis:
@@ -141,7 +141,7 @@ class Synthesis:
             if not segment.frame:
                 pending.append(segment)
                 continue
-            # Once the hand is at the object, the object moves with it: keep the frame.
+            # At the object, the object moves with the hand: keep the frame.
             if pending or segment.frame != held:
                 self._frames = self._frames_of(segment)
             held = segment.frame
@@ -208,7 +208,7 @@ class Synthesis:
         return Command(self._aims(palms, fingers), segment.name, segment.frame, segment.contact)
 
     def _aims(self, palms: Sequence[np.ndarray] | np.ndarray, fingers: np.ndarray) -> dict[str, Aim]:
-        """Targets by limb from palms (L, 4, 4) and the finger joints of all moving limbs in a row."""
+        """Targets by limb from palms (L, 4, 4) and the concatenated finger joints of all moving limbs."""
         parts = zip(self._limbs, palms, np.split(fingers, self._cuts), strict=True)
         return {limb: Aim(palm, part) for limb, palm, part in parts}
 
@@ -235,7 +235,8 @@ def nearest(sources: Sequence[Episode], place: int, state: np.ndarray, keep: int
 def alike(sources: Sequence[Episode], names: Sequence[str], limbs: Sequence[str] = ()) -> list[Episode]:
     """The largest set of demonstrations with the same grasp, which avoids contradictory training data.
 
-    Two are alike if the palm, at the end of the first contact, has a similar pose in the contact's frame.
+    Two demonstrations have the same grasp if their palms, at the end of the first contact, have similar poses in the
+    contact's frame.
 
     Args:
         sources: Demonstrations with segments.

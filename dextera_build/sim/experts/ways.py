@@ -1,4 +1,4 @@
-"""Candidates of scripted operators, primitive by primitive: from geometry, sorted by the arm's comfort."""
+"""Candidates of scripted operators by primitive: generated from geometry, sorted by the arm's comfort."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ from dextera_build.sim.runtime.environment import Environment
 
 T = TypeVar("T")
 ENOUGH = 24
-"""Free paths among which the most comfortable are sought."""
+"""Number of free paths among which the most comfortable are selected."""
 LOOKED, FEW = 800, 12
-"""Candidates after which this many free paths are enough, too."""
+"""Number of candidates after which this smaller number of free paths suffices."""
 SOME = 12
-"""Grasps of the giver that are combined with those of the receiver."""
+"""Number of the giver's grasps that are combined with those of the receiver."""
 SHARE, MEETINGS = 8, 60
-"""One in so many of the receiver's grasps is tried at each of so many places to meet."""
+"""One in so many of the receiver's grasps is tried at each of so many meeting places."""
 PAIRS = 20
-"""Pairs of grasps that are rehearsed at most."""
+"""Maximum number of pairs of grasps that are rehearsed."""
 TURNS = (0.0, 0.4, -0.4, 0.8, -0.8, np.pi / 2, -np.pi / 2, np.pi, np.pi - 0.6, np.pi + 0.6)
-"""Turns of a pushing hand about the vertical, from its palm ahead to its back ahead [rad]."""
+"""Rotations of a pushing hand about the vertical, from palm first to back first [rad]."""
 PITCHES = (0.0, 0.5, -0.5, 1.0, -1.0)
-"""Turns of a pushing hand about the direction of the push [rad]."""
+"""Rotations of a pushing hand about the direction of the push [rad]."""
 SHARES = (0.95, 0.8)
 """Distances from the axis at which a link is pushed, see `Mechanism.pushed_at`."""
 LEANS = (0.0, -0.4, 0.4, -0.8, 0.8, -1.2)
@@ -47,14 +47,14 @@ LEANS = (0.0, -0.4, 0.4, -0.8, 0.8, -1.2)
 ABOVE_M = (0.16, 0.07)
 """Heights of the approach above the start of a push [m]."""
 NEAR_M = 0.025
-"""Distance behind a link at which a push begins where there is no room for more, as between two links [m]."""
+"""Distance behind a link at which a push begins if there is no space for more, as between two links [m]."""
 HANDS_APART_M = 0.10
-"""Smallest distance of two palms at one object [m]."""
+"""Minimum distance of two palms at one object [m]."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """Where candidates are sought."""
+    """Context of a search for candidates."""
 
     environment: Environment
     """The task; only its data are used."""
@@ -65,7 +65,7 @@ class Search:
     state: State
     """Poses of the robot and the objects."""
     enough: int = ENOUGH
-    """Free paths after which the search ends."""
+    """Number of free paths at which the search ends."""
 
 
 def _lifts(search: Search) -> list[Candidate]:
@@ -95,13 +95,13 @@ def _grips(environment: Environment, reach: Reach) -> list[Grasp]:
 
 
 def _mixed(items: list[T], way: Callable[[T], str] = lambda item: "") -> list[T]:
-    """In an order that is always the same and looks random, all ways taking turns."""
+    """A fixed shuffle that interleaves the kinds of candidates."""
     drawn = [items[number] for number in np.random.default_rng(0).permutation(len(items))]
     return taking_turns(drawn, [way(each) for each in drawn])
 
 
 def _comfortable(search: Search, found: Iterable[Candidate]) -> list[Candidate]:
-    """The first candidates with a free path, most comfortable first, the kinds taking turns."""
+    """The first candidates with a free path, most comfortable first, with the kinds interleaved."""
     free: list[tuple[float, Candidate]] = []
     for number, each in enumerate(found):
         comfort = each.operator.comfort(search.room, search.state)
@@ -113,12 +113,12 @@ def _comfortable(search: Search, found: Iterable[Candidate]) -> list[Candidate]:
 
 
 def _lifts_together(search: Search) -> list[Candidate]:
-    """Two hands that press on opposite sides of the task's object and lift it."""
+    """Two-handed grasps on opposite sides of the task's object to lift it."""
     return _together(search, lambda way: LiftTogether(search.environment, search.reach, way))
 
 
 def _places_together(search: Search) -> list[Candidate]:
-    """Two hands that carry the task's object between them."""
+    """Two-handed grasps to carry the task's object."""
     return _together(search, lambda way: PlaceTogether(search.environment, search.reach, way))
 
 
@@ -131,7 +131,7 @@ def _together(search: Search, made: Callable[[Squeeze], Planned]) -> list[Candid
 
 
 def _handovers(search: Search) -> list[Candidate]:
-    """Pairs of grasps, and where the object changes hands, most comfortable first."""
+    """Pairs of grasps with meeting poses, most comfortable first."""
     environment, reach, room, state = search.environment, search.reach, search.room, search.state
     name = environment.task.object
     giver, receiver = (reach.one(limb) for limb in reach.limbs)
@@ -168,7 +168,7 @@ def _given(room: Room, giver: Reach, grasp: Grasp, name: str, state: State) -> f
 
 
 def _far_apart(given: Grasp, received: Grasp) -> bool:
-    """Whether two hands in these grasps have room beside one another."""
+    """Whether two hands in these grasps are far enough apart."""
     return float(np.linalg.norm(given.palm[:3, 3] - received.palm[:3, 3])) > HANDS_APART_M
 
 
@@ -211,7 +211,7 @@ class Expert:
     primitive: str
     """The primitive."""
     against: str
-    """The grip that it needs, see `Grip.against`."""
+    """The required grip, see `Grip.against`."""
     plan: Callable[[Search], list[Candidate]]
     """Candidates of its limbs, likeliest first."""
     hands: int = 1

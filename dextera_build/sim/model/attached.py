@@ -1,4 +1,4 @@
-"""Write a scene description with its robots as MJCF; MuJoCo itself puts them in."""
+"""Write a scene description with its robots as MJCF; the robots are attached by MuJoCo."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dextera_build.sim.model import compose, held, mjcf
 
 
 def write(description: SceneDescription, fixed: Collection[str] = ()) -> Folder:
-    """`scene.xml` and its files, every robot fixed to the world at its place; keyframe `home` has its home position.
+    """`scene.xml` and its files, every robot fixed to the world at its pose; keyframe `home` has its home position.
 
     Args:
         description: The scene.

@@ -33,8 +33,8 @@ def with_robot(
         scene: `scene.xml` and its files.
         robot: The embodiment.
         world_from_base: (4, 4) T_world_base.
-        prefix: Begins the robot's names.
-        keeps_cameras: False removes the scene's, because a task does not depend on its observers (see `View`).
+        prefix: Prefix of the robot's names.
+        keeps_cameras: False removes the scene's cameras, because a task does not depend on its observers (see `View`).
 
     Raises:
         RuleError: MuJoCo rejects the scene, the robot or the combination.
@@ -83,7 +83,7 @@ def load(model: Folder, main: str) -> Any:
     """The `mujoco.MjSpec` of the file `main` of a folder, with all other files as assets.
 
     Raises:
-        RuleError: It names a file that the folder does not hold.
+        RuleError: It names a file that the folder does not contain.
     """
     import mujoco
 
@@ -105,12 +105,12 @@ def _home(spec: Any) -> tuple[dict[str, np.ndarray], dict[str, float]]:
 
 
 def with_base(model: Folder, world_from_base: np.ndarray, *, prefix: str = ROBOT) -> Folder:
-    """A model of `with_robot` with the robot's base elsewhere; one without the robot stays as it is.
+    """A model of `with_robot` with the robot's base at another pose; a model without the robot is unchanged.
 
     Args:
         model: `scene.xml` and its files.
         world_from_base: (4, 4) T_world_base.
-        prefix: Begins the robot's names.
+        prefix: Prefix of the robot's names.
     """
     root = ET.fromstring(model.files["scene.xml"])
     for parent in list(root.iter()):

@@ -1,4 +1,4 @@
-"""Describe a twin: from placed assets, their background and the photograph's camera to a `SceneDescription`."""
+"""Conversion of placed assets, their background and the photograph's camera to a `SceneDescription`."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def describe(
 
 
 def parted(assets: Mapping[str, Asset], background: Background) -> neighbours.Parted:
-    """The assets with collision pieces that overlap neither one another nor the background's, and do not hover.
+    """The assets with collision pieces that overlap neither one another nor the background's, and that do not hover.
 
     Raises:
         RuleError: A link of an asset has no collision pieces or no mass.
@@ -91,7 +91,7 @@ def _object(asset: Asset, own: Mapping[str, str]) -> ObjectNode:
 
 
 def _body(asset: Asset, link: str, name: str, origin: np.ndarray) -> BodyNode:
-    """A link; `origin` is that of its frame in the object frame, in which assets keep their geometry [m]."""
+    """A link; `origin` is that of its frame in the object frame, in which the geometry of assets is stored [m]."""
     physics = asset.physics
     inertial = physics.links[link]
     x, y, z = (np.asarray(inertial.centre) - origin).tolist()

@@ -1,4 +1,4 @@
-"""Where the parts of a robot are at given joint positions, without a simulation."""
+"""Poses of the parts of a robot at given joint positions, without a simulation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Kinematics:
     """Forward kinematics of a robot.
 
     Args:
-        robot: Its model; joints that are not named stand at home.
+        robot: Its model; joints that are not named are at home.
     """
 
     def __init__(self, robot: RobotModel) -> None:
@@ -33,10 +33,10 @@ class Kinematics:
         mujoco.mj_forward(self.model, self.data)
 
     def frame(self, name: str) -> np.ndarray:
-        """T_base_frame (4, 4) of a role of the robot's frames, of a site, or of a link, where it was put.
+        """Current T_base_frame (4, 4) of a role of the robot's frames, of a site, or of a link.
 
         Raises:
-            RuleError: There is none of this name.
+            RuleError: There is no frame of this name.
         """
         base = self._of(self.data.body("base"))
         site = self.robot.frames.get(name, name)
@@ -64,7 +64,7 @@ class Kinematics:
 
 
 def drifts(robot: RobotModel, names: Sequence[str], positions: np.ndarray, frame: str) -> np.ndarray:
-    """(K, 6, J) motion of a frame, in itself, per motion of each arm joint: translation [m] and rotation vector."""
+    """(K, 6, J) body twist of a frame per motion of each arm joint: translation [m] and rotation vector."""
     step = 1e-5
     plain = frames(robot, names, positions, frame)
     arm = [joint.name for joint in robot.joints if joint.group == "arm" and joint.name in names]

@@ -1,4 +1,4 @@
-"""Scenes in which some bodies cannot move: they become part of the static scene, with looks and collision geometry."""
+"""Scenes with fixed bodies, which become part of the static scene, with visual and collision geometry."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def hold(scene: Folder, names: Collection[str], apart: Collection[tuple[str, str
 
     Args:
         scene: `scene.xml` and its files.
-        names: Root bodies to hold.
+        names: Root bodies to fix.
         apart: Pairs of root bodies that do not collide with each other.
     """
     root = ElementTree.fromstring(scene.files["scene.xml"])

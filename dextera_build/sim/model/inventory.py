@@ -1,7 +1,7 @@
-"""What a scene consists of, as numbers in the world frame: two files of one scene have the same inventory.
+"""Content of a scene as numbers in the world frame: two files of one scene have the same inventory.
 
-`of_model` lists what MuJoCo compiled, and `sim.usd.reader` what a stage says; `differences` compares two lists. Poses
-are those of the home keyframe.
+`of_model` lists the content of a compiled MuJoCo model, `sim.usd.reader` that of a stage; `differences` compares two
+lists. Poses are those of the home keyframe.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from dextera_build.sim.model.model import at_home
 WORLD = "world"
 """The body that holds all static colliders."""
 LENGTH_M = 1e-5
-"""Largest difference of a place: single precision of coordinates below 100 m."""
+"""Maximum difference of a position: single precision of coordinates below 100 m."""
 RELATIVE = 1e-5
-"""Largest relative difference of all other numbers."""
+"""Maximum relative difference of all other numbers."""
 _PLACES = ("anchor", "centre", "gap", "position", "target")
 _KINDS = {
     mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
@@ -37,7 +37,7 @@ CORNERS = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)
 
 @dataclass(frozen=True)
 class Collider:
-    """A convex shape that touches."""
+    """A convex collision shape."""
 
     kind: str
     """`hull`, `sphere`, `capsule` or `cylinder`."""
@@ -46,9 +46,9 @@ class Collider:
     radius: float
     """0 of a hull [m]."""
     friction: float
-    """Sliding friction; 0: the other side's counts."""
+    """Sliding friction; 0: the other side's applies."""
     restitution: float
-    """Coefficient of restitution; 0: the other side's counts."""
+    """Coefficient of restitution; 0: the other side's applies."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Body:
     weightless: bool
     """Whether gravity does not act on it."""
     colliders: tuple[Collider, ...] = ()
-    """In order."""
+    """Colliders in order."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Joint:
     parent: str
     """Body nearer to the root, or `world`."""
     child: str
-    """Body that moves."""
+    """Moving body."""
     anchor: np.ndarray
     """(3,) on the axis [m]."""
     axis: np.ndarray
@@ -84,37 +84,37 @@ class Joint:
     limits: tuple[float, float] = (-np.inf, np.inf)
     """Lower and upper limit."""
     position: float = 0.0
-    """In the home keyframe."""
+    """Position in the home keyframe."""
     friction: float = 0.0
     """Dry friction."""
     armature: float = 0.0
-    """Inertia of the motor's side."""
+    """Reflected inertia of the motor."""
     stiffness: float = 0.0
-    """Of its position drive; 0 without one."""
+    """Stiffness of its position drive; 0 without one."""
     damping: float = 0.0
-    """Of joint and drive together."""
+    """Damping of joint and drive together."""
     effort: float = np.inf
     """Largest torque or force of its drive."""
     target: float = 0.0
-    """Of its drive in the home keyframe."""
+    """Target of its drive in the home keyframe."""
     follows: tuple[str, float, float] = ("", 0.0, 0.0)
     """Leader, ratio and offset of a follower."""
     gap: float = 0.0
-    """How far both bodies are from where the joint alone can move them; 0 in MuJoCo [m or rad]."""
+    """Constraint error between both bodies; 0 in MuJoCo [m or rad]."""
 
 
 @dataclass
 class Inventory:
-    """Everything of a scene that moves, carries or touches."""
+    """All moving, carrying and colliding parts of a scene."""
 
     bodies: dict[str, Body] = field(default_factory=dict)
     """Name -> body; `world` has no mass."""
     joints: dict[str, Joint] = field(default_factory=dict)
     """Name -> joint."""
     apart: set[tuple[str, str]] = field(default_factory=set)
-    """Sorted pairs of bodies that never touch, but for `touch`."""
+    """Sorted pairs of bodies excluded from contact, except for `touch`."""
     touch: set[tuple[tuple[str, int], tuple[str, int]]] = field(default_factory=set)
-    """Sorted pairs of colliders, (body, number), that touch although their bodies are apart."""
+    """Sorted pairs of colliders, (body, number), that may touch although their bodies are excluded."""
 
 
 def of_model(model: Any) -> Inventory:
@@ -149,7 +149,7 @@ def of_model(model: Any) -> Inventory:
 
 
 def differences(one: Inventory, other: Inventory, most: int = 20) -> list[str]:
-    """What differs between two inventories beyond single precision, one line each; empty if nothing does."""
+    """Differences between two inventories beyond single precision, one line each; empty if there are none."""
     found: list[str] = []
     for kind in ("bodies", "joints"):
         ours, theirs = getattr(one, kind), getattr(other, kind)
@@ -199,14 +199,14 @@ def _apart(ours: np.ndarray, theirs: np.ndarray) -> float:
 
 
 def _owner(model: Any, body: int) -> str:
-    """The rigid body to which a body's geoms belong: itself, or what carries it if it has neither joint nor mass."""
+    """The rigid body that a body's geoms belong to: itself, or its parent if it has neither joint nor mass."""
     while body and not model.body_jntnum[body] and (not model.body_mass[body] or _is_static(model, body)):
         body = int(model.body_parentid[body])
     return str(model.body(body).name) if body else WORLD
 
 
 def _is_static(model: Any, body: int) -> bool:
-    """Whether a body is welded to the world and carries nothing that moves."""
+    """Whether a body is welded to the world and has no moving descendants."""
     moved = model.body_weldid != 0
     below = np.flatnonzero(model.body_rootid == model.body_rootid[body])
     return not model.body_weldid[body] and not moved[below].any()
@@ -244,7 +244,7 @@ def _collider(model: Any, data: Any, geom: int) -> Collider:
 
 
 def _join(model: Any, data: Any, body: int, owners: list[str], found: Inventory) -> None:
-    """Add the joint on which a body hangs; a free body has none."""
+    """Add the joint of a body; a free body has none."""
     name, parent = owners[body], owners[model.body_parentid[body]]
     anchor, axis = data.xpos[body].copy(), np.zeros(3)
     if not model.body_jntnum[body]:
@@ -294,7 +294,7 @@ def _couple(model: Any, found: Inventory) -> None:
 
 
 def _separate(model: Any, owners: list[str], found: Inventory) -> None:
-    """Bodies that never touch: those excluded, and those that a joint connects."""
+    """Pairs of bodies without contact: those excluded, and those that a joint connects."""
     for joint in found.joints.values():
         if joint.parent != WORLD:
             found.apart.add(_sorted(joint.parent, joint.child))
@@ -305,7 +305,7 @@ def _separate(model: Any, owners: list[str], found: Inventory) -> None:
 
 
 def _simplify(found: Inventory) -> None:
-    """Bodies whose colliders may all touch are not apart."""
+    """Bodies all of whose colliders may touch are not excluded."""
     for one, other in sorted(found.apart):
         pairs = {pair for pair in found.touch if (pair[0][0], pair[1][0]) == (one, other)}
         if pairs and len(pairs) == len(found.bodies[one].colliders) * len(found.bodies[other].colliders):

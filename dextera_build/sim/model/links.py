@@ -1,7 +1,7 @@
-"""Bodies of a compiled MuJoCo model as a tree of links with one joint each, as ROS describes mechanisms.
+"""Bodies of a compiled MuJoCo model as a tree of links with one joint each, as in ROS.
 
-The frame of a link is at its joint, with the axes of its MuJoCo body where every joint is at 0. MuJoCo allows joints
-off a body's origin, and several in one body: the links between these have no shape.
+The frame of a link is at its joint, with the axes of its MuJoCo body at joint position 0. MuJoCo allows joints away
+from a body's origin, and several in one body; the links between these have no shape.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from dextera_build.sim.model.sizes import HINGE, SLIDE
 
 @dataclass(frozen=True)
 class Edge:
-    """How a link hangs on another one."""
+    """A link with its joint and parent."""
 
     parent: str
     """Link nearer to the root."""
     child: str
-    """Link that moves."""
+    """Moving link."""
     joint: str
-    """Name of the joint; `<child>_fixed` of those that do not move."""
+    """Name of the joint; `<child>_fixed` for fixed ones."""
     type: Literal["fixed", "revolute", "prismatic"]
     """Kind of motion."""
     origin: np.ndarray
@@ -51,12 +51,12 @@ class Tree:
     """Some bodies of a model, as links."""
 
     edges: tuple[Edge, ...]
-    """From the root outwards."""
+    """Edges from the root outwards."""
     shifts: dict[str, np.ndarray]
-    """Body -> origin (3,) of its link in the frame of the body [m]; links that are no body have none."""
+    """Body -> origin (3,) of its link in the frame of the body [m]; links without a body have none."""
 
     def sized(self, factor: float) -> Tree:
-        """The tree with all lengths times `factor`."""
+        """The tree with all lengths multiplied by `factor`."""
         if factor == 1.0:
             return self
         lengths = np.ones((4, 4))
@@ -66,20 +66,20 @@ class Tree:
 
     @property
     def moving(self) -> tuple[Edge, ...]:
-        """Edges that move."""
+        """Movable edges."""
         return tuple(edge for edge in self.edges if edge.type != "fixed")
 
 
 def tree(model: Any, root: str, *, prefix: str = "") -> Tree:
-    """The links below a body, whose own joints are left out.
+    """The links below a body, without the body's own joints.
 
     Args:
         model: The compiled model.
         root: Name of the body.
-        prefix: Begins the names of bodies and joints in the model, and is left out in the tree.
+        prefix: Prefix of the names of bodies and joints in the model, removed in the tree.
     """
     data = mujoco.MjData(model)
-    # Where a joint is at 0 is not always where the model was written.
+    # The reference configuration of a model is not always that with all joints at 0.
     for joint in range(model.njnt):
         if int(model.jnt_type[joint]) in (HINGE, SLIDE):
             data.qpos[model.jnt_qposadr[joint]] = 0.0
@@ -118,7 +118,7 @@ def _edges(
         kind: Literal["revolute", "prismatic"] = "prismatic"
         if int(model.jnt_type[joint]) == HINGE:
             kind = "revolute"
-        else:  # the anchor is where it was before the slide moved it
+        else:  # the anchor before the motion of the slide
             here[:3, 3] -= data.xaxis[joint] * model.qpos0[model.jnt_qposadr[joint]]
         made.append(Edge(parent, child, title, kind, transforms.invert(frame) @ here, model.jnt_axis[joint].copy()))
         parent, frame = child, here
@@ -126,7 +126,7 @@ def _edges(
 
 
 def poses_at(trees: Iterable[Tree], positions: Callable[[str], np.ndarray | None]) -> list[tuple[str, str, np.ndarray]]:
-    """(parent, child, poses (T, 7)) of all edges that move.
+    """(parent, child, poses (T, 7)) of all movable edges.
 
     Args:
         trees: The links.

@@ -1,4 +1,4 @@
-"""The robot of a world other than the twin: its gains, friction, clock and delay, and the writing of its model."""
+"""The robot of a world other than the twin: its gains, friction, time step and latency, and its model file."""
 
 from __future__ import annotations
 

@@ -17,9 +17,9 @@ from dextera_build.geometry.shading import corner_normals
 from dextera_build.sim.model import mjcf_contact
 
 BOX = 0.995
-"""Fraction of its bounding box from which a convex piece collides as a box, which rests more stably than a mesh."""
+"""Fraction of its bounding box above which a convex piece collides as a box, which rests more stably than a mesh."""
 FRICTION = (mjcf_contact.TORSION_M, mjcf_contact.ROLLING_M)
-"""Torsional and rolling friction [m], as in the twin; neither was measured."""
+"""Torsional and rolling friction [m], as in the twin; neither is measured."""
 
 
 class Stock:

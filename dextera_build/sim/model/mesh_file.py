@@ -1,4 +1,4 @@
-"""Read a mesh file with MuJoCo, which knows OBJ, STL and its own former format MSH."""
+"""Read a mesh file with MuJoCo, which supports OBJ, STL and its own former format MSH."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dextera_build.errors import RuleError
 
 @dataclass(frozen=True)
 class Triangles:
-    """A surface as a file holds it."""
+    """A surface as stored in a file."""
 
     vertices: np.ndarray  # (V, 3) float64, in the file's frame
     faces: np.ndarray  # (F, 3) int32
@@ -20,14 +20,14 @@ class Triangles:
 
 
 def read(name: str, data: bytes) -> Triangles:
-    """Read the mesh file `name`, whose suffix says the format.
+    """Read the mesh file `name`, whose suffix gives the format.
 
     Raises:
         RuleError: MuJoCo cannot read it.
     """
     spec = mujoco.MjSpec()
     asset = spec.add_mesh(name="mesh", file=name)
-    # Surfaces made by others are often open, and only shells of such have an inertia.
+    # Third-party surfaces are often open, and only shells can compute an inertia for them.
     asset.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="mesh")
     spec.assets = {name: data}
@@ -43,7 +43,7 @@ def read(name: str, data: bytes) -> Triangles:
 
 
 def _of(model: mujoco.MjModel) -> Triangles:
-    """The only mesh of a compiled model, moved from its principal axes back to the file's frame."""
+    """The only mesh of a compiled model, transformed from its principal axes back to the file's frame."""
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.mesh_quat[0])
     vertices = model.mesh_vert.astype(np.float64) @ turn.reshape(3, 3).T + model.mesh_pos[0]

@@ -41,7 +41,7 @@ PIXEL_M = 1e-6
 """Nominal sensor pitch of the camera; only ratios matter [m]."""
 
 LIT = 0.12
-"""Part of an unlit texture's brightness that comes from the scene's lights: contact shadows are faint, not absent."""
+"""Fraction of an unlit texture's brightness that comes from the scene's lights, so that contact shadows are faint."""
 LIGHTS = 1.1
 """Sum of headlight and lights on a surface that faces both the camera and the lights halfway."""
 
@@ -118,7 +118,7 @@ class _Writer:
         return Folder(files={"scene.xml": text.encode(), **dict(sorted(self.files.items()))})
 
     def _touch(self) -> None:
-        """Contacts of an object with itself, which no filter of bodies leaves out."""
+        """Contacts of an object with itself, which body filters do not exclude."""
         bodies = [body for thing in self.scene.objects for body in thing.links.values()]
         geoms = {geom.label: geom for body in bodies for geom in body.geoms}
         masses = {
@@ -172,7 +172,7 @@ class _Writer:
 
     def _camera(self, node: CameraNode) -> None:
         camera, gl = node.camera, node.pose.matrix @ GL_FROM_CV
-        # The offset is from the image centre, half a pixel off the integer pixel centres; y is up since 3.6.
+        # The offset is from the image centre, half a pixel from the integer pixel centres; y is up since 3.6.
         offset = (camera.width / 2 - camera.cx - 0.5, camera.height / 2 - camera.cy - 0.5)
         _add(
             self.world,
@@ -277,7 +277,7 @@ class _Writer:
 
 
 def _turn(turn: np.ndarray) -> dict[str, str]:
-    """Rotation of a geom; about the vertical as an angle, which people can read."""
+    """Rotation of a geom; rotations about the vertical are written as a readable angle."""
     if turn[2, 2] == 1:
         return {"euler": numbers((0.0, 0.0, np.arctan2(turn[1, 0], turn[0, 0])))}
     return {"quat": numbers(quaternions.from_matrix(turn))}

@@ -1,23 +1,24 @@
 """Convert physics artifacts to MuJoCo contact and joint parameters.
 
 **Restitution.** A MuJoCo contact is a damped spring that pushes and never pulls. For a damping ratio z < 1 it returns
-the speed times e = exp(-z (pi - 2 asin z) / sqrt(1 - z^2)), for z > 1 times exp(-z / r ln((z + r) / (z - r))) with
-r = sqrt(z^2 - 1) (Schwager and Poeschel 2007); z = 1 gives e^-2. `solref` takes (time constant, z); the natural
-frequency is 1 / (time constant * z) and is kept at `CONTACT_RATE` for every e, so bouncy objects are no stiffer than
-others. Damping is limited to `MOST_DAMPED` (e = 0.11), because above 1.6 resting bodies chatter at a 2 ms step. A body
-that starts in slight penetration is pushed out slowly, not thrown.
+the speed times e = exp(-z (pi - 2 asin z) / sqrt(1 - z^2)), for z > 1 times exp(-z / r ln((z + r) / (z - r))) with r =
+sqrt(z^2 - 1) (Schwager and Poeschel 2007); z = 1 gives e^-2. `solref` takes (time constant, z); the natural frequency
+is 1 / (time constant * z) and is kept at `CONTACT_RATE` for every e, so bouncy objects are no stiffer than others.
+Damping is limited to `MOST_DAMPED` (e = 0.11), because above 1.6 resting bodies chatter at a 2 ms step. A body with
+slight initial penetration is pushed out slowly.
 
 **Stiffness.** The natural frequency of an object of mass m on a surface of stiffness k is sqrt(k / m), so its impact
-takes pi / sqrt(k / m). Between `SOFTEST` and `STIFFEST` rad/s this is what MuJoCo gets; a stiffer surface would need a
-shorter step. At rest MuJoCo's contacts carry most of the weight without deflection, so a soft thing does not sink in.
+takes pi / sqrt(k / m). This value is used between `SOFTEST` and `STIFFEST` rad/s; a stiffer surface would need a
+shorter step. At rest MuJoCo's contacts carry most of the weight without deflection, so a soft object does not sink in.
 
 **Friction.** Sliding friction is the body's own. Object geoms have priority 1, the static scene 0, so the object's
 parameters take precedence over the table's; between two objects MuJoCo uses the larger friction. Torsional and rolling
 friction are lengths [m], from the radius of a small contact patch.
 
 **Joints.** A joint that holds its position in the photograph has at least the dry friction to resist gravity. `HOLD`
-times the largest gravity load between the limits matches laptop hinges: they hold, and a hand moves them. Gravity does
-not turn a door about a vertical axis: such a joint has the friction of its bearing alone, `BEARING_M` times the weight.
+times the largest gravity load between the limits matches laptop hinges: they hold, and a hand moves them. Gravity
+exerts no torque on a door with a vertical axis: such a joint has only the friction of its bearing, `BEARING_M` times
+the weight.
 """
 
 from __future__ import annotations
@@ -43,24 +44,24 @@ TORSION_M = 0.003
 ROLLING_M = 0.0001
 """Rolling friction, MuJoCo's default [m]."""
 HOLD = 1.5
-"""Dry joint friction over the largest gravity load."""
+"""Dry joint friction relative to the largest gravity load."""
 DAMPING_S = 0.05
 """Viscous damping divided by dry friction [s/rad or s/m]: at 1 rad/s it adds 5 %."""
 SLIDER_FRICTION = 0.2
 """Friction coefficient of drawer rails."""
 BEARING_M = 0.001
-"""Dry friction of a hinge over the weight that it carries: friction coefficient times radius of the pin [m]."""
+"""Dry friction of a hinge relative to the weight that it carries: friction coefficient times radius of the pin [m]."""
 POSITIONS = 33
-"""Number of positions between the limits at which the load is looked at."""
+"""Number of positions between the limits at which the load is evaluated."""
 
 
 def solref(restitution: float, stiffness: float | None = None, mass: float = 0.0) -> tuple[float, float]:
     """MuJoCo `solref` (time constant [s], damping ratio) for a coefficient of restitution in 0..1.
 
     Args:
-        restitution: Of the object.
-        stiffness: Of its surface [N/m]; None: a natural frequency of `CONTACT_RATE`.
-        mass: Of the whole object [kg].
+        restitution: Coefficient of restitution of the object.
+        stiffness: Stiffness of its surface [N/m]; None: a natural frequency of `CONTACT_RATE`.
+        mass: Mass of the whole object [kg].
     """
     rate = CONTACT_RATE if stiffness is None else min(max(math.sqrt(stiffness / mass), SOFTEST), STIFFEST)
     low, high = 1e-3, MOST_DAMPED
@@ -122,7 +123,7 @@ def joint_friction(joint: Joint, body: Body, physics: Physics, down: np.ndarray 
 
 
 def _largest_torque(joint: Joint, carried: list[str], physics: Physics, axis: np.ndarray, down: np.ndarray) -> float:
-    """Largest torque of gravity about a hinge between its limits and where it stands [N m]."""
+    """Largest torque of gravity about a hinge between its limits and its position [N m]."""
     moment = np.zeros(3)
     for name in carried:
         moment += physics.links[name].mass_kg * GRAVITY * np.subtract(physics.links[name].centre, joint.origin)

@@ -13,7 +13,7 @@ def compile_folder(model: Folder) -> Any:
     """The `mujoco.MjModel` of a folder with `scene.xml` and its files.
 
     Raises:
-        RuleError: `scene.xml` is missing, names a file that the folder does not hold, or MuJoCo rejects it.
+        RuleError: `scene.xml` is missing, names a file that the folder does not contain, or MuJoCo rejects it.
     """
     import mujoco
 

@@ -1,13 +1,13 @@
-"""Collision pieces of neighbours in one place: what a camera did not see is a guess, and two guesses may overlap.
+"""Removal of overlaps between the collision pieces of neighbours, whose unseen sides are guesses.
 
-Bodies cannot share a place, and a simulator that finds them there pushes them apart, away from where the photograph
-has them. So one of both is cut back to the surface of the other, the one that loses the smaller part of itself; its
-looks and its mass properties stay. Every convex piece is cut by one plane, the one among the faces of both pieces
-along which they overlap least (the separating axes of Gottschalk, Lin and Manocha 1996, without those of two edges),
-so it stays convex. What would lose too much is left: one of both is then a part of the other, or not there at all.
+A simulator pushes overlapping bodies apart, away from their photographed poses. Therefore one of them is cut back to
+the surface of the other: the one that loses the smaller fraction of its volume. Its visual geometry and mass properties
+are kept. Every convex piece is cut by one plane, the one among the faces of both pieces with the least overlap (the
+separating axes of Gottschalk, Lin and Manocha 1996, without those of two edges), so it stays convex. A body that would
+lose too much is not cut: one of them is then part of the other, or a false detection.
 
-An underside is never seen either. A body that hovers a little above the support, with nothing lower near it, gets feet
-that reach down to it.
+Undersides are never visible. A body that hovers slightly above the support, without a lower body nearby, gets feet that
+reach down to the support.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from dextera_build.geometry import kinematics, transforms
 from dextera_build.geometry.convex import Convex
 
 TOUCH_M = 0.0002
-"""Overlaps up to this are contacts [m]."""
+"""Overlaps up to this depth are contacts [m]."""
 MOST_LOST = 0.3
-"""Largest part of the volume of a body's pieces that may be cut away."""
+"""Maximum fraction of the volume of a body's pieces that may be cut away."""
 HOVER_M, ALONE_M = (0.002, 0.012), 0.005
-"""A body so far above the support, and farther than the second from every lower one, stands on it [m]; from less it
-falls hardly at all."""
+"""A body at least the first distance above the support, and farther than the second from every lower body, gets feet
+[m]; a smaller gap causes no relevant fall."""
 UNDERSIDE_M = 0.006
-"""Corners up to so far above the lowest one get feet [m]."""
+"""Corners up to this height above the lowest one get feet [m]."""
 
 
 @dataclass(frozen=True)
 class Cut:
-    """What a body lost to a neighbour."""
+    """Record of a cut."""
 
     body: str
     """Label of the body that was cut back."""
     by: str
     """Label of its neighbour; "" for the static scene."""
     deep_m: float
-    """Largest overlap of two pieces, along the axis along which they overlap least [m]."""
+    """Largest overlap of two pieces, along their axis of least overlap [m]."""
     lost: float
-    """Part of the volume of its pieces."""
+    """Lost fraction of the volume of its pieces."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +54,11 @@ class Parted:
     assets: dict[str, Asset]
     cuts: tuple[Cut, ...]
     feet: dict[str, float]
-    """Label -> how far the body hovered above the support [m]."""
+    """Label -> height at which the body hovered above the support [m]."""
 
 
 def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> Parted:
-    """The assets with collision pieces that do not overlap; nothing changes where nothing overlaps or hovers.
+    """The assets with collision pieces that do not overlap; unchanged where nothing overlaps or hovers.
 
     Args:
         assets: Label -> asset in the pose and with the joint positions of the photograph; the support is z = 0.
@@ -93,7 +93,7 @@ def parted(assets: Mapping[str, Asset], static: Sequence[np.ndarray]) -> Parted:
 
 @dataclass(frozen=True)
 class _Try:
-    """A body after a cut."""
+    """A body with a tentative cut."""
 
     links: dict[str, list[Convex | None]]
     deep_m: float
@@ -109,7 +109,7 @@ class _Body:
     poses: dict[str, np.ndarray]
     """Link -> T_world_object of its pieces."""
     volume: float
-    """Of all pieces at the start [m^3]."""
+    """Initial volume of all pieces [m^3]."""
     changed: set[str] = field(default_factory=set)
 
     @classmethod
@@ -122,7 +122,7 @@ class _Body:
         return cls(links, poses, 0.0)
 
     def all(self) -> list[Convex]:
-        """Every piece that is left."""
+        """Every remaining piece."""
         return [piece for pieces in self.links.values() for piece in pieces if piece is not None]
 
     @property
@@ -136,7 +136,7 @@ class _Body:
         return np.asarray(np.max([piece.high for piece in self.all()], axis=0))
 
     def near(self, other: _Body, gap: float) -> bool:
-        """Whether the boxes around both come nearer than `gap` [m]."""
+        """Whether the bounding boxes are closer than `gap` [m]."""
         return bool((self.low - gap < other.high).all() and (other.low - gap < self.high).all())
 
     def stand(self) -> None:
@@ -150,7 +150,7 @@ class _Body:
                     self.changed.add(name)
 
     def cut_by(self, others: Iterable[Convex]) -> _Try | None:
-        """The body without what it shares with `others`; None if that is nothing or too much."""
+        """The body without its overlap with `others`; None if nothing or too much would be cut."""
         others = list(others)
         deepest, links = 0.0, {}
         for name, pieces in self.links.items():
@@ -167,13 +167,13 @@ class _Body:
         return _Try(left, deepest, lost)
 
     def take(self, tried: _Try, own: str, by: str) -> Cut:
-        """Take over a cut."""
+        """Apply a cut."""
         self.changed |= {name for name, pieces in tried.links.items() if pieces != self.links[name]}
         self.links = tried.links
         return Cut(own, by, tried.deep_m, tried.lost)
 
     def cut_asset(self, asset: Asset) -> Asset:
-        """The asset with these pieces; pieces that were not cut stay bit for bit."""
+        """The asset with these pieces; pieces that were not cut are unchanged to the bit."""
         if not self.changed:
             return asset
         links = dict(asset.collision.links)
@@ -186,7 +186,7 @@ class _Body:
 
 
 def _cut(piece: Convex, others: Sequence[Convex]) -> tuple[Convex | None, float]:
-    """What is left of a piece beside others, and its deepest overlap with one of them [m]."""
+    """The remainder of a piece next to others, and its deepest overlap with one of them [m]."""
     deepest = 0.0
     for other in others:
         deep, normal, end = piece.overlap(other)

@@ -1,4 +1,4 @@
-"""A check that a model names files of its own folder alone: MuJoCo looks for all others on the disk."""
+"""Check that a model refers only to files of its own folder, because MuJoCo searches all others on the disk."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dextera_build.errors import RuleError
 
 
 def check(main: str, files: Mapping[str, bytes]) -> None:
-    """Refuse the MJCF `main` if it includes or attaches models, or names a file that is not in `files`.
+    """Raise if the MJCF `main` includes or attaches models, or names a file that is not in `files`.
 
     Raises:
         RuleError: It does so, or is not XML.

@@ -37,7 +37,7 @@ def located(distribution: str, path: str) -> Path:
 
 
 def files(distribution: str, folder: str, only: Sequence[str] = ()) -> dict[str, bytes]:
-    """Path in a folder of a distribution -> content, with the licence that holds there.
+    """Path in a folder of a distribution -> content, with the licence that applies.
 
     Args:
         distribution: Its name.
@@ -59,7 +59,7 @@ def files(distribution: str, folder: str, only: Sequence[str] = ()) -> dict[str,
 
 
 def licence(distribution: str, place: Path) -> dict[str, bytes]:
-    """Name -> text of the licence files nearest to a place in a distribution, else of the distribution itself."""
+    """Name -> text of the licence files nearest to a path in a distribution, else of the distribution itself."""
     installed = importlib.metadata.distribution(distribution)
     top = Path(str(installed.locate_file("")))
     for folder in (place, *place.parents):
@@ -72,5 +72,5 @@ def licence(distribution: str, place: Path) -> dict[str, bytes]:
 
 
 def stated(found: Mapping[str, Content]) -> dict[str, Content]:
-    """The files of a folder that state a licence."""
+    """The licence files of a folder."""
     return {name: each for name, each in found.items() if any(fnmatchcase(name, pattern) for pattern in LICENCES)}

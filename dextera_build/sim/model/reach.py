@@ -1,4 +1,4 @@
-"""How far a limb can reach at most, whatever its joints do: a bound that follows from lengths alone."""
+"""Upper bound of a limb's reach from lengths alone, for any joint positions."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from dextera_build.sim.model.robot import load
 
 @dataclass(frozen=True)
 class Ball:
-    """A ball that no part of a limb ever leaves."""
+    """A ball that contains a limb at any joint positions."""
 
     joint: str
     """First joint of the limb, from the base."""
     centre_m: np.ndarray
-    """Its place in the base frame (3,), at home [m]."""
+    """Its position in the base frame (3,), at home [m]."""
     radius_m: float
-    """Sum of the lengths from joint to joint, of the strokes of sliding joints and of what is beyond the last [m]."""
+    """Sum of the lengths from joint to joint, of the strokes of prismatic joints and of the parts beyond the last
+    [m]."""
 
 
 def of_limb(robot: RobotModel, limb: str) -> Ball | None:
@@ -50,7 +51,7 @@ def of_limb(robot: RobotModel, limb: str) -> Ball | None:
 
 
 def _beyond(model: Any, data: Any, body: int, pivot: np.ndarray | None = None) -> float:
-    """Largest distance of anything on a body, or beyond it, from where the joint before it turns [m].
+    """Largest distance of any geometry on a body, or beyond it, from the preceding joint [m].
 
     Lengths between neighbouring joints do not depend on their positions, so every configuration gives the same.
     """

@@ -34,7 +34,7 @@ def mjcf(robot: Any) -> str:
     spec.modelname = robot.name
     spec.compiler.degree = False
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    # As in scenes: an explicit integrator makes the strong dampers of light, folded links tremble.
+    # As in scenes: an explicit integrator makes the strong dampers of light, folded links oscillate.
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     for name, colour in robot.colours.items():
         spec.add_material(name=name, rgba=[*colour, 1.0], specular=0.35, shininess=0.5)

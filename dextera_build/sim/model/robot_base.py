@@ -1,4 +1,4 @@
-"""Put the base of a compiled model's robot where an error of its pose says."""
+"""Apply an error to the base pose of a compiled model's robot."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from dextera_build.sim.model.compose import ROBOT
 
 
 class RobotBase:
-    """Keeps where a model's robot stands and applies errors to that, never to an earlier error's result.
+    """Keeps the original base pose of a model's robot and applies errors to that, never to an earlier error's result.
 
     Args:
         world_from_base: (4, 4) T_world_base of the model.
-        model: The compiled model as it was compiled.
+        model: The unmodified compiled model.
     """
 
     def __init__(self, world_from_base: np.ndarray, model: Any) -> None:
@@ -29,10 +29,10 @@ class RobotBase:
         return uncertainty.moved(self._known, error) if any(error) else self._known
 
     def put(self, model: Any, error: Sequence[float]) -> None:
-        """Put the base of `model`, or of a copy of it, where an error (6,) says; zeros: exactly as it was compiled."""
+        """Set the base of `model`, or of a copy of it, with an error (6,); zeros restore the compiled pose exactly."""
         place, turn = self._place, self._turn
         if any(error):
-            # The body may have an offset in the frame `base`, which goes with it.
+            # The body may have an offset in the frame `base`, which is kept.
             own = transforms.rigid(quaternions.to_matrix(turn), place)
             body = self.pose(error) @ transforms.invert(self._known) @ own
             place, turn = body[:3, 3], quaternions.from_matrix(body[:3, :3])

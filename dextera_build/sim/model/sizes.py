@@ -1,4 +1,4 @@
-"""Resize objects of a compiled model: every length of an object by one factor, about its own origin."""
+"""Resize objects of a compiled model: all lengths of an object by one factor, about its own origin."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ MESH = 7
 class Sizes:
     """Keeps a model's original lengths and applies factors to them, never to earlier factors' results.
 
-    Masses and inertias are left alone, see `sim.runtime.dynamics`; collision, bounding volumes and joints follow.
+    Masses and inertias are not changed, see `sim.runtime.dynamics`; collision, bounding volumes and joints are.
 
     Args:
         objects: Names of root bodies.
-        model: Its compiled model as it was compiled, modified by `put`.
+        model: Their unmodified compiled model; `put` modifies it.
     """
 
     def __init__(self, objects: Iterable[str], model: Any) -> None:
@@ -31,7 +31,7 @@ class Sizes:
         self._model = model
 
     def put(self, factors: Mapping[str, float]) -> None:
-        """Give every object this factor of its original size; 1 where none is given."""
+        """Scale every object by this factor of its original size; default 1."""
         for name, before in self._now.items():
             factor = factors.get(name, 1.0)
             if factor == before:
@@ -76,7 +76,7 @@ def _lengths(model: Any, root: int) -> list[_Part]:
 
 
 def _run(rows: np.ndarray) -> slice | np.ndarray:
-    """Rows that follow one another as a slice, which NumPy writes ten times as fast."""
+    """Consecutive rows as a slice, which NumPy writes ten times as fast."""
     first = int(rows[0])
     return slice(first, first + len(rows)) if (rows == np.arange(first, first + len(rows))).all() else rows
 

@@ -1,4 +1,4 @@
-"""The visible surfaces of a compiled MuJoCo model, body by body, as a viewer needs them."""
+"""The visible surfaces of a compiled MuJoCo model by body, for viewers."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from dextera_build.sim.model import tessellate
 
 FIRST_HIDDEN = 3
-"""Geoms of this group and of those above are for collision, or helpers: MuJoCo's own viewer hides them, too."""
+"""First group of collision and helper geoms, which MuJoCo's own viewer hides, too."""
 PLANE_M = 2.0
 """Half edge of a plane without an extent [m]."""
 
@@ -22,24 +22,24 @@ Colour = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Skin:
-    """Surfaces of one body that look alike."""
+    """Surfaces of one body with the same appearance."""
 
     vertices: np.ndarray
     """(V, 3) float32 in the body's frame [m]."""
     faces: np.ndarray
     """(F, 3)."""
     colour: Colour
-    """Of surfaces without a texture."""
+    """Colour of surfaces without a texture."""
     texture: np.ndarray | None = None
     """(H, W, 3) uint8 sRGB."""
     uv: np.ndarray | None = None
     """(F * 3, 2) texture coordinates of each face's corners, v up."""
     glows: bool = False
-    """Whether the texture holds the light of a photograph, and needs none."""
+    """Whether the texture includes the light of a photograph and needs no shading."""
 
 
 def visible(model: Any, body: int) -> list[Skin]:
-    """The surfaces of a body that are drawn; geoms of one colour are one surface."""
+    """The visible surfaces of a body; geoms of one colour are one surface."""
     painted: dict[Colour, list[tuple[np.ndarray, np.ndarray]]] = {}
     found: list[Skin] = []
     for geom in _geoms(model, body):
@@ -56,7 +56,7 @@ def visible(model: Any, body: int) -> list[Skin]:
 
 
 def colliding(model: Any, body: int) -> list[Skin]:
-    """The surfaces of a body that touch: one surface, or none."""
+    """The collision surfaces of a body: one surface, or none."""
     parts = [_surface(model, geom) for geom in _geoms(model, body) if model.geom_contype[geom]]
     return [Skin(*_joined(parts), (0.3, 0.6, 0.9, 0.5))] if parts else []
 
@@ -92,7 +92,7 @@ def colour(model: Any, geom: int) -> Colour:
 
 
 def _textured(model: Any, geom: int) -> tuple[np.ndarray, np.ndarray, bool] | None:
-    """Texture coordinates, picture and whether it glows, of a mesh with a texture."""
+    """Texture coordinates, picture and the flag `glows` of a mesh with a texture."""
     material, mesh = int(model.geom_matid[geom]), int(model.geom_dataid[geom])
     if material < 0 or model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH or model.mesh_texcoordadr[mesh] < 0:
         return None

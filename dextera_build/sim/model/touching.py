@@ -1,7 +1,7 @@
-"""Which pieces of one object may touch: a lid lands on its base, and pieces around a hinge do not fight.
+"""Pairs of pieces of one object that may touch: a lid lands on its base, overlapping pieces at a hinge do not.
 
 Links of one object do not collide in general, because pieces of neighbouring links overlap around the joint. A pair of
-pieces that stays apart between the limits, or meets only face to face, may touch.
+pieces that does not overlap between the limits, or only meets face to face, may touch.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 POSITIONS = 7
-"""Positions of each joint that are tried between its limits."""
+"""Number of positions of each joint tested between its limits."""
 NEAR_M = 0.004
-"""Pieces that never come nearer than this need no contact [m]."""
+"""Pieces that never come closer than this need no contact [m]."""
 DEEP_M = 0.0005
-"""Deeper overlaps than this count [m]."""
+"""Overlaps deeper than this exclude a pair [m]."""
 
 
 def pieces(asset: Asset) -> list[tuple[tuple[str, int], tuple[str, int]]]:
@@ -49,7 +49,7 @@ def pieces(asset: Asset) -> list[tuple[tuple[str, int], tuple[str, int]]]:
 
 
 def _postures(asset: Asset) -> Iterator[dict[str, np.ndarray]]:
-    """Poses of the links with each joint in turn between its limits, the others as photographed."""
+    """Poses of the links with one joint at a time between its limits, the others as photographed."""
     yield kinematics.link_poses(asset.body)
     for joint in asset.body.joints:
         low, high = min(joint.lower, joint.position), max(joint.upper, joint.position)
@@ -58,7 +58,7 @@ def _postures(asset: Asset) -> Iterator[dict[str, np.ndarray]]:
 
 
 class Piece:
-    """A convex piece somewhere, by its corners (V, 3) [m]."""
+    """A posed convex piece, by its corners (V, 3) [m]."""
 
     def __init__(self, vertices: np.ndarray) -> None:
         self._vertices = vertices.astype(np.float64)
@@ -70,11 +70,11 @@ class Piece:
         return Piece(transforms.apply(pose, self._vertices))
 
     def near(self, other: Piece) -> bool:
-        """Whether the boxes around both come near one another."""
+        """Whether the bounding boxes of both are close to one another."""
         return bool((self._low - NEAR_M < other._high).all() and (other._low - NEAR_M < self._high).all())
 
     def overlap_m(self, other: Piece) -> float:
-        """How thick their common part is, seen along the axis along which it is thinnest [m]."""
+        """Depth of the overlap along the axis with the least overlap [m]."""
         common = self.solid() ^ other.solid()
         if common.is_empty():
             return 0.0

@@ -23,7 +23,7 @@ from dextera_build.sim.model import links, robot, skins, tessellate
 BASE = "base"
 MAIN = "robot.urdf"
 NOTHING_KG = 1e-6
-"""Mass of links between two joints of one body: simulators refuse to move what has none [kg]."""
+"""Mass of links between two joints of one body, because simulators reject moving links without mass [kg]."""
 
 
 def write(robot_model: RobotModel, name: str = "robot", meshes: str = "meshes/") -> Folder:
@@ -32,7 +32,7 @@ def write(robot_model: RobotModel, name: str = "robot", meshes: str = "meshes/")
     Args:
         robot_model: The robot.
         name: Name of the root element.
-        meshes: Begins the paths of meshes in the text; the files themselves are in the folder `meshes/`.
+        meshes: Prefix of the paths of meshes in the text; the files themselves are in the folder `meshes/`.
 
     Raises:
         RuleError: MuJoCo rejects the robot.
@@ -78,7 +78,7 @@ class _Writer:
                     pass
 
     def joint(self, root: Node, edge: links.Edge) -> None:
-        """Add a joint with its limits; one that follows another mimics it."""
+        """Add a joint with its limits; a following joint gets a mimic element."""
         node = SubElement(root, "joint", name=edge.joint, type=edge.type)
         urdf_xml.origin(node, edge.origin[:3, 3], edge.origin[:3, :3])
         SubElement(node, "parent", link=edge.parent)
@@ -106,7 +106,7 @@ class _Writer:
         return {"lower": lower, "upper": upper, "effort": 0.0, "velocity": 0.0}
 
     def _shapes(self, link: Node, use: str, geom: int, shift: np.ndarray) -> Iterator[Node]:
-        """Add the shapes that a geom is in URDF."""
+        """Add the URDF shapes of a geom."""
         model = self._model
         kind, size = int(model.geom_type[geom]), model.geom_size[geom]
         place, turn = model.geom_pos[geom] - shift, quaternions.to_matrix(model.geom_quat[geom])
@@ -136,7 +136,7 @@ class _Writer:
 
 
 def _mass(link: Node, kilograms: float, moments: np.ndarray) -> Node:
-    """Add mass properties with principal moments (3,) [kg m^2]; their origin is left to the caller."""
+    """Add mass properties with principal moments (3,) [kg m^2]; their origin is set by the caller."""
     node = SubElement(link, "inertial")
     SubElement(node, "mass", value=urdf_xml.number(kilograms))
     values = dict(zip(("ixx", "iyy", "izz"), map(urdf_xml.number, moments), strict=True))

@@ -1,4 +1,4 @@
-"""Check that assets have what a simulation needs of every link."""
+"""Check that every link of an asset has the properties that a simulation needs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dextera_build.errors import RuleError, listing
 
 
 def check(assets: Mapping[str, Asset]) -> None:
-    """Refuse links without collision pieces or without mass.
+    """Raise for links without collision pieces or without mass.
 
     Args:
         assets: Label -> asset.

@@ -1,4 +1,4 @@
-"""The cameras of a task: frames with picture, depth and points, as far as they are asked for."""
+"""The cameras of a task: frames with picture, depth and points, as requested."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from dextera_build.policy.observation import Frame, Frames
 from dextera_build.sim.render import rendering
 
 GAMMA = 2.2
-"""Exponent of sRGB, nearly."""
+"""Approximate exponent of sRGB."""
 
 Picture = Literal["rgb", "depth", "cloud"]
-"""What a camera can give."""
+"""Outputs of a camera."""
 
 
 class Eyes:
@@ -26,7 +26,7 @@ class Eyes:
     Args:
         model: Compiled model.
         views: Name -> camera.
-        pictures: What each of them gives; a cloud comes with the depth that it is made of.
+        pictures: Outputs of each camera; a cloud includes its depth.
     """
 
     def __init__(self, model: Any, views: Mapping[str, View], pictures: Collection[Picture]) -> None:
@@ -42,7 +42,7 @@ class Eyes:
         self._rays = {name: each.astype(np.float32) for name, each in rays.items()}
 
     def vary(self, variation: Variation) -> None:
-        """Move the cameras, and change light and exposure, as an episode says; never on top of an earlier one."""
+        """Apply the camera errors, light and exposure of an episode, always relative to the original values."""
         for name, eye in self._eyes.items():
             error = variation.cameras.get(name, EXACT)
             eye.look_from(uncertainty.moved(self._views[name].camera_pose.matrix, error))

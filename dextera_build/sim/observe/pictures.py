@@ -1,4 +1,4 @@
-"""What one camera sees of an episode, recorded or running: with the episode's own camera error, light and exposure."""
+"""Pictures of an episode from one camera, recorded or running, with the episode's camera error, light and exposure."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def film(bundle: TaskBundle, episodes: Episodes, view: View) -> Iterator[tuple[s
 
 @contextmanager
 def live(environment: Environment, view: View) -> Iterator[Look]:
-    """Yield what takes the picture (H, W, 3) uint8 sRGB of the running episode's current state."""
+    """Yield a function that renders the picture (H, W, 3) uint8 sRGB of the running episode's current state."""
     views = {PICTURE: view}
     with closing(Eyes(environment.model, views, ["rgb"])) as eyes:
 

@@ -1,8 +1,8 @@
-"""Privileged quantities read from the simulator's state, only for teachers, critics and rewards.
+"""Privileged quantities from the simulator's state, only for teachers, critics and rewards.
 
-Everything is in the robot's base where that truly is, see `Start.base_error`, objects included: this is no measurement.
-Velocities refer to a frame's origin: linear [m/s], then angular [rad/s]. MuJoCo's
-`qvel` of a free joint mixes frames (linear in the world, angular in the body), so `mj_objectVelocity` is used.
+All quantities, including objects, are in the true frame of the robot's base, see `Start.base_error`; they are not
+measurements. Velocities refer to a frame's origin: linear [m/s], then angular [rad/s]. MuJoCo's `qvel` of a free joint
+mixes frames (linear in the world, angular in the body), so `mj_objectVelocity` is used.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from dextera_build.sim.runtime.environment import Environment
 SHARE = 0.95
 """Distance of the push from the axis, see `Mechanism.pushed_at`."""
 BEHIND_M = 0.02
-"""Distance behind the link's surface from which a fingertip pushes [m]."""
+"""Distance behind the link's surface at which a push starts [m]."""
 CLEAR_M = 0.06
 """Clearance of a hand from the link's free edge when going around it [m]."""
 
@@ -39,16 +39,16 @@ class Progress:
         self._links: dict[tuple[str, float], _Link] = {}
 
     def value(self, success: bool, now: TaskState | None = None) -> float:
-        """Value of the current state, which is `now` where the caller has it; see `dextera_build.sim.primitives`."""
+        """Value of the current state, `now` if the caller has it; see `dextera_build.sim.primitives`."""
         environment = self._environment
         state, start = now or environment.state(), environment.judge.start
         return environment.primitive.value(self.reach_m(state), start, state, success=success)
 
     def reach_m(self, state: TaskState) -> float:
-        """Distance of the fingertips from where they should be [m].
+        """Distance of the fingertips from their target [m].
 
-        For a joint, the distance of the nearest fingertip from where the joint is pushed. Else the mean distance of
-        fingertips from the object: of the nearest hand, or of every hand that the task names.
+        For a joint, the distance of the nearest fingertip from the contact point of the push. Otherwise the mean
+        distance of fingertips from the object: of the nearest hand, or of every hand that the task names.
         """
         environment, data = self._environment, self._environment.data
         tips = np.asarray(data.site_xpos[self._tips])
@@ -62,7 +62,7 @@ class Progress:
         return float(np.mean(means)) if environment.task.limbs else min(means)
 
     def _link(self, name: str) -> _Link:
-        """The link of a joint, at the size that the object has in this episode."""
+        """The link of a joint, at the size of the object in this episode."""
         environment = self._environment
         key = name, environment.start.size_scale.get(environment.task.object, 1.0)
         if key not in self._links:
@@ -88,7 +88,7 @@ def _sites(environment: Environment) -> list[np.ndarray]:
 
 
 class _Link:
-    """Distance of a hand from pushing a joint's link from behind."""
+    """Distance of a hand from a push of a joint's link from behind."""
 
     def __init__(self, model: mujoco.MjModel, joint: str) -> None:
         self._mechanism = Mechanism(model, joint)
@@ -96,9 +96,9 @@ class _Link:
         self._pushed: dict[float, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
     def _push(self, way: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Contact point and the place behind it (2, 3), direction of the push and away from the axis (3,).
+        """Contact point and the point behind it (2, 3), direction of the push and direction away from the axis (3,).
 
-        They are in the link's frame [m].
+        All are in the link's frame [m].
         """
         place, along = self._mechanism.pushed_at(way, SHARE)
         outwards = np.cross(along, self._mechanism.axis) * way
@@ -106,7 +106,7 @@ class _Link:
         return np.stack([place, place - BEHIND_M * along]), along, outwards
 
     def distances(self, data: mujoco.MjData, way: float, points: np.ndarray) -> np.ndarray:
-        """Path lengths (N,) [m] from points (N, 3) to the place where the joint is pushed by `way`, all in the world.
+        """Path lengths (N,) [m] from points (N, 3) to the contact point of a push along `way`, all in the world.
 
         From the side that the link moves towards, the path leads around its free edge, because the link is in between.
         """

@@ -1,7 +1,7 @@
-"""Sensors: what rates, delays and noise make of exact measurements, term by term.
+"""Sensor models: rates, delays and noise applied to exact measurements, term by term.
 
-Everything random follows from the seed of the episode and the name of the term, so an episode that runs again is
-measured alike, whatever other terms there are.
+All random numbers are derived from the seed of the episode and the name of the term, so that a repeated episode has the
+same measurements, independent of the other terms.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Sensors:
     """The sensors of one environment.
 
     Args:
-        terms: Terms with their sensors; only those of a `Measurement` that are not exact do anything.
+        terms: Terms with their sensors; only inexact terms of a `Measurement` have an effect.
         intrinsics: Camera -> K (3, 3) [px], for depth and its points.
     """
 
@@ -36,12 +36,12 @@ class Sensors:
         self._intrinsics = intrinsics
 
     def reset(self, seed: int, noise: float = 1.0) -> None:
-        """Forget what was measured; draw errors anew from `seed`, those of cameras times `noise`."""
+        """Discard all samples; draw errors from `seed`, those of cameras scaled by `noise`."""
         for delayed in (*self._numbers.values(), *self._pictures.values()):
             delayed.reset(seed, noise)
 
     def measure(self, truth: Measurement, now: float) -> Measurement:
-        """What has arrived at `now` [s] after the episode's start, with `truth` just then. Time must not run back."""
+        """Measurements available at `now` [s] after the start, given the current `truth`. Time must not decrease."""
         if not self._numbers and not self._pictures:
             return truth
         known = {name: getattr(truth, name) for name in MEASURED_NUMBERS}
@@ -62,14 +62,14 @@ class Sensors:
 
 
 def check(sensors: Mapping[str, Sensor], views: Iterable[str]) -> None:
-    """Refuse sensors of what is not measured here.
+    """Raise for sensors of unmeasured terms.
 
     Args:
         sensors: Name of a term, or `name/camera`, -> its sensor.
         views: Names of the cameras.
 
     Raises:
-        RuleError: A name is that of no measured term: of a privileged one, or of none.
+        RuleError: A name belongs to a privileged term, or to none.
     """
     known = [*MEASURED, *(f"{name}/{view}" for name in ("rgb", "depth") for view in views)]
     for name in sensors:
@@ -91,7 +91,7 @@ MEASURED = (*MEASURED_NUMBERS, "rgb", "depth")
 
 
 class _Delayed:
-    """One term: samples at its rate, that arrive after its delay."""
+    """One term: sampled at its rate, available after its delay."""
 
     def __init__(self, term: Term) -> None:
         self._term, self._sensor = term, term.sensor
@@ -106,10 +106,10 @@ class _Delayed:
         self._last: np.ndarray | None = None
 
     def take(self, truth: np.ndarray, now: float, **picture: np.ndarray) -> np.ndarray:
-        """The last sample that arrived by `now`; the first one arrives at once, because a robot waits for it."""
+        """The last sample available at `now`; the first one is available at once, because a robot waits for it."""
         if now >= self._due - 1e-9:
             self._waiting.append((now + self._sensor.delay_s, self._noisy(truth, **picture)))
-            # Samples keep to their own clock; a slower control period only loses some.
+            # Samples keep their own clock; a slower control period only skips some.
             while self._step and self._due <= now + 1e-9:
                 self._due += self._step
         if self._last is None:
@@ -145,7 +145,7 @@ class _Delayed:
 
 
 def _scaled(sensor: Sensor, noise: float) -> tuple[ColourNoise | None, DepthNoise | None]:
-    """The noise of a camera times a factor: deviations, and the fractions of depth that are lost."""
+    """The noise of a camera multiplied by a factor: deviations, and the fractions of lost depth."""
     colour, depth = sensor.colour, sensor.depth
     if colour is not None:
         colour = colour.model_copy(update={"sigma": colour.sigma * noise})

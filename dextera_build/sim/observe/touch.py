@@ -22,7 +22,7 @@ class Touch:
         base = model.body(ROBOT + "base").id
         roots = model.body_rootid[model.geom_bodyid]
         self._robot = roots == base
-        # A hand may brush the container that it reaches into.
+        # A hand may touch the container that it reaches into.
         meant = (environment.task.object, *environment.primitive.others())
         self._target = np.isin(roots, [model.body(name).id for name in meant])
         self._names = [self._name(geom) for geom in range(model.ngeom)]
@@ -31,7 +31,7 @@ class Touch:
         """Unintended contacts with more than `press_n` [N]; empty if there are none.
 
         Args:
-            contact: Whether the bodies that the task names may be touched now.
+            contact: Whether contact with the bodies named by the task is intended now.
             press_n: Tolerated force [N].
         """
         data, model = self._environment.data, self._environment.model

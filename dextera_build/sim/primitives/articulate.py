@@ -15,9 +15,9 @@ from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
 LIMIT_RAD = 0.05
-"""Distance beyond its limit from which a joint counts as forced [rad or m]."""
+"""Distance beyond its limit at which a joint counts as forced [rad or m]."""
 REST = 0.25
-"""Maximum speed of a joint at rest; a faster one is passing through [rad/s or m/s]."""
+"""Maximum speed of a joint at rest [rad/s or m/s]."""
 STRAY_M = 0.15
 """Maximum displacement of the base; beyond it the object was thrown or dragged, not operated [m]."""
 TILT_RAD = 0.5
@@ -41,7 +41,7 @@ class Parameters(base.Parameters):
         return self
 
     def goal(self, setting: Setting) -> ArticulateGoal:
-        """The commands in the model's names [rad]; every joint is one of the object's, and can reach its command."""
+        """The commands in the names of the model [rad]; joints must be the object's, and commands within limits."""
         known, tolerance = setting.joints, float(np.radians(self.tolerance_deg))
         joints = listing(known, most=20) or "none"
         goals = {}
@@ -74,11 +74,11 @@ class Articulate(Primitive[ArticulateGoal]):
     carries = False
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
-        """Whether the joints are there, and the object still stands where it stood."""
+        """Whether the joints are at their commands, and the object has not moved."""
         return self._stands(start, now) and all(self._arrived(now, name) for name in self.goal.joints)
 
     def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
-        """The object moved, or a joint is not there."""
+        """The reason: the object moved, or a joint is not at its command."""
         return "a joint is not at its command" if self._stands(start, now) else "the object was moved"
 
     def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
@@ -130,8 +130,8 @@ class Progress:
 def value(progress: Progress) -> float:
     """Value of a state: reach, then bring the joints to their commands, then success.
 
-    The weight of reaching falls as the joints approach their commands, so the hand may release a joint that has
-    arrived. Dragging the object reduces the value.
+    The weight of reaching decreases as the joints approach their commands, so that the hand may release a joint at its
+    command. Dragging the object reduces the value.
     """
     moved = 1.0 - clamp(progress.left, 0.0, 2.0)
     reach = 1.0 - (1.0 - near(progress.reach_m)) * min(1.0, progress.left)

@@ -1,7 +1,7 @@
-"""What every primitive states: its parameters, goal, conditions of success and failure, and the value of a state.
+"""Interface of a primitive: its parameters, goal, conditions of success and failure, and the value of a state.
 
-A primitive is one file with a subclass of `Primitive`, listed in `catalogue.py`. It decides by quantities that can be
-measured in any world, so the simulator, a tracker and hardware are judged by the same code.
+A primitive is one file with a subclass of `Primitive`, listed in `catalogue.py`. Its conditions use only quantities
+that can be measured in any world, so that simulator, tracker and hardware are judged by the same code.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from dextera_build.sim.primitives.stages import clamp
 from dextera_build.sim.primitives.state import TaskState
 
 JUMP_M_S = 3.0
-"""Speed beyond which an object was thrown, or put somewhere by something that is not the robot [m/s]."""
+"""Speed above which an object was thrown, or moved by something other than the robot [m/s]."""
 
 G = TypeVar("G")
 
@@ -31,7 +31,7 @@ class UnfitError(Exception):
     """The parameters of a task do not fit its scene or its robot.
 
     Args:
-        message: What is wrong.
+        message: The fault.
         hint: A correction.
         **facts: Values and alternatives that the error shows.
     """
@@ -42,7 +42,7 @@ class UnfitError(Exception):
 
 
 def no_limb(name: str, robot: RobotModel) -> UnfitError:
-    """The error of a task that names a limb which its robot lacks."""
+    """The error of a task with a limb that its robot lacks."""
     known = " or ".join(f"`{each}`" for each in robot.limb_names)
     several = "" if len(robot.limbs) > 1 else ", or choose a robot with more limbs, such as robot/openarm_revo1"
     return UnfitError(f"the robot has no limb `{name}`", limbs=listing(robot.limb_names), hint=f"name {known}{several}")
@@ -50,7 +50,7 @@ def no_limb(name: str, robot: RobotModel) -> UnfitError:
 
 @dataclass(frozen=True)
 class Setting:
-    """What the parameters of a task refer to."""
+    """Context of the parameters of a task."""
 
     task: str
     """Name of the task."""
@@ -59,37 +59,37 @@ class Setting:
     objects: Mapping[str, TaskObject]
     """Body -> movable object."""
     joints: Mapping[str, tuple[str, float, float]]
-    """Joint of the task's object as its asset calls it -> name in the model, lower and upper limit [rad or m]."""
+    """Joint of the task's object in its asset -> name in the model, lower and upper limit [rad or m]."""
     robot: RobotModel
     """The embodiment."""
 
 
 class Parameters(BaseModel):
-    """What a recipe says of a primitive's goal, as options of `simulate.task`."""
+    """Options of `simulate.task` that define a primitive's goal."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     def goal(self, setting: Setting) -> Any:
-        """The goal in the model's names and in SI units.
+        """The goal with the model's names and in SI units.
 
         Raises:
-            UnfitError: They do not fit the scene or the robot.
+            UnfitError: The parameters do not fit the scene or the robot.
         """
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class Past:
-    """What an episode has shown so far; it follows from its states alone."""
+    """Summary of an episode so far; a function of its states."""
 
     before: TaskState
-    """State of the period before."""
+    """State of the previous control period."""
     stage: int = 0
-    """Stage that was reached, as the primitive counts them."""
+    """Stage reached, numbered by the primitive."""
     fault: str = ""
-    """Why the episode can no longer succeed."""
+    """Reason why the episode can no longer succeed."""
     mark: np.ndarray | None = None
-    """A position (3,) in the world that the primitive keeps [m]."""
+    """A position (3,) in the world, stored by the primitive [m]."""
 
 
 class Primitive(ABC, Generic[G]):
@@ -97,21 +97,21 @@ class Primitive(ABC, Generic[G]):
 
     Args:
         task: With a goal of this primitive.
-        objects: Body -> object of the task's model; shapes that the condition needs.
+        objects: Body -> object of the task's model, with the shapes that the condition needs.
     """
 
     name: ClassVar[str]
-    """As recipes call it."""
+    """Name in recipes."""
     parameters: ClassVar[type[Parameters]]
     """Its options in `simulate.task`."""
     feels: ClassVar[bool] = True
     """Whether its condition or its value needs the grasp state."""
     carries: ClassVar[bool] = True
-    """Whether hands bear the object's weight, so that a heavy one is harder than a light one."""
+    """Whether hands carry the object's weight, so that a heavy one is harder than a light one."""
     still: ClassVar[Literal["", "in hand", "on support"]] = ""
-    """Against what its object should not move; empty: it is meant to move, and success says where to."""
+    """Reference against which its object should not move; empty if the object is to be moved to a target."""
     hands: ClassVar[int] = 1
-    """Number of hands without which it cannot be done."""
+    """Minimum number of hands."""
 
     def __init__(self, task: TaskSpec, objects: Mapping[str, TaskObject] | None = None) -> None:
         self.task = task
@@ -125,71 +125,71 @@ class Primitive(ABC, Generic[G]):
         Args:
             start: State at the reset.
             now: Current state.
-            past: What the states from `start` to `now` have shown, `now` included.
+            past: Summary of the states from `start` to `now`, inclusive.
         """
 
     def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
-        """What the episode has shown, with the state `now`."""
+        """The summary updated with the state `now`."""
         return Past(now, past.stage, past.fault, past.mark)
 
     @abstractmethod
     def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
-        """What was missing when time ran out: a few words without numbers, the same for every such episode."""
+        """The condition not met at the time limit: a few words without numbers, the same for every such episode."""
 
     @abstractmethod
     def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
         """Value of a state, see `stages`.
 
         Args:
-            reach_m: Distance of the fingertips from where they should be on the object [m].
+            reach_m: Distance of the fingertips from their target on the object [m].
             start: State at the reset.
             now: Current state.
             success: Whether the task is done.
         """
 
     def fair(self, places: Mapping[str, np.ndarray]) -> bool:
-        """Whether an episode may begin with the bodies at these poses (4, 4): not where the goal is reached."""
+        """Whether an episode may begin with the bodies at these poses (4, 4): the goal must not be reached yet."""
         return True
 
     def target(self) -> tuple[float, float, float] | None:
-        """Where the object's origin is when the goal is reached, in the world [m]; NaN: anywhere along this axis.
+        """Position of the object's origin at the goal, in the world [m]; NaN: any position along this axis.
 
-        None: where the object stands.
+        None: its current position.
         """
         return None
 
     def others(self) -> tuple[str, ...]:
-        """Bodies that the goal names beside the task's object."""
+        """Bodies that the goal names in addition to the task's object."""
         return ()
 
     def ordered(self) -> tuple[str, ...]:
-        """Limbs to which the goal gives different parts, in the order of the parts."""
+        """Limbs with different roles in the goal, in the order of the roles."""
         return ()
 
     def pushed(self, start: TaskState, now: TaskState) -> tuple[str, float] | None:
-        """Joint to move next and by how much [rad or m]; None: the object itself is to be reached."""
+        """Joint to move next and by how much [rad or m]; None: the object itself is the target of reaching."""
         return None
 
 
 def jumped(before: TaskState, now: TaskState) -> bool:
-    """Whether the object moved faster than a robot moves it."""
+    """Whether the object moved faster than a robot can move it."""
     moved = now.world_from_object[:3, 3] - before.world_from_object[:3, 3]
     # Written to be true on NaN.
     return not float(np.linalg.norm(moved)) <= JUMP_M_S * max(now.time_s - before.time_s, 0.0) + 1e-9
 
 
 def rise(start: TaskState, now: TaskState) -> float:
-    """How far the object's origin is above its start [m]."""
+    """Height of the object's origin above its start [m]."""
     return float(now.world_from_object[2, 3] - start.world_from_object[2, 3])
 
 
 def apart(one: np.ndarray, other: np.ndarray, symmetry: int) -> float:
-    """Angle between two rotations (3, 3) [rad], the smallest among those that look alike.
+    """Angle between two rotations (3, 3) [rad], the smallest among equivalent ones.
 
     Args:
         one: R_world_object.
         other: R_world_object.
-        symmetry: Number of alike orientations about the object's own z axis; 0: all.
+        symmetry: Order of the rotational symmetry about the object's own z axis; 0: any rotation.
     """
     if symmetry == 0:
         return float(np.arccos(clamp(float(one[:, 2] @ other[:, 2]), -1.0, 1.0)))

@@ -1,7 +1,6 @@
-"""The primitives that there are, by name.
+"""All primitives, by name.
 
-They are listed, not searched for: imports that can be read are what makes a primitive's code part of the keys of the
-rules that use it.
+They are listed explicitly, because static imports make a primitive's code part of the keys of the rules that use it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Grasp states of an object from a simulator's contacts, one per hand.
 
-On hardware, estimates of the same form replace them.
+On hardware, they are replaced by estimates of the same form.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ SUPPORT = -1
 
 
 class Hands:
-    """The hands of a robot in a model: which geoms are which finger's, and where the palms are.
+    """The hands of a robot in a model: the geoms of each finger, and the sites of the palms.
 
     Args:
         model: `mujoco.MjModel`.
         robot: The embodiment.
-        prefix: Begins the robot's names in the model.
+        prefix: Prefix of the robot's names in the model.
     """
 
     def __init__(self, model: Any, robot: RobotModel, prefix: str = "") -> None:
@@ -69,7 +69,7 @@ class Hands:
         if body not in self._inside:
             self._inside[body] = _inside(model, body)
         forces, supported = _forces(model, data, self._inside[body], self.fingers, self.count)
-        # Bodies that sleep have no contacts; only what rests on something falls asleep.
+        # Sleeping bodies have no contacts; only supported bodies fall asleep.
         supported |= not data.tree_awake[model.body_treeid[body]]
         return {
             name: _state(model, data, body, forces[self.of(number)], supported, self.palms[number])
@@ -77,7 +77,7 @@ class Hands:
         }
 
     def tip_forces(self, model: Any, data: Any) -> np.ndarray:
-        """Force on each finger from everything else, (F, 3) [N] in the world frame; palms are left out."""
+        """Force on each finger from everything else, (F, 3) [N] in the world frame; without the palms."""
         total = np.zeros((self.count, 3))
         for number in range(data.ncon):
             one, other = (int(self.fingers[geom]) for geom in data.contact.geom[number])
@@ -136,7 +136,7 @@ def _state(model: Any, data: Any, body: int, forces: np.ndarray, supported: bool
 
 
 def _inside(model: Any, body: int) -> np.ndarray:
-    """Which geoms belong to the object with root `body`, (ngeom,) bool."""
+    """Geoms of the object with root `body`, (ngeom,) bool."""
     return np.asarray(model.body_rootid[model.geom_bodyid] == body)
 
 
@@ -178,6 +178,6 @@ def _slip(model: Any, data: Any, body: int, palm: int) -> float:
     mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_SITE, palm, hand, 0)
     x, y, z = (data.xipos[body] - data.site_xpos[palm]).tolist()
     wx, wy, wz = hand[:3].tolist()
-    # By hand: `np.cross` takes longer than all the rest.
+    # Written out, because `np.cross` takes longer than all the rest.
     carried = np.array([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x])
     return float(np.linalg.norm(motion[3:] - hand[3:] - carried))

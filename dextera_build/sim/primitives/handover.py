@@ -12,16 +12,16 @@ from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
 from dextera_build.sim.primitives.state import GraspState, TaskState
 
 WAITS, GIVEN, SHARED, TAKEN = 0, 1, 2, 3
-"""Stages: not off its support; held by the giver alone; held by both hands; held by the receiver alone."""
+"""Stages: on its support; held by the giver alone; held by both hands; held by the receiver alone."""
 
 
 class Parameters(base.Parameters):
-    """Options of a handover; of a robot with two hands, one name says both."""
+    """Options of a handover; with two hands, one name implies the other."""
 
     giver: str = ""
-    """Limb that takes the object from its support."""
+    """Limb that picks up the object."""
     receiver: str = ""
-    """Limb that holds it in the end."""
+    """Limb that holds it at the end."""
 
     @model_validator(mode="after")
     def _of_two(self) -> Parameters:
@@ -45,7 +45,7 @@ class Parameters(base.Parameters):
 class Handover(Primitive[HandoverGoal]):
     """The receiver alone holds the object after the giver held it, then both, and it touched nothing in between.
 
-    A throw, a drop and an object that was put down between the hands begin anew.
+    After a throw, a drop, or setting the object down, the sequence starts again.
     """
 
     name = "handover"
@@ -53,11 +53,11 @@ class Handover(Primitive[HandoverGoal]):
     hands = 2
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
-        """Whether the receiver took it and holds it alone."""
+        """Whether the receiver took the object and holds it alone."""
         return past.stage == TAKEN and not past.fault and now.grasp((self.goal.receiver,)).alone
 
     def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
-        """The stage; an object on a support, or in no hand, waits to be taken by the giver."""
+        """The stage; an object on a support, or in no hand, is in the first stage."""
         fault = past.fault or ("the object jumped" if base.jumped(past.before, now) else "")
         giver, receiver = self._hands(now)
         stage = past.stage
@@ -83,7 +83,7 @@ class Handover(Primitive[HandoverGoal]):
         return reasons.get(past.stage, "the receiver does not hold the object")
 
     def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
-        """Reach, then the giver holds it off its support, then both hands, then the receiver."""
+        """Value of the stages: reach, held by the giver off its support, held by both hands, held by the receiver."""
         giver, receiver = self._hands(now)
         found = REACH * near(reach_m)
         if now.supported:

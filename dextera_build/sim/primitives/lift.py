@@ -38,15 +38,15 @@ class Lift(Primitive[LiftGoal]):
     still = "in hand"
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
-        """Whether it is up there, in the hands that the task names."""
+        """Whether the object is raised and held in the hands that the task names."""
         return base.rise(start, now) >= self.goal.height_m and now.grasp(self.task.limbs).alone
 
     def target(self) -> tuple[float, float, float]:
-        """At its height, wherever it was carried."""
+        """The target height; any horizontal position."""
         return np.nan, np.nan, float(self.objects[self.task.object].pose.matrix[2, 3]) + self.goal.height_m
 
     def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
-        """The object is too low, or not held."""
+        """The reason: the object is too low, or not held."""
         return "the object is not held" if base.rise(start, now) >= self.goal.height_m else "the object is too low"
 
     def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:

@@ -17,24 +17,24 @@ from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, 
 from dextera_build.sim.primitives.state import TaskState
 
 DROP_M = 0.08
-"""Way from where it was let go after which an object was dropped or thrown, not placed [m]."""
+"""Distance from the release at which an object was dropped or thrown rather than placed [m]."""
 OVER_M = 0.02
-"""Height above a container's rim from which an object may still be let go into it [m]."""
+"""Height above a container's rim from which an object may still be released into it [m]."""
 PUSHED_M = 0.02
-"""Way in touch with a hand that does not hold it after which an object was pushed [m]."""
+"""Distance in contact with a hand that does not hold it at which an object was pushed [m]."""
 TIPPED_RAD = 0.5
-"""Lean of a container beyond which it was tipped over [rad]."""
+"""Lean of a container above which it was tipped over [rad]."""
 SKIN_M = 0.004
-"""Distance by which points of an object may be outside a cavity: contacts are not rigid, and shapes are sampled [m]."""
+"""Tolerance of points outside a cavity, for soft contacts and sampled shapes [m]."""
 WAITS, CARRIED, LET_GO = 0, 1, 2
-"""Stages: not picked yet; held by a hand alone; let go after that."""
+"""Stages: not picked up; held by hands alone; released."""
 
 
 class Parameters(poses.Parameters):
     """Options of a placement: a target pose, or a container."""
 
     into: str = ""
-    """Label of the container; empty: the target pose counts."""
+    """Label of the container; empty: the target pose applies."""
 
     @model_validator(mode="after")
     def _aimed(self) -> Parameters:
@@ -68,21 +68,21 @@ class Parameters(poses.Parameters):
 
 
 class Place(Primitive[PlaceGoal]):
-    """The object was carried by a hand alone, let go near where it rests now, and is where it should be.
+    """The object was carried by a hand alone, released near its final position, and is at its target.
 
-    A push, a throw, a drop from above, something that is still held and something that hovers fail.
+    Pushing, throwing and dropping fail, as does an object that is still held or not at rest.
     """
 
     name = "pick_and_place"
     parameters = Parameters
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
-        """Whether it rests there, after it was carried, and no hand touches it."""
+        """Whether the object rests at its target after it was carried, and no hand touches it."""
         rests = past.stage == LET_GO and not now.touching and now.supported
         return rests and not past.fault and self._there(start, now)
 
     def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
-        """The stage; an object that fell, flew or was pushed after it was carried waits again to be picked."""
+        """The stage; an object that fell, flew or was pushed after it was carried must be picked up again."""
         fault = past.fault or ("the object jumped" if base.jumped(past.before, now) else "")
         place, held = now.world_from_object[:3, 3], now.grasp(self.task.limbs)
         if held.alone or (past.stage == CARRIED and held.valid):
@@ -94,7 +94,7 @@ class Place(Primitive[PlaceGoal]):
         return Past(now, CARRIED if now.touching and past.stage == CARRIED else LET_GO, fault, past.mark)
 
     def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
-        """The object was not carried, is not released, or is not there."""
+        """The reason: the object was not carried, is not released, or is not at its target."""
         if past.stage == WAITS:
             return "the object was not picked up" if past.mark is None else "the object was dropped"
         if past.stage == CARRIED or now.touching:
@@ -102,7 +102,7 @@ class Place(Primitive[PlaceGoal]):
         return "the object is not inside" if self.goal.into else "the object is not at its target"
 
     def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
-        """Reach, then hold, then bring it there; what lies released at its target has arrived."""
+        """Value of the stages: reach, hold, move to the target; an object released at its target has the full value."""
         grasp = now.grasp(self.task.limbs)
         hold = 0.5 * min(grasp.fingers, 2) / 2 + 0.5 * float(grasp.opposing)
         if self._there(start, now) and now.supported:
@@ -112,7 +112,7 @@ class Place(Primitive[PlaceGoal]):
         return REACH * near(reach_m) + HOLD * hold + MOVE * moved
 
     def fair(self, places: Mapping[str, np.ndarray]) -> bool:
-        """Whether the object is not where it should be yet."""
+        """Whether the object is not at its target yet."""
         pose = places[self.task.object]
         if self.goal.into:
             return not self._inside(pose, places[self.goal.into])
@@ -130,7 +130,7 @@ class Place(Primitive[PlaceGoal]):
         return (self.goal.into,) if self.goal.into else ()
 
     def _fall_m(self) -> float:
-        """Way that an object may go after it was let go: into a container from its rim, however deep it is [m]."""
+        """Allowed distance after the release: into a container from its rim, for any depth [m]."""
         cavity = self.objects[self.goal.into].cavity if self.goal.into else None
         return DROP_M if cavity is None else max(DROP_M, float((cavity.rim_m - cavity.floor_m).max()) + OVER_M)
 
@@ -155,14 +155,14 @@ class Place(Primitive[PlaceGoal]):
         cavity = self.objects[self.goal.into].cavity
         points = self.objects[self.task.object].points
         container_from_object = transforms.invert(container) @ pose
-        # Most of the time an object is elsewhere, and one of its points is enough to know.
+        # The object is usually elsewhere, and then one of its points suffices.
         if cavity is None or not _beside(cavity, transforms.apply(container_from_object, points[0].astype(np.float64))):
             return False
         return inside(cavity, transforms.apply(container_from_object, points.astype(np.float64)))
 
 
 def _beside(cavity: Cavity, point: np.ndarray) -> bool:
-    """Whether a point (3,) in the container's frame [m] has a column of the grid next to it; False on NaN."""
+    """Whether a point (3,) in the container's frame [m] has a grid column next to it; False on NaN."""
     x, y = ((point[:2] - cavity.corner_m) / cavity.cell_m).tolist()
     rows, columns = cavity.rim_m.shape
     return bool(-1 <= x < rows + 1 and -1 <= y < columns + 1)
@@ -171,7 +171,7 @@ def _beside(cavity: Cavity, point: np.ndarray) -> bool:
 def inside(cavity: Cavity, points: np.ndarray) -> bool:
     """Whether all points (P, 3) in the container's frame [m] are in its cavity; False on NaN.
 
-    A point beside a wall counts for the nearest columns too, because walls are as thick as their columns.
+    A point next to a wall is also tested with the nearest columns, because walls are as thick as their columns.
     """
     rooms = cavity.rim_m - cavity.floor_m > 0
     cells = np.floor((points[:, :2] - cavity.corner_m) / cavity.cell_m)

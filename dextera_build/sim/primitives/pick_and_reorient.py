@@ -15,7 +15,7 @@ from dextera_build.sim.primitives.state import TaskState
 
 
 class Parameters(poses.Parameters):
-    """Options of a reorientation: a place, an orientation, or both."""
+    """Options of a reorientation: a position, an orientation, or both."""
 
     @model_validator(mode="after")
     def _aimed(self) -> Parameters:
@@ -36,7 +36,7 @@ class Reorient(Primitive[ReorientGoal]):
     parameters = Parameters
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
-        """Whether it is there, in the hands that the task names."""
+        """Whether the object is at its target, in the hands that the task names."""
         held = not past.fault and now.grasp(self.task.limbs).alone
         return held and poses.reached(self.goal, now.world_from_object)
 
@@ -50,13 +50,13 @@ class Reorient(Primitive[ReorientGoal]):
         return self.goal.place_m
 
     def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
-        """The object is not there, or not held."""
+        """The reason: the object is not at its target, or not held."""
         if poses.reached(self.goal, now.world_from_object):
             return "the object is not held"
         return "the object is not at its target"
 
     def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
-        """Reach, then hold, then bring it to its target in the hand."""
+        """Value of the stages: reach, hold, move to the target in the hand."""
         grasp = now.grasp(self.task.limbs)
         hold = 0.5 * min(grasp.fingers, 2) / 2 + 0.5 * float(grasp.opposing)
         held = grasp.fingers >= 2 and grasp.opposing

@@ -1,4 +1,4 @@
-"""Target poses as options of a recipe and as conditions, shared by the primitives that bring an object somewhere."""
+"""Target poses as options of a recipe and as conditions, shared by the primitives that move an object to a pose."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from dextera_build.sim.primitives.base import Setting
 from dextera_build.sim.primitives.stages import clamp
 
 RADIAN_M = 0.1
-"""Distance that weighs as much as a rotation by one radian [m]."""
+"""Distance equivalent to a rotation by one radian [m]."""
 
 
 class Near(base.Parameters):
-    """Options that say how near a target must come."""
+    """Options for the tolerance of a target."""
 
     tolerance_m: PositiveFloat = 0.03
     """Maximum distance from the target [m]."""
     tolerance_deg: PositiveFloat = 15.0
     """Maximum rotation from the target [deg]."""
     symmetry: int = Field(1, ge=0)
-    """Orientations that look alike when the object turns about its own z axis; 0: all."""
+    """Order of the object's rotational symmetry about its own z axis; 0: any rotation."""
 
     def tolerance(self) -> Tolerance:
-        """How near it must come."""
+        """The tolerances of distance and rotation."""
         return Tolerance(
             position_m=self.tolerance_m, rotation_rad=float(np.radians(self.tolerance_deg)), symmetry=self.symmetry
         )
@@ -38,9 +38,9 @@ class Parameters(Near):
     to_m: tuple[float, float, float] | None = None
     """Target x, y and z of the object's origin in the world [m]."""
     by_m: tuple[float, float, float] | None = None
-    """The same as a way from the photograph's position [m]."""
+    """The same, as a displacement from the photographed position [m]."""
     turn_deg: tuple[float, float, float] | None = None
-    """Target orientation as turns of the photograph's about x, then y, then z of the world [deg]."""
+    """Target orientation as rotations of the photographed one about x, then y, then z of the world [deg]."""
 
     @model_validator(mode="after")
     def _aimed_once(self) -> Parameters:
@@ -67,7 +67,7 @@ class Parameters(Near):
 
 
 def errors(goal: PoseGoal, pose: np.ndarray) -> tuple[float, float]:
-    """Distance [m] and rotation [rad] of a pose (4, 4) from its target; 0 for what may be anything."""
+    """Distance [m] and rotation [rad] of a pose (4, 4) from its target; 0 for an unconstrained part."""
     position = 0.0 if goal.place_m is None else float(np.linalg.norm(pose[:3, 3] - goal.place_m))
     if goal.quaternion is None:
         return position, 0.0
@@ -81,7 +81,7 @@ def reached(goal: PoseGoal, pose: np.ndarray) -> bool:
 
 
 def way_m(position_m: float, rotation_rad: float) -> float:
-    """A distance and a rotation from a target as one distance [m]."""
+    """A distance and a rotation from a target combined into one distance [m]."""
     return position_m + RADIAN_M * rotation_rad
 
 
@@ -92,5 +92,5 @@ def left(goal: PoseGoal, start: np.ndarray, now: np.ndarray) -> float:
 
 
 def turned(pose: np.ndarray, start: np.ndarray) -> float:
-    """How far an object's own z axis leans from where it pointed at the start [rad]."""
+    """Angle between an object's own z axis and its direction at the start [rad]."""
     return float(np.arccos(clamp(float(start[:3, 2] @ pose[:3, 2]), -1.0, 1.0)))

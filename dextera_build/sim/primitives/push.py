@@ -1,4 +1,4 @@
-"""Primitive `push`: an object is moved along its support to a place, and never lifted."""
+"""Primitive `push`: an object is moved along its support to a position, without being lifted."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
 LIFTED_M = 0.03
-"""Rise beyond which an object was lifted, not pushed [m]."""
+"""Rise above which an object was lifted rather than pushed [m]."""
 STANDS_M = 0.015
-"""Difference in height within which an object still stands on its support [m]."""
+"""Height difference within which an object still stands on its support [m]."""
 UNTOUCHED, TOUCHED = 0, 1
 """Stages: no hand has touched the object; one has."""
 
@@ -29,9 +29,9 @@ class Parameters(poses.Near):
     to_m: tuple[float, float] | None = None
     """Target x and y of the object's origin in the world [m]."""
     by_m: tuple[float, float] | None = None
-    """The same as a way from the photograph's position [m]."""
+    """The same, as a displacement from the photographed position [m]."""
     yaw_deg: float | None = None
-    """Target turn about the vertical from the photograph's orientation [deg]; None: any."""
+    """Target rotation about the vertical from the photographed orientation [deg]; None: any."""
 
     @model_validator(mode="after")
     def _aimed(self) -> Parameters:
@@ -55,7 +55,7 @@ class Parameters(poses.Near):
 class Push(Primitive[PushGoal]):
     """The object stands at its target within tolerance, after a hand pushed it there.
 
-    An episode in which the object was lifted, was touched by a hand that the task does not name, or jumped is lost.
+    An episode fails if the object was lifted, was touched by a hand that the task does not name, or jumped.
     """
 
     name = "push"
@@ -67,7 +67,7 @@ class Push(Primitive[PushGoal]):
         self._turn = self.goal.turn
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
-        """Whether it was pushed, stands, and is where it should be."""
+        """Whether the object was pushed, stands, and is at its target."""
         stands = abs(base.rise(start, now)) <= STANDS_M and now.supported
         return past.stage == TOUCHED and not past.fault and bool(stands) and self._there(now.world_from_object)
 
@@ -84,13 +84,13 @@ class Push(Primitive[PushGoal]):
         return Past(now, TOUCHED if touching else past.stage, fault)
 
     def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
-        """The object was not touched, does not stand, or is not there."""
+        """The reason: the object was not touched, does not stand, or is not at its target."""
         if past.stage == UNTOUCHED:
             return "the object was not pushed"
         return "the object does not stand" if self._there(now.world_from_object) else "the object is not at its target"
 
     def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
-        """Reach, then bring the object to its target; one that is in the air has not moved."""
+        """Value of the stages: reach, move the object to its target; a lifted object has made no progress."""
         stands = base.rise(start, now) <= LIFTED_M
         left = self._left(now.world_from_object) / max(self._left(start.world_from_object), 1e-6) if stands else 1.0
         moved = 1.0 - clamp(left, 0.0, 2.0)
@@ -102,7 +102,7 @@ class Push(Primitive[PushGoal]):
         return not self._there(places[self.task.object])
 
     def target(self) -> tuple[float, float, float]:
-        """The place on the support."""
+        """The position on the support."""
         return *self.goal.place_m, float(self.objects[self.task.object].pose.matrix[2, 3])
 
     def _there(self, pose: np.ndarray) -> bool:
@@ -112,7 +112,7 @@ class Push(Primitive[PushGoal]):
         return poses.way_m(*self._errors(pose))
 
     def _errors(self, pose: np.ndarray) -> tuple[float, float]:
-        """Distance on the support [m] and rotation [rad] from the target; NaN where the pose is."""
+        """Distance on the support [m] and rotation [rad] from the target; NaN if the pose is NaN."""
         symmetry = self.goal.tolerance.symmetry if self.goal.yaw_rad is not None else 0
         position = float(np.linalg.norm(pose[:2, 3] - self.goal.place_m))
         return position, base.apart(pose[:3, :3], self._turn, symmetry)

@@ -8,7 +8,7 @@ object gains nothing, because a stage counts only while the one before it holds.
 from __future__ import annotations
 
 NEAR_M = 0.2
-"""Distance at which the value of reaching is lost [m]; linear, for a gradient from far away."""
+"""Distance at which the value of reaching is 0 [m]; linear, for a gradient from far away."""
 FAR_M = 0.8
 """Distance beyond which the value is constant [m]."""
 REACH, HOLD, MOVE, DONE = 1.0, 1.0, 4.0, 5.0
@@ -24,5 +24,5 @@ def near(distance_m: float) -> float:
 
 
 def clamp(value: float, low: float, high: float) -> float:
-    """A number within limits, NaN as it is; NumPy's `clip` takes ten times as long for a single one."""
+    """A number clipped to limits, NaN unchanged; NumPy's `clip` takes ten times as long for a scalar."""
     return min(max(value, low), high)

@@ -30,7 +30,7 @@ class GraspState:
 
     @property
     def valid(self) -> bool:
-        """Whether the hand holds the object: opposing fingers, no slip. Comparisons fail on NaN."""
+        """Whether the hand holds the object: opposing fingers and no slip. Comparisons fail on NaN."""
         return self.fingers >= 2 and self.opposing and self.slip_m_s < SLIP_M_S
 
     @property
@@ -40,7 +40,7 @@ class GraspState:
 
 
 def opposed(pushes: Iterable[Iterable[float]]) -> bool:
-    """Whether two of some unit directions oppose each other."""
+    """Whether two of the unit directions oppose each other."""
     unit = np.array(list(pushes), np.float64).reshape(-1, 3)
     return bool(len(unit) >= 2 and (unit @ unit.T).min() < OPPOSING)
 
@@ -90,10 +90,10 @@ class TaskState:
         return any(grasp.supported for grasp in self.grasps.values()) or not self.grasps
 
     def grasp(self, limbs: Iterable[str] = ()) -> GraspState:
-        """The grasp state of the hands that press on the object, as one.
+        """The combined grasp state of the hands that press on the object.
 
         Args:
-            limbs: Hands that must do it, all of them and no other; empty: any.
+            limbs: Hands that must hold it, all of them and no other; empty: any.
 
         Returns:
             Nothing held, if a named hand does not press or another one does.

@@ -1,7 +1,7 @@
 """Success of a task: pure functions of quantities that can be measured in any world.
 
-Independent of any simulator. The condition is judged once per control period; success means that it did not hold at
-the reset and then held without interruption for `hold_s`. Any interruption restarts the clock.
+Independent of any simulator. The condition is evaluated once per control period; success means that it did not hold at
+the reset and then held without interruption for `hold_s`. Any interruption restarts the timer.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dextera_build.sim.primitives.state import TaskState
 
 
 def holds(task: TaskSpec, start: TaskState, now: TaskState, objects: Mapping[str, TaskObject] | None = None) -> bool:
-    """Whether the task's condition holds now, given the state at the start of the episode and nothing in between."""
+    """Whether the task's condition holds now, given only the state at the start of the episode."""
     primitive = catalogue.of(task, objects)
     past = Past(start)
     return primitive.holds(start, now, past if now is start else primitive.follow(past, start, now))
@@ -41,7 +41,7 @@ class Judge:
 
     @property
     def reason(self) -> str:
-        """Why the condition does not hold, in a few words; empty if it does."""
+        """Reason why the condition does not hold, in a few words; empty if it holds."""
         if self.primitive.holds(self.start, self._now, self._past):
             return ""
         return self._past.fault or self.primitive.missing(self.start, self._now, self._past)

@@ -1,4 +1,4 @@
-"""Refuse tasks that lie beyond the robot's arms, by lengths alone: what passes may still be out of reach."""
+"""Check of a task against the reach of the robot's arms, by lengths only; accepted tasks may still be out of reach."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.primitives.base import UnfitError
 
 SLACK_M = 0.15
-"""Distance that a released object may still slide or fall, and what a start adds to poses and sizes [m]."""
+"""Tolerance for sliding or falling after a release, and for pose and size variations of a start [m]."""
 
 
 def check(bundle: TaskBundle) -> None:
-    """Refuse a task whose object, or whose target, no limb that may do it can reach in any configuration.
+    """Raise for a task whose object or target is beyond the reach of every limb that may do it.
 
     Raises:
-        UnfitError: It is farther from the first joint than all lengths together.
+        UnfitError: It is farther from the first joint than the fully extended arm.
     """
     primitive = catalogue.of(bundle.task, bundle.objects)
     named = bundle.task.limbs or primitive.ordered()[:1]
@@ -41,7 +41,7 @@ def check(bundle: TaskBundle) -> None:
 def _within(
     bundle: TaskBundle, limbs: dict[str, Ball], what: str, place: np.ndarray, slack: float, *, together: bool
 ) -> None:
-    """Check one place (3,) in the world, NaN where it may be anything; `slack` is added to the reach [m]."""
+    """Check one position (3,) in the world, NaN for free coordinates; `slack` is added to the reach [m]."""
     ways = {limb: _distance(bundle, own, place) for limb, own in limbs.items()}
     missed = [limb for limb, own in limbs.items() if ways[limb] > own.radius_m + slack]
     if not missed or (not together and len(missed) < len(limbs)):
@@ -58,7 +58,7 @@ def _within(
 
 
 def _distance(bundle: TaskBundle, own: Ball, place: np.ndarray) -> float:
-    """Smallest distance of a place from the limb's first joint [m]."""
+    """Smallest distance of a position from the limb's first joint [m]."""
     away = place - transforms.apply(bundle.base_pose.matrix, own.centre_m)
     return float(np.linalg.norm(np.nan_to_num(away)))
 

@@ -1,4 +1,4 @@
-"""Bodies that MuJoCo draws among 3D Gaussians, composed by depth: what is nearer hides what is farther."""
+"""Bodies rendered by MuJoCo among 3D Gaussians, composed by depth."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from dextera_build.sim.render import rendering
 
 @dataclass(frozen=True)
 class Drawn:
-    """What MuJoCo draws of some bodies."""
+    """Rendering of some bodies."""
 
     rgb: np.ndarray  # (H, W, 3) uint8 sRGB
-    depth_m: np.ndarray  # (H, W) float64 image-plane depth; inf where no such body is
-    owner: np.ndarray  # (H, W) int32, index of the body; -1 where no such body is
+    depth_m: np.ndarray  # (H, W) float64 image-plane depth; inf without such a body
+    owner: np.ndarray  # (H, W) int32, index of the body; -1 without such a body
 
 
 def drawn(model: Any, data: Any, bodies: tuple[str, ...], camera: Camera, world_from_camera: np.ndarray) -> Drawn:
-    """Draw a state, and keep the pixels that show one of the bodies or what is attached to it.
+    """Render a state, and keep the pixels of the given bodies and their descendants.
 
     Args:
         model: Compiled model.
@@ -41,11 +41,11 @@ def drawn(model: Any, data: Any, bodies: tuple[str, ...], camera: Camera, world_
 def among(bodies: Drawn, room: Gaussians, camera: Camera, world_from_camera: np.ndarray) -> np.ndarray:
     """The bodies in a room of Gaussians, (H, W, 3) uint8 sRGB.
 
-    Each Gaussian is tested against the body in each pixel by the depth of its mean; those before it are blended over
-    it, with what light they let pass. Where no body is, the room is on black.
+    Each Gaussian is tested against the body in each pixel by the depth of its mean; Gaussians in front of it are
+    alpha-blended over it. Pixels without a body have a black background.
 
     Args:
-        bodies: What the same camera sees of the bodies.
+        bodies: Rendering of the bodies by the same camera.
         room: In the world frame of the model.
         camera: Intrinsics [px].
         world_from_camera: (4, 4) T_world_camera, OpenCV axes.

@@ -1,4 +1,4 @@
-"""Recorded steps as states of the task's model, without stepping."""
+"""Recorded steps as states of the task's model, without simulation."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class Replica:
     def positions(self, episode: Episode) -> np.ndarray:
         """MuJoCo positions (T, Q) of every step; unrecorded positions keep their initial values.
 
-        Followers are where their leaders put them. The model's objects get the sizes of this episode, and its robot
-        stands where that of the episode did; objects were recorded in the base where the bundle has it.
+        Followers are set from their leaders. The model's objects get the sizes of this episode, and its robot the base
+        pose of the episode; objects were recorded in the bundle's base frame.
 
         Raises:
             RuleError: The episode's start belongs to another model.

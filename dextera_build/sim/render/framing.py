@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 
 FILL = 0.85
-"""Part of the picture's width and height that the objects may fill."""
+"""Fraction of the picture's width and height that the objects may fill."""
 WITHIN = 0.95
-"""Part of the way to a wall at which a camera stands that would be behind it."""
+"""Fraction of the distance to a wall at which a camera is placed if it would be behind the wall."""
 SHOWN = 3
 """Geoms of this group and above are hidden by default."""
 
@@ -25,9 +25,9 @@ def around(
         model: Compiled model.
         data: A state after `mj_forward`.
         names: Root bodies of the objects; with none, the camera looks at the origin.
-        eye: Place of another camera (3,), which directions count from [m].
+        eye: Position of another camera (3,), the reference of directions [m].
         turn: Direction about the vertical, from that of the other camera [rad].
-        tilt: Angle at which it looks down [rad]; None: as the other camera does.
+        tilt: Pitch below the horizon [rad]; None: that of the other camera.
         aspect: Width of the picture over its height.
     """
     corners = _corners(model, data, names)

@@ -1,7 +1,7 @@
 """Soft light by ray casting: the visibility of the sky and of an area lamp at each pixel.
 
-An extended lamp gives penumbras, and sky occlusion gives the dark seams under objects, as in photographs. Rays start
-from every other pixel, sixteen patterns alternate between neighbours, and averaging over neighbours on the same surface
+An extended lamp causes penumbras, and sky occlusion the dark seams under objects, as in photographs. Rays start from
+every other pixel, sixteen patterns alternate between neighbours, and averaging over neighbours on the same surface
 removes the pattern. All samples are fixed: the same model gives the same bytes.
 """
 

@@ -99,7 +99,7 @@ class Eye:
         return _geoms(pairs)
 
     def _upload(self) -> None:
-        """Copy resized meshes to the GPU, which holds them as they were when the camera was made."""
+        """Copy resized meshes to the GPU, which has their size at the creation of the camera."""
         model = self._model
         if np.array_equal(self._drawn, model.mesh_vert):
             return
@@ -127,7 +127,7 @@ class Eye:
 
 
 def _use_chosen_platform() -> None:
-    # MuJoCo reads `MUJOCO_GL` once; if imported before this package, it has no platform.
+    # MuJoCo reads `MUJOCO_GL` once; if it was imported before this package, no platform is set.
     if os.environ.get("MUJOCO_GL") == "egl":
         from mujoco.egl import GLContext
         from mujoco.rendering.classic import gl_context
@@ -138,7 +138,7 @@ def _use_chosen_platform() -> None:
 def stock(
     model: Any, data: Any, cameras: Sequence[str | Any], height: int, width: int
 ) -> tuple[list[np.ndarray], np.ndarray]:
-    """The scene as `mujoco.Renderer` draws it with its default flags.
+    """The scene as rendered by `mujoco.Renderer` with default flags.
 
     Args:
         model: Compiled model.

@@ -1,4 +1,4 @@
-"""Pixels of a robot in frames of a calibrated camera, by its model and what its encoders read."""
+"""Pixels of a robot in frames of a calibrated camera, from its model and its encoder readings."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from dextera_build.sim.model.model import compile_folder
 from dextera_build.sim.render.rendering import Eye
 
 TOLERANCE_M = 0.015
-"""Largest difference of measured and drawn depth on the robot [m]."""
+"""Maximum difference of measured and rendered depth on the robot [m]."""
 UNDRAWN = 5
 """Group of geoms that are not drawn."""
 GROW_PX = 4
-"""Distance beyond the drawn outline at which pixels may be the robot's [px]: as far as a calibration may be off."""
+"""Distance outside the rendered outline within which pixels may be the robot's [px], for calibration errors."""
 
 
 class RobotPixels:
-    """Draws the robot of a twin, and nothing else of it; a context manager, because it holds a GL context.
+    """Renders only the robot of a twin; a context manager, because it holds a GL context.
 
     Args:
         twin: The task in the twin.
         camera: Intrinsics of the frames.
-        camera_from_base: T_camera_base (4, 4) by the calibration.
+        camera_from_base: Calibrated T_camera_base (4, 4).
     """
 
     def __init__(self, twin: TaskBundle, camera: Camera, camera_from_base: np.ndarray) -> None:
@@ -65,7 +65,7 @@ class RobotPixels:
 
 
 def pose_robot(robot: RobotModel, data: Any, joints: np.ndarray) -> None:
-    """Put the robot of a task's model at joint positions (A,) [rad or m], followers included."""
+    """Set the robot of a task's model to joint positions (A,) [rad or m], followers included."""
     read = zip((joint.name for joint in robot.joints), map(float, joints), strict=True)
     for name, place in robot.followed({**robot.home, **dict(read)}).items():
         data.joint(ROBOT + name).qpos[0] = place

@@ -1,4 +1,4 @@
-"""A robot as a camera sees it, by ray casting: depth, normals, links, and how its points move with its joints."""
+"""Ray casting of a robot: depth, normals, links, and the motion of its points with its joints."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ PARTS = ("arm", "hand")
 class RobotView:
     """Pixels of the robot in one picture."""
 
-    depth: np.ndarray  # (H, W) float64 image-plane z [m]; 0 beside it
-    labels: np.ndarray  # (H, W) int32: 1 arm, 2 hand, 0 beside it
-    link: np.ndarray  # (H, W) int32, number of the link; -1 beside it
+    depth: np.ndarray  # (H, W) float64 image-plane z [m]; 0 outside the robot
+    labels: np.ndarray  # (H, W) int32: 1 arm, 2 hand, 0 outside the robot
+    link: np.ndarray  # (H, W) int32, number of the link; -1 outside the robot
     points: np.ndarray  # (H, W, 3) in the camera frame [m]
     normals: np.ndarray  # (H, W, 3) in the camera frame, towards the camera
 
 
 class RobotRenderer:
-    """Casts rays at a robot's drawn geometry.
+    """Ray-casts a robot's visual geometry.
 
     Args:
         robot: Its model.
@@ -81,7 +81,7 @@ class RobotRenderer:
         return found
 
     def _below(self, root: int) -> np.ndarray:
-        """Which bodies (B,) hang on a body, itself included."""
+        """A body and its descendants, as a mask (B,)."""
         parents = np.asarray(self.kinematics.model.body_parentid)
         found = np.zeros(len(parents), bool)
         for number in range(len(parents)):  # parents come before their children

@@ -12,7 +12,7 @@ import numpy as np
 from dextera_build.artifacts.noise import ColourNoise, DepthNoise
 
 DARK, SHINE = 0.2, 0.98
-"""Mean of sRGB 0..1 below which surfaces return less of the projector's light, and above which they dazzle."""
+"""Mean of sRGB 0..1 below which surfaces return too little of the projector's light, and above which they saturate."""
 PATCH_PX = 4.0
 """Standard deviation of the blur from which patches are cut [px]."""
 
@@ -24,7 +24,7 @@ def measure_depth(
 
     Args:
         depth: (H, W) true image-plane z [m], 0 if empty.
-        rgb: (H, W, 3) the faultless picture, sRGB 0..1.
+        rgb: (H, W, 3) the noise-free picture, sRGB 0..1.
         k: (3, 3) intrinsics [px].
         options: Noise parameters.
         rng: Source of all randomness.
@@ -99,7 +99,7 @@ def _between_neighbours(depth: np.ndarray, axis: int) -> np.ndarray:
 
 
 def _loss(rgb: np.ndarray, options: DepthNoise) -> np.ndarray:
-    """Fraction (H, W) of the surface that is lost in patches: everywhere, where it is dark, and where it shines."""
+    """Fraction (H, W) of depth lost in patches: everywhere, on dark surfaces, and on bright ones."""
     light = rgb.mean(axis=-1)
     dark = options.dark_loss * np.clip(1.0 - light / DARK, 0.0, 1.0)
     return np.asarray(
@@ -118,7 +118,7 @@ def _patches(shape: tuple[int, ...], loss: np.ndarray, rng: np.random.Generator)
 
 
 def _between(depth: np.ndarray, options: DepthNoise, rng: np.random.Generator) -> np.ndarray:
-    """Depths (H, W) drawn between the nearest and the farthest of a pixel's neighbourhood."""
+    """Depths (H, W) drawn between the nearest and the farthest in a pixel's neighbourhood."""
     from scipy import ndimage
 
     size = 2 * options.edge_px + 1

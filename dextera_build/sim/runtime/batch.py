@@ -1,7 +1,7 @@
-"""Several worlds of one task at once, stepped by MuJoCo Warp in single precision, on a processor or a GPU.
+"""Several worlds of one task, stepped together by MuJoCo Warp in single precision, on a CPU or a GPU.
 
-Warp computes positions and velocities alone. An `Environment` for each world, the same as everywhere, derives from them
-the observations and the state by which a task is judged.
+Warp computes positions and velocities only. An ordinary `Environment` for each world derives the observations and the
+state that determines success.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from dextera_build.errors import MachineError, RuleError, install_extra
 from dextera_build.sim.runtime.environment import Environment, Outcome
 
 CONTACTS, CONSTRAINTS = 256, 1024
-"""Room for contacts, on average, and for rows of constraints in each world; more of them is an error."""
+"""Capacity for contacts, on average, and for constraint rows in each world; exceeding it is an error."""
 
 
 class Batch:
-    """Worlds of one task that are stepped together, each from its own start with its own dynamics.
+    """Worlds of one task that are stepped together, each with its own start and dynamics.
 
     Args:
         bundle: The task.
@@ -33,7 +33,7 @@ class Batch:
 
     Raises:
         MachineError: MuJoCo Warp is not installed.
-        RuleError: Sizes differ, or MuJoCo Warp does not know something in the model.
+        RuleError: Sizes differ, or MuJoCo Warp does not support the model.
     """
 
     def __init__(self, bundle: TaskBundle, starts: Sequence[Start], device: str | None = None) -> None:
@@ -47,12 +47,12 @@ class Batch:
         first = Environment(bundle)
         others = [Environment(bundle, copy.copy(first.model)) for _ in starts[1:]]
         self.worlds = [first, *others]
-        """The world of every start: what can be observed, and the verdict."""
+        """The world of every start, for observations and success."""
         for world, start in zip(self.worlds, starts, strict=True):
             world.begin(start)
         self._device = warp.ScopedDevice(device)
         known = copy.copy(first.model)
-        # MuJoCo Warp never resets by itself; what sleeps takes it longer than what rests.
+        # MuJoCo Warp never resets automatically; sleeping takes it longer than resting.
         known.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
         known.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
         with self._device:
@@ -61,10 +61,10 @@ class Batch:
             self._put("qpos", "qvel", "ctrl", "qacc_warmstart")
 
     def step(self, actions: np.ndarray) -> list[Outcome]:
-        """Send joint targets (N, A) [rad] for one control period; a world goes on after its episode is over.
+        """Send joint targets (N, A) [rad] for one control period; a world continues after the end of its episode.
 
         Raises:
-            RuleError: A world has more contacts or constraints than there is room for.
+            RuleError: A world has more contacts or constraints than the capacity.
         """
         limited = [world.limited(action) for world, action in zip(self.worlds, actions, strict=True)]
         targets = [world.previous_action if to is None else to for world, to in zip(self.worlds, limited, strict=True)]
@@ -84,7 +84,7 @@ class Batch:
         ]
 
     def _shared(self, warp: Any, known: mujoco.MjModel) -> Any:
-        """The model on the device, with what differs between worlds once for each of them."""
+        """The model on the device, with one copy per world of the fields that differ."""
         models = [world.model for world in self.worlds]
         try:
             shared = self._mjw.put_model(known)
@@ -93,7 +93,7 @@ class Batch:
                 "MuJoCo Warp does not know something in the model", code="DXB-B222", facts={"MuJoCo Warp": error}
             ) from None
         for field in fields(shared):
-            # Fields whose first axis is that of worlds; one row serves them all.
+            # Fields whose first axis is the world; one row is shared by all worlds.
             if getattr(field.type, "shape", ("",))[0] != "*" or not hasattr(models[0], field.name):
                 continue
             values = [getattr(model, field.name) for model in models]

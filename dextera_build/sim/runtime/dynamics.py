@@ -41,7 +41,7 @@ class Dynamics:
         self._geoms = {name: np.isin(model.geom_bodyid, bodies) for name, bodies in self._bodies.items()}
 
     def shape(self, size_scale: Mapping[str, float], base_error: Sequence[float]) -> None:
-        """Set only what decides which configurations collide: the objects' sizes, and where the robot's base is."""
+        """Set only the properties that affect collisions: the objects' sizes and the robot's base."""
         self._sizes.put(size_scale)
         self.base.put(self._model, base_error)
 

@@ -46,7 +46,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class _Frame:
-    """A base, as seen from the world."""
+    """A base frame and its world poses."""
 
     from_world: np.ndarray
     """T_base_world (4, 4)."""
@@ -99,10 +99,10 @@ class Environment:
         self.begin(starts.photographed(bundle, self.model))
 
     def reset(self, seed: int, stratum: Stratum | None = None) -> DeployableObservation:
-        """Begin an episode at a start drawn as `draw` does.
+        """Begin an episode at a start drawn by `draw`.
 
         Raises:
-            RuleError: No start without collisions was found; the running episode goes on.
+            RuleError: No start without collisions was found; the running episode continues.
         """
         try:
             start = self._drawn(seed, stratum)
@@ -112,11 +112,11 @@ class Environment:
         return self.begin(start)
 
     def draw(self, seed: int, stratum: Stratum | None = None) -> Start:
-        """Draw a start without beginning it; sizes and base of the running episode stay as they are.
+        """Draw a start without beginning it; sizes and base of the running episode are unchanged.
 
         Args:
             seed: Any integer from 0 to 2^63.
-            stratum: The episode of a series whose ranges are to be filled evenly.
+            stratum: Position in a series of episodes with stratified sampling.
 
         Raises:
             RuleError: No start without collisions was found.
@@ -127,7 +127,7 @@ class Environment:
             self._dynamics.shape(self.start.size_scale, self.start.base_error)
 
     def _drawn(self, seed: int, stratum: Stratum | None) -> Start:
-        """A start; the objects are left with its sizes, and the robot on its base."""
+        """A start; objects keep its sizes, and the robot its base."""
         changed, fair = self._dynamics, self.primitive.fair
         return starts.draw(self.bundle, self.model, self._scratch, changed, seed, fair, stratum=stratum)
 
@@ -164,7 +164,7 @@ class Environment:
         return self.conclude(target)
 
     def limited(self, action: np.ndarray) -> np.ndarray | None:
-        """The targets (A,) [rad] that are sent for an action; None if it has another shape or is not finite."""
+        """The targets (A,) [rad] sent for an action; None if it has another shape or is not finite."""
         action = np.asarray(action, np.float64)
         if action.shape != self.lower.shape or not np.isfinite(action).all():
             return None
@@ -173,7 +173,7 @@ class Environment:
         return np.asarray(np.minimum(np.maximum(near, self.lower), self.upper))
 
     def commands(self, target: np.ndarray) -> Iterator[int]:
-        """Set the robot's controllers to each command on the way to `target`, and give the substeps to take with it."""
+        """Apply the commands on the way to `target` one by one, and yield the number of substeps for each."""
         earlier, before = self._earlier, self.previous_action
         ahead, behind = target - before, before - earlier
         for part, steps in self._ramp:
@@ -181,7 +181,7 @@ class Environment:
             yield steps
 
     def arrive(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
-        """Take over positions and velocities that another simulator reached with `commands`."""
+        """Set positions and velocities that another simulator computed with `commands`."""
         self._qpos[:], self._qvel[:] = qpos, qvel
         self._forward()
 
@@ -199,7 +199,7 @@ class Environment:
         return Outcome(success, success or late, reason, target)
 
     def send(self, targets: np.ndarray) -> np.ndarray:
-        """What a `RobotCell` does: `step`, whose result is in `outcome`."""
+        """The method of a `RobotCell`: `step`, whose result is in `outcome`."""
         self.outcome = self.step(targets)
         return self.outcome.executed
 
@@ -215,19 +215,19 @@ class Environment:
     def object_poses(self) -> np.ndarray:
         """Poses of all objects in the base frame, (O, 7): position [m], quaternion w x y z with w >= 0.
 
-        A tracker gives them by the calibration, so they are in the base where the bundle has it, as the goal is.
+        A tracker measures them by the calibration, so they are in the bundle's base frame, as the goal is.
         """
         return self._known.poses(self._xpos[self._objects], self._xquat[self._objects])
 
     def known_model(self) -> mujoco.MjModel:
-        """A copy of the model for plans, with the robot where the bundle has it: operators do not know its error."""
+        """A copy of the model for planning, with the robot at the bundle's base, without its error."""
         model = copy.copy(self.model)
         self._dynamics.base.put(model, EXACT)
         return model
 
     @property
     def base_from_world(self) -> np.ndarray:
-        """T_base_world (4, 4) of the base where it truly is in this episode, see `Start.base_error`."""
+        """T_base_world (4, 4) of the true base in this episode, see `Start.base_error`."""
         return self._true.from_world
 
     def poses(self, positions: np.ndarray, turns: np.ndarray) -> np.ndarray:
@@ -237,7 +237,7 @@ class Environment:
     def palm_poses(self) -> np.ndarray:
         """Poses of the palms in the true base (L, 7) by `RobotModel.limb_names`; the identity for a missing one.
 
-        Encoders give them, whatever the calibration.
+        Encoders measure them, independent of the calibration.
         """
         found = np.tile([0.0, 0, 0, 1, 0, 0, 0], (len(self.hands.palms), 1))
         for row, palm in zip(found, self.hands.palms, strict=True):
@@ -265,7 +265,7 @@ class Environment:
         )
 
     def _set_goal(self, goal: Goal) -> None:
-        """Make this the objective."""
+        """Set the objective."""
         self.task = self.bundle.task.model_copy(update={"goal": goal})
         self.goal = np.array(goal.numbers(self.bundle.base_pose.inverse().matrix), np.float32)
         self.primitive = catalogue.of(self.task, self.bundle.objects)
@@ -275,7 +275,7 @@ class Environment:
         return transforms.rigid(self._xmat[body].reshape(3, 3), self._xpos[body])
 
     def _advance(self, target: np.ndarray) -> None:
-        # The first step need not compute again what `mj_forward` did, unless somebody moved something since.
+        # The first step can reuse the results of `mj_forward`, unless positions were changed since.
         ready = self._seen == (self._qpos.tobytes(), self._qvel.tobytes())
         for steps in self.commands(target):
             if ready:
@@ -319,7 +319,7 @@ class Environment:
         self._others = {name: int(model.body(name).id) for name in self.primitive.others()}
         inner = [(name, model.joint(name)) for name in self.bundle.objects[self.task.object].joints]
         self._inner = [(name, joint.id, int(joint.qposadr[0]), int(joint.dofadr[0])) for name, joint in inner]
-        # Views of the state, because every access to a field of `MjData` makes a new one.
+        # Views of the state, because every access to a field of `MjData` creates a new one.
         data = self.data
         self._qpos, self._qvel, self._ctrl = data.qpos, data.qvel, data.ctrl
         self._xpos, self._xquat, self._xmat = data.xpos, data.xquat, data.xmat
@@ -327,4 +327,4 @@ class Environment:
         pieces, late = min(RAMP, self.substeps), self.bundle.latency_s / self.period_s
         upto = [self.substeps * piece // pieces for piece in range(pieces + 1)]
         self._ramp = [(piece / pieces - late, upto[piece] - upto[piece - 1]) for piece in range(1, pieces + 1)]
-        """Share of the way to the new target, and substeps with it; below 0 the target before still arrives."""
+        """Fraction of the way to the new target, and substeps with it; below 0 the previous target is still active."""

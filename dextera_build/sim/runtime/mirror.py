@@ -1,8 +1,8 @@
-"""The state that decides success, from measurements alone: they are put into the twin's own model.
+"""The state that determines success from measurements alone, which are applied to the twin's model.
 
-A cell without force sensors knows where the robot's joints and the tracked objects are. The model then says which
-surfaces are near one another, and a finger that is as near to an object as measurements are good is taken to press on
-it. The judge is the same as in simulation (`dextera_build.sim.primitives`).
+A cell without force sensors measures the robot's joints and the poses of tracked objects. The distances between
+surfaces follow from the model, and a finger is assumed to press on an object if their distance is within the
+measurement error. Success is judged by the same code as in simulation (`dextera_build.sim.primitives`).
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from dextera_build.sim.primitives.success import Judge
 from dextera_build.sim.render.robot_pixels import pose_robot
 
 NEAR_M = 0.008
-"""Distance of two surfaces at which they are taken to touch [m]: errors of a calibration and a tracker together."""
+"""Distance of two surfaces that are assumed to touch [m]: the combined error of calibration and tracker."""
 WINDOW_S = 0.4
-"""Time over which speeds are differences of positions [s]: longer than a frame and its delay together."""
+"""Time window of finite-difference speeds [s]: longer than a frame interval and its delay together."""
 
 
 @dataclass(frozen=True)
@@ -37,18 +37,18 @@ class Hold:
     palms: dict[str, np.ndarray]
     """Limb -> T_base_palm (4, 4)."""
     objects: dict[str, str]
-    """Object -> the limb that has fingers on both sides of it."""
+    """Object -> the limb with fingers on both sides of it."""
 
     def carried(self, later: Hold) -> dict[str, np.ndarray]:
-        """Object -> how it moved until `later` if it went with its hand, T_later_now (4, 4) in the base frame."""
+        """Object -> its motion until `later` if it moves with the hand, T_later_now (4, 4) in the base frame."""
         return {name: later.palms[limb] @ transforms.invert(self.palms[limb]) for name, limb in self.objects.items()}
 
 
 class Mirror:
-    """Judges one episode at a time by what is measured.
+    """Judges one episode at a time from measurements.
 
     Args:
-        twin: The task in the twin; nothing of the world that is measured is in it.
+        twin: The task in the twin, without any information on the measured world.
 
     Raises:
         RuleError: MuJoCo cannot load the model.
@@ -75,12 +75,12 @@ class Mirror:
         self._judge = Judge(self._twin.task, self.state(measured, 0.0), self._twin.objects)
 
     def judge(self, measured: Measurement, time_s: float) -> bool:
-        """Whether the task is done, `time_s` after the beginning [s], by this measurement and those before."""
+        """Whether the task is done, `time_s` after the beginning [s], given this measurement and the earlier ones."""
         assert self._judge is not None, "`begin` comes first"
         return self._judge.update(self.state(measured, time_s))
 
     def state(self, measured: Measurement, time_s: float) -> TaskState:
-        """The quantities that decide success; forces are only directions here."""
+        """The quantities that determine success; forces are only directions here."""
         self._put(measured)
         model, data, twin = self._model, self._data, self._twin
         thing = twin.task.object
@@ -103,7 +103,7 @@ class Mirror:
         )
 
     def hold(self, measured: Measurement) -> Hold:
-        """Where the hands are, and what is between their fingers."""
+        """Poses of the hands, and the objects between their fingers."""
         self._put(measured)
         palms = {
             name: self._base_from_world @ self._site(palm)
@@ -119,7 +119,7 @@ class Mirror:
         return Hold(palms, objects)
 
     def palms(self, joints: np.ndarray) -> np.ndarray:
-        """Positions (L, 3) of the palms in the base at joint positions (A,) [m]; the base for one without a palm."""
+        """Positions (L, 3) of the palms in the base at joint positions (A,) [m]; the origin if there is no palm."""
         pose_robot(self._twin.robot, self._data, joints)
         mujoco.mj_kinematics(self._model, self._data)
         found = np.zeros((len(self._hands.palms), 3))
@@ -133,7 +133,7 @@ class Mirror:
         return transforms.rigid(data.site_xmat[number].reshape(3, 3).copy(), data.site_xpos[number].copy())
 
     def _put(self, measured: Measurement) -> None:
-        """Put robot and objects where they were measured."""
+        """Set robot and objects to the measured state."""
         data, twin = self._data, self._twin
         pose_robot(twin.robot, data, measured.joints)
         base = twin.base_pose.matrix
@@ -150,7 +150,7 @@ class Mirror:
         return transforms.rigid(body.xmat.reshape(3, 3).copy(), body.xpos.copy())
 
     def _in_palms(self, body: int) -> np.ndarray:
-        """The object's centre of mass in the frame of every palm (L, 3) [m]; in the world where there is none."""
+        """The object's centre of mass in the frame of every palm (L, 3) [m]; in the world if there is no palm."""
         centre = self._data.xipos[body]
         return np.array(
             [
@@ -162,7 +162,7 @@ class Mirror:
         )
 
     def _grasps(self, body: int, slips: np.ndarray) -> dict[str, GraspState]:
-        """Limb -> grasp state, from the surfaces that are near the object."""
+        """Limb -> grasp state, from the surfaces near the object."""
         pushes, supported = np.zeros((self._hands.count, 3)), False
         roots = self._model.body_rootid[self._model.geom_bodyid]
         for number in range(self._data.ncon):
@@ -174,7 +174,7 @@ class Mirror:
             if finger == SUPPORT:
                 supported = True
             else:
-                # The normal points from the first geom to the second; what is nearer presses harder.
+                # The normal points from the first geom to the second; closer surfaces press harder.
                 near = max(NEAR_M - float(self._data.contact.dist[number]), 0.0)
                 pushes[finger] += near * self._data.contact.frame[number][:3] * (-1.0 if inside[0] else 1.0)
         return {

@@ -12,7 +12,7 @@ STEPS = 4
 
 
 def pretended(bundle: TaskBundle, seed: int, origin: Origin, *, success: bool) -> Episode:
-    """A trial of `STEPS` control periods in which robot and objects stay as in the photograph."""
+    """A trial of `STEPS` control periods in which robot and objects stay as photographed."""
     joints = np.array([joint.home for joint in bundle.robot.joints], np.float64)
     base_from_world = bundle.base_pose.inverse()
     motions = [(base_from_world @ thing.pose).matrix for thing in bundle.objects.values()]

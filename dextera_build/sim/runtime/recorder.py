@@ -30,7 +30,7 @@ class Recorder:
         return len(self._rows["executed"])
 
     def before(self, action: np.ndarray, hand: np.ndarray | None = None) -> None:
-        """Record the observation, the action (A,) [rad] for it and its palm poses (L, 7) in the base."""
+        """Record the observation, the action (A,) [rad] taken on it, and its palm poses (L, 7) in the base."""
         environment, rows = self._environment, self._rows
         measured = environment.measure()
         rows["action"].append(np.asarray(action, np.float32))

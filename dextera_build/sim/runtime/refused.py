@@ -1,4 +1,4 @@
-"""Why no start of a task can be drawn: what the draws that were refused have in common."""
+"""Reasons why no start of a task can be drawn: statistics of the rejected draws."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from dextera_build.errors import RuleError
 from dextera_build.sim.model.compose import ROBOT
 
 SHOWN = 4
-"""Number of pairs and objects that the error names."""
+"""Maximum number of pairs and objects named in the error."""
 
 
 CRASH, BESIDE, DONE = "without collisions", "with all objects on the support", "away from its goal"
-"""What a refused draw is not."""
+"""Requirements that a rejected draw violates."""
 
 
 class Refused:
-    """Counts why draws were refused."""
+    """Counts the reasons of rejected draws."""
 
     def __init__(self) -> None:
         self._causes: Counter[str] = Counter()
@@ -32,7 +32,7 @@ class Refused:
 
         Args:
             pairs: Pairs of bodies that collide, each as text.
-            off: Objects that are not above the support; a draw without either begins where the goal is reached.
+            off: Objects that are not above the support; if both are empty, the goal is already reached.
         """
         colliding, beside = list(pairs), list(off)
         self._causes[CRASH if colliding else BESIDE if beside else DONE] += 1
@@ -40,7 +40,7 @@ class Refused:
         self._off.update(beside)
 
     def error(self, bundle: TaskBundle) -> RuleError:
-        """The error of a task of which no draw was accepted."""
+        """The error of a task without an accepted draw."""
         cause = self._causes.most_common(1)[0][0]
         facts = {"draws": f"{self._causes.total()}, none accepted"}
         facts |= {

@@ -1,4 +1,4 @@
-"""Cross-domain replay: send trajectories that succeed in the twin open loop to another world."""
+"""Cross-domain replay: trajectories that succeed in the twin are executed open loop in another world."""
 
 from __future__ import annotations
 

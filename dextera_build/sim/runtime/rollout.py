@@ -36,7 +36,7 @@ class SimulatedCell(RobotCell, Protocol):
     """A cell in a simulated world, which can be set to any start."""
 
     def begin(self, start: Start) -> str:
-        """Begin an episode of the environment that is measured; why that is not possible, or empty."""
+        """Begin an episode of the measured environment; returns the reason if that is not possible, or empty."""
 
 
 def closed_loop(
@@ -49,7 +49,8 @@ def closed_loop(
         policy: Receives only deployable observations.
         start: Start of the episode.
         look: Camera of an image policy; called once per control period.
-        cell: Measures and sends instead of the simulator. The episode and its verdict hold the truth all the same.
+        cell: Measures and sends instead of the simulator. The episode and its success are nevertheless those of the
+            true state.
     """
     refused = begin(environment, start, cell)
     policy.reset()
@@ -71,7 +72,7 @@ def closed_loop(
 
 
 def begin(environment: Environment, start: Start, cell: SimulatedCell | None) -> str:
-    """Begin an episode, measured by a cell if there is one; why that is not possible, or empty."""
+    """Begin an episode, measured by a cell if there is one; returns the reason if that is not possible, or empty."""
     if cell is not None:
         return cell.begin(start)
     environment.begin(start)

@@ -1,8 +1,8 @@
 """Starts of episodes: randomised poses, joints, dynamics and robot configurations.
 
-Dynamics and sizes are drawn from the confidence intervals of the twin's own estimates, not from a fixed percentage, and
-so are poses whose covariance is known, of objects and of the robot's base, in addition to the task's ranges. A start is
-complete and is stored with its episode, so any episode can be rerun.
+Dynamics and sizes are drawn from the confidence intervals of the twin's own estimates, not from a fixed percentage.
+Poses of objects and of the robot's base with a known covariance are drawn from it, in addition to the task's ranges. A
+start is complete and is stored with its episode, so that any episode can be rerun.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from dextera_build.sim.runtime.strata import Draws, Strata, Stratum
 from dextera_build.statistics import Z90
 
 TRIES = 200
-"""Maximum number of draws before a task counts as too crowded."""
+"""Maximum number of draws before a task is reported as too crowded."""
 TOUCH_M = 0.001
 """Maximum penetration at a start [m]."""
 GAINS = 0.10
 """Half range of the factor on the robot's gains, times `Reset.dynamics`."""
 STATIC = "the static scene"
-"""Name of parts of the world's body that have none."""
+"""Name of unnamed parts of the world body."""
 
 Fair = Callable[[Mapping[str, np.ndarray]], bool]
 """Whether an episode may begin with the bodies at these poses, body -> T_world_body (4, 4)."""
@@ -52,19 +52,19 @@ def draw(
 
     Args:
         bundle: The task.
-        model: Its compiled model; its objects and its robot's base are left as the start has them.
-        data: A `mujoco.MjData` of that model to draw in, whatever it holds.
+        model: Its compiled model; its objects and its robot's base are set to those of the start.
+        data: A `mujoco.MjData` of that model, used as scratch.
         changed: Changes that model.
         seed: Any integer from 0 to 2^63.
-        fair: Refuses starts at which the goal is reached.
-        stratum: The episode of a series whose ranges are to be filled evenly; None: independent of others.
+        fair: Rejects starts at which the goal is reached.
+        stratum: Position in a series of episodes with stratified sampling; None: independent draws.
 
     Raises:
         RuleError: No start without collisions, on the support and away from the goal was found.
     """
     random = _numbers([seed], stratum, 0)
     dynamics = _dynamics(bundle, random)
-    # The base and variations have numbers of their own, so that what else is drawn does not depend on them.
+    # Base and variations have random streams of their own, so that other draws do not depend on them.
     base_error = variations.base(bundle, _numbers([seed_of("base", seed)], stratum, 2))
     changed.shape(dynamics["size_scale"], base_error)
     first = random.asked if isinstance(random, Strata) else 0
@@ -106,7 +106,7 @@ def photographed(bundle: TaskBundle, model: Any) -> Start:
 
 
 def _numbers(seed: list[int], stratum: Stratum | None, series: int) -> Draws:
-    """Random numbers, in a series those of the `series`-th order after its own."""
+    """Random numbers; with a stratum, those of another series, derived by the offset `series`."""
     generator = np.random.default_rng(seed)
     return generator if stratum is None else Strata(replace(stratum, series=stratum.series + series), generator)
 
@@ -120,7 +120,7 @@ def _dynamics(bundle: TaskBundle, random: Draws) -> dict[str, Any]:
         spread = width * Z90 * thing.friction_sigma
         drawn = thing.friction + width * thing.friction_sigma * float(random.standard_normal())
         friction[name] = float(max(0.05, np.clip(drawn, thing.friction - spread, thing.friction + spread)))
-    # A world that replaces hardware has one robot, not a distribution.
+    # A world that replaces hardware has one specific robot, not a distribution.
     spread = GAINS * width if bundle.kind == "twin" else 0.0
     gain = float(1 + spread * random.uniform(-1, 1))
     size = {name: _size(bundle, thing, random) for name, thing in bundle.objects.items()}
@@ -128,7 +128,7 @@ def _dynamics(bundle: TaskBundle, random: Draws) -> dict[str, Any]:
 
 
 def _size(bundle: TaskBundle, thing: TaskObject, random: Draws) -> float:
-    """Draw a factor on the object's lengths within the 90 % interval; 1 where none is known."""
+    """Draw a factor on the object's lengths within the 90 % interval; 1 if unknown."""
     if not thing.scale_sigma or bundle.kind != "twin":
         return 1.0
     error = float(np.clip(random.standard_normal(), -Z90, Z90))
@@ -136,7 +136,7 @@ def _size(bundle: TaskBundle, thing: TaskObject, random: Draws) -> float:
 
 
 def _rise(thing: TaskObject, size: float) -> float:
-    """How much higher the origin of a resized object is when it stands where it stood [m]."""
+    """Height change of the origin of a resized object that stands in the same place [m]."""
     lowest = float((thing.points @ thing.pose.matrix[2, :3]).min())
     return (1.0 - size) * lowest
 
@@ -163,9 +163,9 @@ def _place_objects(bundle: TaskBundle, data: Any, sizes: dict[str, float], rando
 
 
 def _pose_error(bundle: TaskBundle, thing: TaskObject, random: Draws) -> np.ndarray:
-    """Draw x, y [m] and yaw [rad] from the covariance of the object's pose, (3,); zeros where none is known.
+    """Draw x, y [m] and yaw [rad] from the covariance of the object's pose, (3,); zeros if unknown.
 
-    Height and tilt are not drawn: the support decides them. Only a twin's poses are estimates.
+    Height and tilt are not drawn, because the support determines them. Only a twin's poses are estimates.
     """
     covariance = thing.pose.covariance
     if covariance is None or bundle.kind != "twin":
@@ -200,7 +200,7 @@ def _free(model: Any, data: Any) -> bool:
 
 
 def _colliding(model: Any, data: Any) -> set[str]:
-    """Pairs of bodies that penetrate; a part of the static scene has the name of its geom."""
+    """Pairs of penetrating bodies; a part of the static scene has the name of its geom."""
     found = set()
     for first, second in data.contact.geom[: data.ncon][data.contact.dist[: data.ncon] <= -TOUCH_M]:
         bodies = [int(model.geom_bodyid[geom]) for geom in (first, second)]

@@ -1,7 +1,7 @@
-"""Random numbers that fill their ranges evenly over a series of episodes: a Latin hypercube, one episode at a time.
+"""Stratified random numbers over a series of episodes: a Latin hypercube, one episode at a time.
 
-The range of every drawn quantity is cut into as many equal parts as the series has episodes, and every episode gets
-another part of each, in an order that is drawn per quantity. Episode k needs no other episode to be drawn.
+The range of every quantity is divided into as many equal parts as the series has episodes, and every episode gets a
+different part of each, in a random order per quantity. Episode k can be drawn without the others.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 
 class Draws(Protocol):
-    """What starts need of `np.random.Generator`."""
+    """Subset of `np.random.Generator` that starts use."""
 
     def uniform(self, low: float, high: float, size: int | None = None) -> np.ndarray | float:
         """Uniform numbers."""
@@ -40,17 +40,17 @@ class Stratum:
 
 
 class Strata:
-    """Numbers for one episode; the n-th that is asked for is always the same quantity.
+    """Random numbers of one episode; the n-th call is always for the same quantity.
 
     Args:
         stratum: The episode.
-        random: Places numbers within their parts.
+        random: Source of positions within the parts.
     """
 
     def __init__(self, stratum: Stratum, random: np.random.Generator) -> None:
         self._stratum, self._random = stratum, random
         self.asked = 0
-        """Quantities so far; set it back to draw them again, in the same parts."""
+        """Number of quantities drawn so far; reset it to draw them again, in the same parts."""
 
     def uniform(self, low: float, high: float, size: int | None = None) -> np.ndarray | float:
         """Uniform numbers from `low` to `high`."""

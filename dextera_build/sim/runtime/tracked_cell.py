@@ -1,9 +1,9 @@
-"""A simulated world that is measured as hardware is: frames of one camera, a tracker, and a calibration.
+"""A simulated world measured as hardware is: frames of one camera, a tracker, and a calibration.
 
-Frames show the true world from where the camera truly stands. They come at the camera's rate with the noise of a
-sensor, some are lost, and what the tracker finds in one arrives after a delay. Until then, and while an object is not
-found, its last known pose holds; before it was ever found, that of the photograph. Nothing here reads the simulator's
-poses, except to be compared in a `Sighting`, which only evaluations see.
+Frames are rendered from the camera's true pose, at its rate and with sensor noise; some are lost, and the tracker's
+results arrive after a delay. Until then, and while an object is not found, its last known pose is used; before it was
+ever found, the photographed one. The simulator's poses are read only for the comparison in a `Sighting`, which is used
+only by evaluations.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ from dextera_build.sim.runtime.mirror import Hold, Mirror
 
 NOT_FOUND = "the tracker did not find the object"
 PHOTOGRAPHED = 5
-"""Frames of the scene as photographed, from which the tracker learns how its objects look."""
+"""Number of frames of the photographed scene from which the tracker learns the appearance of its objects."""
 AWAY_S = 10.0
-"""Time in which somebody moves the objects, unseen [s]."""
+"""Time in which the objects are moved, unseen [s]."""
 WAIT_S = 1.0
-"""Time after a trial in which what the tracker still sends may show that the task is done [s]."""
+"""Time after a trial in which late results of the tracker may still show success [s]."""
 CONFIRMED = 5
-"""Frames in a row in which an object must be tracked before a trial begins."""
+"""Number of consecutive frames in which an object must be tracked before a trial begins."""
 
 Found = Mapping[str, Tracked]
 
@@ -50,21 +50,21 @@ Found = Mapping[str, Tracked]
 class TrackedCell:
     """Measures an environment through a cell; a context manager, because it holds a GL context.
 
-    Every trial begins with a new tracker, so it does not depend on the trials before.
+    Every trial begins with a new tracker and is independent of earlier ones.
 
     Args:
         environment: The true world.
         cell: Its camera and tracker.
-        names: Objects to track; the poses of others stay those of the photograph.
-        twin: The task in the twin: it shows which pixels are the robot's and what a hand carries, and judges trials by
-            what is measured; None: nothing is known of the robot in the picture, and trials are not judged so.
+        names: Objects to track; other objects keep their photographed poses.
+        twin: The task in the twin, for the robot's pixels, carried objects, and success from measurements; None:
+            without these.
 
     Raises:
         RuleError: The cell has no asset of an object.
     """
 
     _done: bool | None
-    """Whether what was measured shows that the task is done; None before it is asked."""
+    """Whether the measurements show success; None if not evaluated yet."""
 
     def __init__(
         self, environment: Environment, cell: Cell, names: Collection[str], twin: TaskBundle | None = None
@@ -98,25 +98,25 @@ class TrackedCell:
         self._held.close()
 
     def begin(self, start: Start) -> str:
-        """Show the camera the scene as photographed, then that of a start until the objects are found.
+        """Show the photographed scene to the camera, then that of a start until the objects are found.
 
-        The world stands still meanwhile.
+        The simulation is paused meanwhile.
 
         Returns:
-            Why there can be no trial; empty if the task's object was found.
+            Reason why there can be no trial; empty if the task's object was found.
         """
         self._reset(start.seed)
         self.environment.begin(starts.photographed(self.environment.bundle, self.environment.model))
         scene = self._picture()
         for _ in range(PHOTOGRAPHED):
             self._step(scene, self._clock)
-        # The cell's camera already stands off its calibration; an error of the base would be that of a second one.
+        # The cell's camera already includes a calibration error; an error of the base would be a second one.
         self.environment.begin(start.model_copy(update={"base_error": EXACT}))
         self._clock += AWAY_S
         self._search(self._picture())
         if self._found_s is None:
             return NOT_FOUND
-        # The robot waits at rest, so that all of this has arrived.
+        # The robot waits at rest, so that all results have arrived.
         self._arrive(np.inf)
         self._begun = self._heard = self._clock
         self._guard.begin(self.environment.previous_action)
@@ -126,7 +126,7 @@ class TrackedCell:
         return ""
 
     def measure(self, frames: Frames | None = None) -> Measurement:
-        """Readings of the encoders, the last poses that arrived from the tracker, and the given frames."""
+        """Encoder readings, the last poses from the tracker, and the given frames."""
         now = self._now
         if now >= self._clock - 1e-9:
             self._compare(self._step(self._picture(), now))
@@ -137,7 +137,7 @@ class TrackedCell:
         return known
 
     def send(self, targets: np.ndarray) -> np.ndarray:
-        """Send joint targets (A,) [rad] that keep to the limits of the cell; see `RobotCell`."""
+        """Send joint targets (A,) [rad] within the limits of the cell; see `RobotCell`."""
         environment, now = self.environment, self._now
         forces = environment.contact_forces() if self.cell.limits.force_n is not None else np.zeros((0, 3))
         return environment.send(self._guard.passed(targets, forces, now - self._heard))
@@ -153,7 +153,7 @@ class TrackedCell:
         return self._mirror.palms(joints)
 
     def settle(self) -> None:
-        """After a trial, hold the last targets until what is measured shows that the task is done, or `WAIT_S`."""
+        """After a trial, hold the last targets until the measurements show success, or for `WAIT_S`."""
         environment = self.environment
         for _ in range(round(WAIT_S / environment.period_s)):
             if self._done is not False:
@@ -166,7 +166,7 @@ class TrackedCell:
 
     @property
     def sighting(self) -> Sighting:
-        """How the tracker did in the present trial."""
+        """Accuracy of the tracker in the current trial."""
         return Sighting(
             found_s=self._found_s,
             frames=self._frames,
@@ -198,12 +198,12 @@ class TrackedCell:
         self._frames, self._errors = 0, list[tuple[float, float, float]]()
 
     def _picture(self) -> tuple[np.ndarray, np.ndarray]:
-        """Colours (H, W, 3) 0..1 and depth (H, W) [m] of the present state, without noise."""
+        """Colours (H, W, 3) 0..1 and depth (H, W) [m] of the current state, without noise."""
         data = self.environment.data
         return self._eye.rgb(data) / 255.0, self._eye.depth(data).astype(np.float64)
 
     def _search(self, scene: tuple[np.ndarray, np.ndarray]) -> None:
-        """Send frames to the tracker until all objects are found, or the time is over."""
+        """Send frames to the tracker until all objects are found, or the time limit is reached."""
         times = dict.fromkeys(self._names, 0)
         first, object_name = self._clock, self.environment.task.object
         while min(times.values()) < CONFIRMED and self._clock - first < self.cell.search_s - 1e-9:
@@ -231,7 +231,7 @@ class TrackedCell:
         return found
 
     def _carried(self) -> dict[str, np.ndarray] | None:
-        """How objects moved since the last frame if they went with the hand that is around them, in the camera."""
+        """Motion of the objects since the last frame if they moved with the hand around them, in the camera frame."""
         if self._mirror is None or self._hold is None:
             return None
         mount = self.cell.mount.matrix
@@ -239,7 +239,7 @@ class TrackedCell:
         return {name: mount @ motion @ transforms.invert(mount) for name, motion in moved.items()}
 
     def _grip(self, found: Found) -> None:
-        """Note what the hands have between their fingers in the frame that was just tracked."""
+        """Record the objects between the fingers in the last tracked frame."""
         if self._mirror is None:
             return
         seen = self._known()
@@ -249,7 +249,7 @@ class TrackedCell:
         self._hold = self._mirror.hold(seen)
 
     def _arrive(self, now: float) -> None:
-        """Take over what the tracker has sent by now; while it has no pose, the last one holds."""
+        """Apply the tracker results that have arrived; without a pose, the last one is kept."""
         while self._waiting and self._waiting[0][0] <= now + 1e-9:
             self._heard, found = self._waiting.popleft()
             for name, tracked in found.items():
@@ -258,7 +258,7 @@ class TrackedCell:
                     self._displacement[self._columns[name]] = tracked.joints
 
     def _compare(self, found: Found | None) -> None:
-        """Note how far the pose of the task's object is from the true one."""
+        """Record the error of the measured pose of the task's object."""
         if found is None:
             return
         self._frames += 1
@@ -279,10 +279,10 @@ class TrackedCell:
 
 
 def check(cell: Cell, bundle: TaskBundle, twin: TaskBundle | None) -> None:
-    """Refuse a cell whose tracker does not know all objects, or that cannot keep to its limits.
+    """Raise for a cell whose tracker lacks an asset, or that cannot enforce its limits.
 
     Raises:
-        RuleError: An asset is missing, or what a limit needs: the twin for a workspace, fingertips for a force.
+        RuleError: An asset is missing, or a requirement of a limit: the twin for a workspace, fingertips for a force.
     """
     if cell.limits.force_n is not None and not bundle.robot.tips:
         raise RuleError(
@@ -308,7 +308,7 @@ def check(cell: Cell, bundle: TaskBundle, twin: TaskBundle | None) -> None:
 
 
 def _columns(counts: Mapping[str, int]) -> dict[str, slice]:
-    """Columns of `Measurement.displacement` that belong to each object, from the numbers of joints."""
+    """Columns of `Measurement.displacement` of each object, from the numbers of joints."""
     found, first = {}, 0
     for name, count in counts.items():
         found[name] = slice(first, first + count)

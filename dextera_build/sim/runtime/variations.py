@@ -1,8 +1,7 @@
-"""Draw what changes from episode to episode beside places and masses: joints, goals, cameras, light, the robot's base.
+"""Random variations of an episode other than poses and masses: joints, goals, cameras, light, the robot's base.
 
-Cameras and the base follow the covariance of their calibration. For the damping and the friction of joints, for
-exposure and for light a twin has no estimate of its own, so their ranges are the constants here, scaled by the task's
-`Reset`.
+Errors of cameras and of the base are drawn from the covariance of their calibration. A twin has no estimate of joint
+damping and friction, exposure and light, so their ranges are the constants below, scaled by the task's `Reset`.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ def draw(bundle: TaskBundle, random: Draws) -> Variation:
     """
     reset = bundle.task.reset
     jointed = [name for name, thing in bundle.objects.items() if thing.joints]
-    # A world that replaces hardware has one robot and one set of things, not a distribution.
+    # A world that replaces hardware has one specific robot and set of objects, not a distribution.
     width = JOINTS * reset.joints if bundle.kind == "twin" else 0.0
     bodies = [*jointed, ROBOT] if width else []
     return Variation(
@@ -50,18 +49,18 @@ def draw(bundle: TaskBundle, random: Draws) -> Variation:
 
 
 def base(bundle: TaskBundle, random: Draws) -> Twist:
-    """Draw an error of the robot's base from the covariance of its pose; none where it is exact, or not a twin's."""
+    """Draw an error of the robot's base from the covariance of its pose; none if it is exact, or not a twin's."""
     width = bundle.task.reset.dynamics if bundle.kind == "twin" else 0.0
     covariance = bundle.base_pose.covariance
     return _error(covariance, width, random) if width and covariance is not None else EXACT
 
 
 def seen(bundle: TaskBundle, start: Start, views: Mapping[str, View]) -> Variation:
-    """The variation of a start with errors of the poses of these cameras.
+    """The variation of a start with pose errors of these cameras.
 
-    An error depends on the start's seed, the camera's name and its covariance alone, so films of recorded episodes,
-    rollouts and Gymnasium see one episode alike. In a world that replaces hardware cameras stay where they are, and so
-    does the photograph's camera where the base has an error: one calibration has one error.
+    An error depends only on the start's seed, the camera's name and its covariance, so that films of recorded episodes,
+    rollouts and Gymnasium have the same pictures of an episode. Cameras have no error in a world that replaces
+    hardware, nor has the photograph's camera if the base has one, because one calibration has one error.
     """
     width = bundle.task.reset.visual if bundle.kind == "twin" else 0.0
     cameras = {}
@@ -78,7 +77,7 @@ def _factor(random: Draws, width: float) -> float:
 
 
 def _error(covariance: np.ndarray, width: float, random: Draws) -> Twist:
-    """`width` times an error of a pose with this covariance (6, 6)."""
+    """`width` times a pose error with this covariance (6, 6)."""
     drawn = np.array([random.standard_normal() for _ in range(6)])
     values, axes = np.linalg.eigh(covariance)
     x, y, z, a, b, c = (width * axes @ (np.sqrt(np.maximum(values, 0.0)) * drawn)).tolist()
@@ -86,7 +85,7 @@ def _error(covariance: np.ndarray, width: float, random: Draws) -> Twist:
 
 
 def _goal(bundle: TaskBundle, random: Draws) -> Goal | None:
-    """The task's goal with its place and turn drawn within `Reset`; None where nothing is drawn."""
+    """The task's goal with its position and rotation drawn within `Reset`; None if nothing is drawn."""
     goal, reset = bundle.task.goal, bundle.task.reset
     if not (reset.goal_m or reset.goal_rad):
         return None

@@ -1,8 +1,8 @@
 """Task bundles as Gymnasium environments.
 
-`dextera_build.envs` gives them names for `gymnasium.make`. Observations are a flat `Dict` whose keys
-start with who may see them: `deployable/joints` also exists on a robot; `privileged/contact` exists only in a simulator
-and is included on request. They are the terms of `dextera_build.policy.declared`.
+`dextera_build.envs` gives them names for `gymnasium.make`. Observations are a flat `Dict` whose keys start with their
+group: `deployable/joints` also exists on a robot; `privileged/contact` exists only in a simulator and is included on
+request. They are the terms of `dextera_build.policy.declared`.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     `reason` (for ending without success) and `executed` (the targets sent).
 
     Args:
-        bundle: The task, the path of an exported one, or an environment of it, which is taken over.
+        bundle: The task, the path of an exported one, or an environment of it, which becomes owned.
         privileged: Whether to include privileged observations.
         views: Cameras by name; None: no images.
-        pictures: What every camera gives: `deployable/rgb/<camera>`, `deployable/depth/<camera>`, ...
-        sensors: Name of a term, or `name/camera`, -> its rate, delay and noise; left out: exact measurements.
+        pictures: Outputs of every camera: `deployable/rgb/<camera>`, `deployable/depth/<camera>`, ...
+        sensors: Name of a term, or `name/camera`, -> its rate, delay and noise; other terms are exact.
         render_mode: `rgb_array` or None.
         size: (width, height) of rendered pictures [px].
         action: Kind of the actions, see `dextera_build.policy.actions`: `joint`, `delta`, `end_effector`; None: the
@@ -57,7 +57,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
     Raises:
         RuleError: A sensor measures nothing, there is no such kind of action, or the robot has no palm for it.
-        MachineError: Actions of kind `end_effector` find no solver.
+        MachineError: The solver of actions of kind `end_effector` is not installed.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012  as declared by Gymnasium
@@ -82,7 +82,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self.environment = bundle if isinstance(bundle, Environment) else Environment(opened(bundle))
         task = self.environment.bundle
         self.actions = ActionMap(task.task, task.robot, action)
-        """What the actions mean for the robot's joints."""
+        """Conversion of actions to joint targets."""
         self.actions.solve()
         self.render_mode = render_mode
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / self.environment.period_s)}
@@ -94,7 +94,7 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._portrait: rendering.Eye | None = None
         lenses = {name: view.camera for name, view in views.items()}
         self.terms = _chosen(of_bundle(task).terms(lenses, sensors), pictures, privileged)
-        """What is observed, in the order of the observation."""
+        """Observed terms, in the order of the observation."""
         self._sensors = Sensors(self.terms, {name: camera.matrix() for name, camera in lenses.items()})
         self._value = self._progress.value(False, self.environment.now)
         self._last = self._observe()
@@ -109,8 +109,8 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
         Args:
             seed: Seed of the start, as in `Environment.reset(seed)`; None: the next of a random sequence.
-            options: `{"start": Start}` begins at that start instead; `{"stratum": Stratum}` draws one that fills the
-                ranges of a series evenly.
+            options: `{"start": Start}` begins at that start instead; `{"stratum": Stratum}` draws one by stratified
+                sampling of a series.
         """
         super().reset(seed=seed)
         start, stratum = ((options or {}).get(name) for name in ("start", "stratum"))
@@ -186,10 +186,10 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
 
 def opened(bundle: TaskBundle | str | Path) -> TaskBundle:
-    """A task, read from its file if it is one.
+    """A task, loaded if given as a path.
 
     Raises:
-        ArtifactError: The file is damaged, or holds something else.
+        ArtifactError: The file is damaged, or contains something else.
     """
     return bundle if isinstance(bundle, TaskBundle) else unpack(TaskBundle, Path(bundle).read_bytes())
 

@@ -1,4 +1,4 @@
-"""A task as training environment of a reinforcement-learned policy: decisions in, normalised numbers out."""
+"""A task as training environment of a reinforcement-learned policy, with decisions and normalised observations."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
         return self._observation(), earned, ended, late, info
 
     def go_to(self, episode: int, decisions: list[np.ndarray]) -> np.ndarray:
-        """Restore the state after these decisions of an episode, bit for bit."""
+        """Restore the state after these decisions of an episode, exactly."""
         self.episode = episode - 1
         observation, _ = self.reset()
         for decision in decisions:

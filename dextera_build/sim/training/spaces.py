@@ -1,4 +1,4 @@
-"""Terms as spaces and observations of Gymnasium."""
+"""Terms as Gymnasium spaces and observations."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def values(
     """Values of terms by key.
 
     Args:
-        terms: What to give; terms for critics need `hidden`.
-        shown: What policies see.
-        hidden: What only a simulator knows.
+        terms: Requested terms; privileged ones need `hidden`.
+        shown: The deployable observation.
+        hidden: The privileged quantities of the simulator.
     """
     found = {}
     for term in terms:

@@ -1,8 +1,8 @@
-"""Several copies of a task side by side, stepped by threads of one process.
+"""Several copies of a task in one process, stepped by threads.
 
-MuJoCo computes outside the interpreter's lock, so the physics of the copies runs in parallel; every copy is a `TaskEnv`
-and steps bit for bit as it would alone. `mujoco.rollout` would step them in one call, but it returns neither the warm
-start of the solver nor which bodies sleep, so results would depend on how copies share its threads.
+MuJoCo releases the interpreter's lock, so the physics of the copies runs in parallel; every copy is a `TaskEnv` and
+steps exactly as a single one. `mujoco.rollout` would step them in one call, but it returns neither the warm start of
+the solver nor the sleeping bodies, so that results would depend on the distribution of copies over its threads.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Observations = dict[str, np.ndarray]
 
 
 class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):
-    """`num_envs` copies of one task. An episode that is over begins anew at the next step, whose action is not used.
+    """`num_envs` copies of one task. Autoreset mode `NEXT_STEP`: the step after termination ignores its action.
 
     Args:
         bundle: The task, or the path of an exported one.
@@ -50,7 +50,7 @@ class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):
         self.single_observation_space, self.single_action_space = first.observation_space, first.action_space
         self.observation_space = batch_space(first.observation_space, num_envs)
         self.action_space = batch_space(first.action_space, num_envs)
-        # Pictures come from GL contexts, which belong to the thread that made them.
+        # Pictures need GL contexts, which belong to the thread that created them.
         drawn = any(term.camera for term in first.terms)
         count = 1 if drawn else min(num_envs, threads or os.cpu_count() or 1)
         self._pool = ThreadPoolExecutor(count) if count > 1 else None

@@ -29,7 +29,7 @@ def problems(folder: Folder, scratch: Path) -> list[str]:
 
 
 def unequal(folder: Folder, description: SceneDescription, fixed: Collection[str], scratch: Path) -> list[str]:
-    """What the stage, read back, says otherwise than MuJoCo's model of the scene, one line each; empty if nothing.
+    """Differences between the stage, read back, and MuJoCo's model of the scene, one line each; empty if equal.
 
     Compared are masses, inertias, joints with their drives, colliders, contact materials and filtered pairs; see
     `sim.model.inventory`.

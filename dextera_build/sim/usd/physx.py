@@ -1,7 +1,7 @@
 """Attributes of PhysX, which Isaac Lab reads, on prims.
 
-`usd-core` does not know their schemas, so they are written plain, by the names of `PhysxSchema` in Isaac Sim 5. Other
-simulators ignore them.
+`usd-core` has no schemas for them, so they are written as plain attributes with the names of `PhysxSchema` in Isaac Sim
+5. Other simulators ignore them.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import numpy as np
 
 
 def unit(turns: bool) -> float:
-    """What a joint's position is multiplied by for USD, whose angles are degrees; stiffness is divided by it."""
+    """Factor from a joint's position to USD, whose angles are in degrees; stiffness is divided by it."""
     return float(np.degrees(1.0)) if turns else 1.0
 
 
 def add_articulation(prim: Any) -> None:
-    """Make a prim the root of an articulation, whose links may touch one another but for filtered pairs."""
+    """Make a prim the root of an articulation with contacts between its links except for filtered pairs."""
     from pxr import UsdPhysics
 
     UsdPhysics.ArticulationRootAPI.Apply(prim)
@@ -25,12 +25,12 @@ def add_articulation(prim: Any) -> None:
 
 
 def float_in_place(prim: Any) -> None:
-    """Let gravity not act on a rigid body."""
+    """Disable gravity for a rigid body."""
     _set(prim, "PhysxRigidBodyAPI", "physxRigidBody:disableGravity", True)
 
 
 def set_material(prim: Any, spring: tuple[float, float] | None = None) -> None:
-    """Let the larger of two frictions and restitutions count, as MuJoCo does.
+    """Combine friction and restitution of two materials by their maximum, as MuJoCo does.
 
     Args:
         prim: The material.
@@ -43,7 +43,7 @@ def set_material(prim: Any, spring: tuple[float, float] | None = None) -> None:
 
 
 def set_joint(prim: Any, turns: bool, friction: float, armature: float, fastest: float | None = None) -> None:
-    """Dry friction [N m or N], motor inertia [kg m^2 or kg] and largest speed [rad/s or m/s] of a joint."""
+    """Dry friction [N m or N], motor inertia [kg m^2 or kg] and maximum speed [rad/s or m/s] of a joint."""
     axis = "angular" if turns else "linear"
     _set(prim, "PhysxJointAPI", "physxJoint:armature", armature)
     if fastest is not None:
@@ -53,7 +53,7 @@ def set_joint(prim: Any, turns: bool, friction: float, armature: float, fastest:
 
 
 def set_position(prim: Any, turns: bool, position: float) -> None:
-    """Where a joint stands at the beginning [rad or m]."""
+    """Initial position of a joint [rad or m]."""
     axis = "angular" if turns else "linear"
     _set(prim, f"PhysicsJointStateAPI:{axis}", f"state:{axis}:physics:position", position * unit(turns))
 
@@ -74,7 +74,7 @@ def follow(prim: Any, turns: bool, leader: Any, ratio: float, offset: float) -> 
 
 
 def value(prim: Any, name: str, default: float = 0.0) -> float:
-    """A number that was written here; `default` without it."""
+    """An attribute's number, or `default`."""
     attribute = prim.GetAttribute(name)
     return float(attribute.Get()) if attribute and attribute.HasAuthoredValue() else default
 

@@ -54,7 +54,7 @@ def connect(
     bodies: tuple[str, str],
     poses: tuple[np.ndarray, np.ndarray],
 ) -> None:
-    """Connect two prims by a joint, whose frame is at `poses` (4, 4) in them; an empty path is the world."""
+    """Connect two prims by a joint with its frame at `poses` (4, 4) in them; an empty path is the world."""
     from pxr import Gf, Sdf
 
     relations = (joint.CreateBody0Rel, joint.CreateBody1Rel)
@@ -70,7 +70,7 @@ def connect(
 def add_drive(
     prim: Any, turns: bool, target: float, stiffness: float, damping: float, effort: float | None = None
 ) -> None:
-    """Write a drive to a position, in rad, N m or m, N; without stiffness it is a damper."""
+    """Write a position drive, in rad, N m or m, N; without stiffness it is a damper."""
     from pxr import UsdPhysics
 
     drive = UsdPhysics.DriveAPI.Apply(prim, "angular" if turns else "linear")
@@ -83,7 +83,7 @@ def add_drive(
 
 
 def add_label(prim: Any, label: str) -> None:
-    """Name what a prim and everything below it shows; Isaac's annotators read it as `class`."""
+    """Label a prim and its descendants; Isaac's annotators read the label as `class`."""
     from pxr import UsdSemantics
 
     UsdSemantics.LabelsAPI.Apply(prim, "class").CreateLabelsAttr([label])
@@ -92,11 +92,11 @@ def add_label(prim: Any, label: str) -> None:
 def add_contact(
     stage: Any, path: str, friction: float, restitution: float, spring: tuple[float, float] | None = None
 ) -> Any:
-    """Write a physics material at `path`; of two that touch, the larger numbers count.
+    """Write a physics material at `path`; of two in contact, the larger values apply.
 
     Args:
         stage: The stage.
-        path: Of the material.
+        path: Path of the material.
         friction: Static and dynamic friction.
         restitution: Coefficient of restitution.
         spring: Stiffness [N/m] and damping [N s/m] of a soft surface; None: rigid.
@@ -113,7 +113,7 @@ def add_contact(
 
 
 def bind_contact(prim: Any, material: Any) -> None:
-    """Let a collider touch others as a physics material says."""
+    """Bind a physics material to a collider."""
     from pxr import UsdShade
 
     binding = UsdShade.MaterialBindingAPI.Apply(prim)

@@ -1,7 +1,7 @@
-"""Read the inventory of a stage that `sim.usd.writer` wrote, from its prims alone, to compare it with MuJoCo's model.
+"""Read the inventory of a stage written by `sim.usd.writer`, from its prims alone, for comparison with MuJoCo's model.
 
-It understands what UsdPhysics and PhysX mean by their attributes: degrees, the frames of joints, the larger of two
-frictions. Bodies and joints are named by their display names.
+It follows the semantics of UsdPhysics and PhysX: degrees, joint frames, the maximum of two frictions. Bodies and joints
+are named by their display names.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class _Reader:
         collides = bool(base.GetCollisionEnabledAttr().Get())
         moving = world(self.stage.GetPrimAtPath(ends[1])) @ _local(prim, 1)
         if prim.IsA(UsdPhysics.FixedJoint):
-            # The child stands where both frames coincide.
+            # The child's pose follows from the coincidence of both frames.
             origin = frame @ transforms.invert(_local(prim, 1))
             return f"fixed {child}", Joint("fixed", parent, child, origin[:3, 3], np.zeros(3)), collides
         turns = prim.IsA(UsdPhysics.RevoluteJoint)
@@ -103,7 +103,7 @@ class _Reader:
             "revolute" if turns else "prismatic",
             parent,
             child,
-            # As MuJoCo has it, the anchor of a slide does not move with it.
+            # As in MuJoCo, the anchor of a slide does not move with it.
             (moving if turns else frame)[:3, 3],
             frame[:3, :3] @ axis,
             (low, high),
@@ -155,7 +155,7 @@ def world(prim: Any) -> np.ndarray:
 
 
 def _moved(motion: np.ndarray, axis: np.ndarray, turns: bool) -> tuple[float, float]:
-    """Position of a joint by where its two frames are to each other (4, 4), and what is left [rad or m]."""
+    """Position of a joint from the relative pose (4, 4) of its two frames, and the residual [rad or m]."""
     turn, shift = motion[:3, :3], motion[:3, 3]
     if not turns:
         position = float(axis @ shift)

@@ -7,8 +7,8 @@
       joints/<joint>            joints; `root` fixes the base to the world
       Looks                     surface and physics materials
 
-Everything comes from the compiled model, so numbers that MuJoCo derives are those that MuJoCo simulates with. A link
-with neither joint nor mass is no rigid body, but a frame of its parent.
+All values come from the compiled model, so derived values are those of MuJoCo's simulation. A link with neither joint
+nor mass is not a rigid body, but a frame of its parent.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def add_robot(stage: Any, path: str, attachment: Attachment) -> None:
     """Write a robot at its home position below `path`, fixed to the world.
 
     Raises:
-        RuleError: A link has two joints, or a joint but no mass, or a geometry that USD has no shape for.
+        RuleError: A link has two joints, a joint but no mass, or a geometry without a USD equivalent.
     """
     _Writer(stage, path, attachment).write()
 
@@ -83,7 +83,7 @@ class _Writer:
         return bool(self.model.body_mass[body] > 0)
 
     def _owner(self, body: int) -> int:
-        """The rigid body that carries a body: itself, or above it."""
+        """The rigid body of a body: itself, or an ancestor."""
         while body and not self._rigid(body):
             body = int(self.model.body_parentid[body])
         return body
@@ -154,7 +154,7 @@ class _Writer:
         return self.looks[colour]
 
     def _contact(self, geom: int) -> Any:
-        """The physics material of a geom: that of a skin, or one that lets the other side's numbers count."""
+        """The physics material of a geom: that of a skin, or one with which the other side's values apply."""
         decides = bool(self.model.geom_priority[geom])
         bounce = mjcf_contact.bounce(float(self.model.geom_solref[geom, 1]))
         key = (float(self.model.geom_friction[geom, 0]), bounce) if decides else (0.0, 0.0)
@@ -168,7 +168,7 @@ class _Writer:
 
         model, parent = self.model, self._owner(int(self.model.body_parentid[body]))
         ends = (self._at(parent), self._at(body))
-        # T_parent_body with its joint at 0, whatever the home position.
+        # T_parent_body with its joint at 0, independent of the home position.
         between = transforms.invert(self._rest(parent)) @ self._rest(body)
         if not model.body_jntnum[body]:
             name = "root" if not parent else f"fixed_{self.links[model.body(body).name]}"

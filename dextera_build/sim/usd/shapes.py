@@ -1,4 +1,4 @@
-"""Geometry of a compiled MuJoCo model as USD: primitives stay primitives, meshes touch as their convex hulls."""
+"""Geometry of a compiled MuJoCo model as USD: primitives are kept, meshes collide as their convex hulls."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from dextera_build.sim.usd.prims import place
 
 
 def add_shape(stage: Any, path: str, model: Any, geom: int) -> Any:
-    """Write a geom in its body's frame and return its prim; the caller adds what it looks like and how it touches.
+    """Write a geom in its body's frame and return its prim; the caller adds materials.
 
     Raises:
-        RuleError: USD has no shape for it: a plane or a height field.
+        RuleError: USD has no equivalent: a plane or a height field.
     """
     from pxr import Gf
 
@@ -31,7 +31,7 @@ def add_shape(stage: Any, path: str, model: Any, geom: int) -> Any:
 
 
 def refused(message: str, hint: str) -> RuleError:
-    """The error for a robot that USD has no place for."""
+    """The error for a robot that USD cannot represent."""
     return RuleError(f"the robot cannot be written as USD: {message}", code="DXB-B215", hint=hint)
 
 

@@ -76,10 +76,10 @@ def write(description: SceneDescription, held: Collection[str] = ()) -> Folder:
 
     Args:
         description: The scene.
-        held: Names of objects whose root cannot move.
+        held: Names of objects with a fixed root.
 
     Raises:
-        RuleError: A robot has the name of something else, or what USD has no place for.
+        RuleError: A robot has a name that is taken, or a property that USD cannot represent.
     """
     from pxr import Gf, Kind, Usd, UsdGeom, UsdPhysics
 
@@ -127,7 +127,7 @@ def _static(stage: Any, geoms: tuple[Geom, ...], files: dict[str, bytes]) -> Non
 
 
 def _visuals(geoms: tuple[Geom, ...], name: str) -> Iterator[tuple[str, Geom, Mesh]]:
-    """Prim names `name`, `name_2`, ... of what is seen."""
+    """Prim names `name`, `name_2`, ... of visual geometry."""
     number = 0
     for geom in geoms:
         if isinstance(geom.shape, Mesh):
@@ -200,7 +200,7 @@ def _piece(stage: Any, path: str, geom: Geom, contacts: dict[Contact | None, Any
 
 
 def _contacts(stage: Any, path: str, geoms: Sequence[Geom], mass: float = 0.0) -> dict[Contact | None, Any]:
-    """Physics materials `contact`, `contact_2`, ...; without a contact of its own, a surface leaves it to the other."""
+    """Physics materials `contact`, `contact_2`, ...; a surface without its own contact parameters takes the other's."""
     different = dict.fromkeys(geom.contact for geom in geoms if geom.role == "collision")
     return {
         contact: add_contact(
@@ -215,7 +215,7 @@ def _contacts(stage: Any, path: str, geoms: Sequence[Geom], mass: float = 0.0) -
 
 
 def _separate(stage: Any, description: SceneDescription) -> None:
-    """Bodies that never touch one another; where some of their geoms do, all others are filtered one by one."""
+    """Filter pairs of bodies that never touch; if some of their geoms may, all other pairs of geoms instead."""
     from pxr import Sdf, UsdPhysics
 
     shown = {prim.GetDisplayName(): prim for prim in stage.Traverse() if prim.GetDisplayName()}
@@ -264,7 +264,7 @@ def _joint(stage: Any, path: str, joint: JointNode, outer: np.ndarray, prefix: s
     prim.CreateAxisAttr("X")
     prim.CreateLowerLimitAttr(joint.lower * physx.unit(turns))
     prim.CreateUpperLimitAttr(joint.upper * physx.unit(turns))
-    # What a filter leaves may touch, as in MJCF.
+    # Pairs that are not filtered may touch, as in MJCF.
     prim.CreateCollisionEnabledAttr(True)
     add_drive(prim.GetPrim(), turns, joint.position, 0.0, joint.damping)
     physx.set_joint(prim.GetPrim(), turns, joint.friction, 0.0)

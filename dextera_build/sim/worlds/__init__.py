@@ -1,1 +1,1 @@
-"""Worlds for a task besides the twin: reference worlds and perturbed twins; also settling of scenes."""
+"""Worlds of a task other than the twin: reference worlds and perturbed twins; also settling of scenes."""

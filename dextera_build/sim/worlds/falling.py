@@ -1,4 +1,4 @@
-"""Let things fall onto a table until they rest."""
+"""Simulation of objects that fall onto a table until they rest."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from dextera_build.geometry.solids import Solid
 STEP_S = 0.002
 """Time step [s]."""
 STILL_M_S = 2e-3
-"""Speed of a thing at rest [m/s]."""
+"""Speed below which an object is at rest [m/s]."""
 CHECK_S = 0.2
-"""Time between two looks whether all things rest [s]."""
+"""Interval between checks whether all objects rest [s]."""
 
 
 def let_fall(things: Mapping[str, Thing], low: np.ndarray, high: np.ndarray, seconds: float) -> dict[str, np.ndarray]:
-    """Simulate things from their poses until all rest.
+    """Simulate objects from their poses until all rest.
 
     Args:
-        things: Things with convex pieces and matter, by name, above the table at the start.
+        things: Objects with convex pieces and mechanical properties, by name, initially above the table.
         low: Lower corner (2,) of the table's top [m], at z = 0.
         high: Its upper corner (2,) [m].
-        seconds: Longest simulated time [s].
+        seconds: Maximum simulated time [s].
 
     Returns:
-        T_reference_thing (4, 4) of the things that are still on the table; others fell off or came not to rest.
+        T_reference_thing (4, 4) of the objects at rest on the table; others fell off or did not come to rest.
     """
     model = _model(things, low, high)
     data = mujoco.MjData(model)
@@ -82,7 +82,7 @@ def _add(spec: Any, name: str, thing: Thing) -> None:
             meshname=label,
             mass=mass * volumes[number] / volumes.sum(),
             condim=6,
-            # Rolling friction stops round things, as their imperfect shapes do.
+            # Rolling friction stops round objects, as real imperfections do.
             friction=[0.6, 0.01, 0.002],
             solref=[0.005, 1.2],
         )

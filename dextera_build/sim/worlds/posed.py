@@ -1,4 +1,4 @@
-"""A reference world whose robot, a little unlike its model, holds a calibration board and stands in several poses."""
+"""A reference world whose robot, slightly different from its model, holds a calibration board in several poses."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from dextera_build.sim.worlds import world as worlds
 
 BOARD = "calibration_board"
 LOWEST_M = 0.03
-"""Least height of a moving link's origin and of the board above the table [m]."""
+"""Minimum height of a moving link's origin and of the board above the table [m]."""
 MARGIN_PX = 12
-"""Least distance of the board from the picture's border [px]."""
+"""Minimum distance of the board from the picture's border [px]."""
 LEAST_VISIBLE = 0.85
-"""Part of the board that nothing may hide."""
+"""Minimum unoccluded fraction of the board."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class Plate:
 
     part: Part  # its textured surface, in the board's frame
     corners: np.ndarray  # (4, 3) of its printed area, in the board's frame [m]
-    frame: str  # role of the robot's frame that it is fixed to
+    frame: str  # role of the robot's frame that it is mounted on
     pose: np.ndarray  # (4, 4) T_frame_board
 
 
 def biased(robot: RobotModel, shape: float, length: float) -> RobotModel:
-    """The robot with another arm than its model says: links' surfaces and lengths larger by fractions."""
+    """The robot with an arm that differs from its model: surfaces and lengths of links larger by fractions."""
     spec = robots.load(robot.model)
     arm = {name for name, group in robot.links.items() if group == "arm"}
     for body in spec.bodies:
@@ -67,8 +67,8 @@ class PosedWorld:
     """A world with the robot and a board on it.
 
     Args:
-        world: The world; its robot's place is kept.
-        robot: The robot as it really is.
+        world: The world; its robot keeps its pose.
+        robot: The robot with its true properties.
         plate: The board on it.
     """
 
@@ -85,7 +85,7 @@ class PosedWorld:
         self.contacts = int(self.data.ncon)
 
     def put(self, joints: Mapping[str, float]) -> None:
-        """Put the robot at joint positions [rad]."""
+        """Set the robot to joint positions [rad]."""
         for name, position in self.robot.followed({**self.robot.home, **joints}).items():
             self.data.joint(worlds.ROBOT + name).qpos[0] = position
         mujoco.mj_forward(self.model, self.data)
@@ -97,7 +97,7 @@ class PosedWorld:
         return np.asarray(transforms.invert(self.world.camera_pose.matrix) @ frame @ self.plate.pose)
 
     def fits(self, widest_deg: float) -> bool:
-        """Whether the whole board faces the camera within an angle, and nothing touches or is in the table."""
+        """Whether the whole board faces the camera within an angle, without contacts and above the table."""
         pose = self.board_pose()
         corners = transforms.apply(pose, self.plate.corners)
         camera = self.world.camera
@@ -106,7 +106,7 @@ class PosedWorld:
         pixels = cameras.project(corners, camera.matrix())
         inside = (pixels >= MARGIN_PX) & (pixels <= np.array([camera.width, camera.height]) - 1 - MARGIN_PX)
         middle = corners.mean(axis=0)
-        facing = float(pose[:3, 2] @ middle) / float(np.linalg.norm(middle))  # z points away from who sees it
+        facing = float(pose[:3, 2] @ middle) / float(np.linalg.norm(middle))  # z points away from the viewer
         heights = transforms.apply(self.world.camera_pose.matrix, corners)[:, 2]
         low = min(float(self.data.xpos[self.moving, 2].min()), float(heights.min())) < LOWEST_M
         return (
@@ -127,7 +127,7 @@ class PosedWorld:
                 yield Shot(average(fine.rgb(self.data), supersample), depth, self._labels(geoms))
 
     def visible(self, chosen: Sequence[Mapping[str, float]]) -> list[tuple[float, int]]:
-        """For each posture the part of the board that is seen, and the pixels of the hand, at half resolution."""
+        """For each posture the visible fraction of the board, and visible pixels of the hand, at half resolution."""
         camera, found = self.world.camera.scaled(0.5), []
         with Eye(self.model, camera, self.world.camera_pose.matrix, samples=1) as eye:
             for joints in chosen:

@@ -14,9 +14,10 @@ from dextera_build.sim.model import model as models
 SAMPLE_S = 0.01
 """Time between two energy samples [s]."""
 SETTLED_S = 0.5
-"""Time in which bodies fall by a fraction of 1 mm; then the mechanical energy of a scene at rest is constant [s]."""
+"""Time in which bodies fall by a fraction of 1 mm, after which the mechanical energy of a scene at rest is constant
+[s]."""
 LAST_S = 0.25
-"""Final interval over which speeds are measured [s], long enough to ignore contacts trembling by micrometres."""
+"""Final interval over which speeds are measured [s], long enough to ignore contact jitter of micrometres."""
 
 
 @dataclass(frozen=True)

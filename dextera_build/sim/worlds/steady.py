@@ -1,4 +1,4 @@
-"""Find the bodies of a scene that would not stay where they are, and what holds the others at rest."""
+"""Find the bodies of a scene that would not stay in place, and fix them so that the others rest."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from dextera_build.sim.model.held import hold
 from dextera_build.sim.worlds.settle import Motion, let_go
 
 OVERLAP_M = 0.001
-"""Deeper contacts at the start push bodies apart."""
+"""Contacts deeper than this at the start push bodies apart [m]."""
 SHALLOW_M = 0.004
-"""Bodies this deep in each other are neighbours whose shapes are a little too large."""
+"""Bodies that overlap up to this depth are neighbours whose shapes are slightly too large [m]."""
 
 MOVED_M, TURNED_RAD, PRESSED_M = 0.002, 0.02, 0.0004
-"""What is told of a body that does not rest: that it would move, turn or be pressed into another by more than this."""
+"""Thresholds above which translation, rotation or penetration of a body that does not rest is reported."""
 
 Pair = tuple[str, str]
 
 
 @dataclass
 class Steady:
-    """A scene in which the bodies that are not held rest."""
+    """A scene in which all free bodies rest."""
 
     scene: Folder
     """`scene.xml` and its files."""
     held: dict[str, str] = field(default_factory=dict)
-    """Body that is held -> why."""
+    """Fixed body -> reason."""
     apart: dict[Pair, float] = field(default_factory=dict)
-    """Bodies that do not collide, because they are in one place -> by how much [m]."""
+    """Overlapping bodies whose collisions are disabled -> depth [m]."""
 
 
 def steady(scene: Folder, bodies: tuple[str, ...], seconds: float, rests: Callable[[Motion], bool]) -> Steady:
-    """Let the scene go and hold what does not rest, until everything else does.
+    """Simulate the scene and fix bodies that do not rest, until all others do.
 
-    Bodies in one place no longer collide. If one is more than 4 mm inside the other, the lighter one is held: one of
-    them is a part of the other, or should not be there. Of what still moves, the lowest body is held, and the others
-    are tried again: they may stand on it.
+    Collisions of overlapping bodies are disabled. If one is more than 4 mm inside the other, the lighter one is fixed:
+    one of them is a part of the other, or a false detection. Of the bodies that still move, the lowest is fixed, and
+    the others are tried again, because they may stand on it.
 
     Args:
         scene: `scene.xml` and its files.
@@ -52,7 +52,7 @@ def steady(scene: Folder, bodies: tuple[str, ...], seconds: float, rests: Callab
     """
     found = Steady(scene)
     heights = _heights(scene)
-    for _ in range(2 * len(bodies)):  # each attempt holds one body more, or takes two apart
+    for _ in range(2 * len(bodies)):  # each attempt fixes one more body, or disables the collisions of one more pair
         free = tuple(name for name in bodies if name not in found.held)
         run = let_go(found.scene, free, seconds)
         restless = {motion.name: motion for motion in run.motions if run.diverged or not rests(motion)}
@@ -87,12 +87,12 @@ def _moved(motion: Motion) -> str:
 
 
 def _moves(motion: Motion) -> bool:
-    """Whether a body goes elsewhere, and does not tremble in its place under another that does."""
+    """Whether a body moves away, rather than being shaken in place by another that does."""
     return motion.drift_m > MOVED_M or motion.tilt_rad > TURNED_RAD
 
 
 def _overlaps(scene: Folder, bodies: tuple[str, ...]) -> dict[Pair, float]:
-    """(heavier, lighter) bodies that are in one place -> depth [m], deepest first."""
+    """(heavier, lighter) overlapping bodies -> depth [m], deepest first."""
     model = models.compile_folder(scene)
     data = models.at_home(model)
     roots = {int(model.body(name).id): name for name in bodies}
@@ -106,5 +106,5 @@ def _overlaps(scene: Folder, bodies: tuple[str, ...]) -> dict[Pair, float]:
 
 
 def _root(model: Any, geom: int) -> int:
-    """The root body of a geom; a held body is its own root, though MuJoCo counts it to the world."""
+    """The root body of a geom; a fixed body is its own root, although MuJoCo assigns it to the world."""
     return int(model.body_rootid[model.geom_bodyid[geom]])

@@ -17,7 +17,7 @@ SAMPLES = 2000
 
 
 def twin_from_truth(bundle: TaskBundle, world: World) -> Pose:
-    """T_world_reference: the reference world in the twin's, through the robot, which exists in both.
+    """T_world_reference: the reference world in the twin's, related by the robot, which exists in both.
 
     It includes every error of the twin: of its support plane, and of the robot's calibration.
 
@@ -34,7 +34,7 @@ def twin_from_truth(bundle: TaskBundle, world: World) -> Pose:
 
 
 def match(bundle: TaskBundle, things: Mapping[str, Thing], twin_from_truth: Pose, farthest_m: float) -> dict[str, str]:
-    """Match each body of the task to the true object at its place, one to one.
+    """Match each body of the task to the true object at its position, one to one.
 
     Surfaces are compared by Chamfer-L1: half the sum of both mean nearest distances.
 

@@ -1,4 +1,4 @@
-"""A reference world in which a robot is put at one place after the other, to see what it hides."""
+"""A reference world in which a robot is tried at several poses, to measure occlusions."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from dextera_build.sim.render.rendering import Eye
 from dextera_build.sim.worlds import world as worlds
 
 SHARE = 0.25
-"""Part of the camera's resolution."""
+"""Fraction of the camera's resolution."""
 FAR_M = 100.0
-"""Where the robot is out of every picture [m]."""
+"""Position at which the robot is outside every picture [m]."""
 
 
 class TriedWorld:
     """A world and a robot, compiled once.
 
     Args:
-        world: The world; its camera looks.
+        world: The world, with its camera.
         robot: The robot.
     """
 
@@ -38,9 +38,9 @@ class TriedWorld:
         self._alone = self._counts()[0]
 
     def sight(self, stand: RobotStand) -> tuple[np.ndarray, float, float]:
-        """Part of each thing's pixels (N,) that the robot hides, and parts of the picture that show it and its hand.
+        """Fraction of each object's pixels (N,) that the robot hides, and fractions of the picture with robot and hand.
 
-        Things that are not in the picture count as not hidden.
+        Objects outside the picture count as not hidden.
         """
         self._put(stand)
         seen, robot, hand = self._counts()
@@ -56,7 +56,7 @@ class TriedWorld:
         mujoco.mj_forward(self._model, self._data)
 
     def _counts(self) -> tuple[np.ndarray, float, float]:
-        """Pixels of each thing (N,), parts of the picture that show the robot and its hand."""
+        """Pixels of each object (N,), fractions of the picture with the robot and its hand."""
         with Eye(self._model, self._camera, self._pose, samples=1) as eye:
             geoms = eye.segmentation(self._data)
         count = int(self._owner.max())

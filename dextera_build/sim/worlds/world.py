@@ -48,7 +48,7 @@ def build(world: World, robot: RobotModel | None, change: Callable[[Any], None] 
     Args:
         world: The world.
         robot: The robot, if the world needs one.
-        change: Called with the robot's spec before it is attached, to add what it holds.
+        change: Called with the robot's spec before it is attached, to add held objects.
 
     Raises:
         RuleError: The world needs a robot but none was given, or names a joint that the robot lacks.
@@ -117,7 +117,7 @@ def _add_thing(spec: Any, name: str, thing: Thing) -> int:
 
 
 def add_part(spec: Any, body: Any, name: str, part: Part) -> None:
-    """Add a textured piece to a body as a geom that touches nothing."""
+    """Add a textured piece to a body as a geom without collision."""
     mesh = part.mesh
     asset = spec.add_mesh(name=name)
     # MuJoCo ignores `userfacenormal`, so each face has its own corners.

@@ -1,4 +1,4 @@
-"""align.camera_base: pose of the robot's base in the picture, out of a calibration."""
+"""align.camera_base: pose of the robot's base in the camera frame, from a calibration."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class CameraBaseOptions(Options):
 def camera_base(ctx: Context, calibration: Calibration, *, options: CameraBaseOptions | None = None) -> Pose:
     """Return T_camera_base [m] with its covariance, which `align.base` and `background.robot` need.
 
-    The frames are called `camera` and `base`, whatever the calibration calls them.
+    The frames are named `camera` and `base`, independent of their names in the calibration.
     """
     if calibration.mount != "eye_on_base":
         ctx.fail(

@@ -1,4 +1,4 @@
-"""align.camera_motion: whether a camera has moved against the robot since it was calibrated."""
+"""align.camera_motion: whether a camera has moved relative to the robot since its calibration."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dextera_build.geometry import moved, transforms
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 STATES = ("unmoved", "moved", "unsure")
-"""By the metric `verdict`, 0 to 2."""
+"""Names of the values 0 to 2 of the metric `verdict`."""
 
 
 class CameraMotionOptions(Options):
@@ -24,13 +24,14 @@ class CameraMotionOptions(Options):
     effector_frame: str = ""
     """As in align.hand_eye."""
     notable_m: PositiveFloat = 0.005
-    """Shift of the board that matters [m]; one that could hide in the errors makes the answer `unsure`."""
+    """Shift of the board that is reported as motion [m]; the answer is `unsure` if the errors could hide such a
+    shift."""
     notable_deg: PositiveFloat = Field(0.5, le=180.0)
-    """The same of a rotation [deg]."""
+    """Rotation of the board that is reported as motion [deg]; the same holds for it."""
 
 
 class MotionBackend(Protocol):
-    """What a backend of align.camera_motion defines."""
+    """Interface of a backend of align.camera_motion."""
 
     def poses(
         self,
@@ -41,7 +42,7 @@ class MotionBackend(Protocol):
         frame: str,
         options: Any,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """T_camera_board (N, 4, 4) as calibration and robot have it, and as the pictures show it."""
+        """T_camera_board (N, 4, 4) as predicted by calibration and robot, and as measured in the pictures."""
         ...
 
 
@@ -56,8 +57,8 @@ def camera_motion(
 ) -> Pose:
     """Return T_camera_camera_now [m], the place of new pictures' camera in the calibrated one's frame, with covariance.
 
-    The board must be where it was in the calibration: a board that slipped, a base that moved and a camera that moved
-    look alike. Errors are taken to be as large as the residuals of the calibration's own pictures.
+    The board must be mounted as in the calibration: a board that slipped, a base that moved and a camera that moved
+    cannot be distinguished. Errors are assumed to be as large as the residuals of the calibration's own pictures.
     """
     options = options or CameraMotionOptions()
     residuals, board = calibration.residuals, calibration.board_pose

@@ -20,7 +20,7 @@ BACKEND = Backend(
     extra="twin",
 )
 MOST_CORNER_PX = 3.0
-"""Corners further from a flat board than this are not that board."""
+"""Root mean square distance of corners from a flat board above which they are not those of the board [px]."""
 
 
 def poses(
@@ -31,7 +31,7 @@ def poses(
     frame: str,
     options: Options,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of every picture in which the board is found."""
+    """The poses of every picture in which the board is found."""
     from dextera_build.sim.model import forward
 
     board, board_pose = calibration.board or views.board, calibration.board_pose
@@ -62,9 +62,9 @@ def poses(
 
 
 def _nearest(found: Sighting, there: np.ndarray, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Order of the pixels (J, 2), and the pose (4, 4) of those that fit them, that is nearest to the expected one.
+    """Order of the pixels (J, 2), and the pose (4, 4) fitted to them, that is nearest to the expected pose.
 
-    A marker that is seen nearly face on fits two poses; the minimum near the expected one is tried besides.
+    A marker that is seen nearly face on has two solutions; the local minimum near the expected pose is also tried.
     """
     fitting = []
     for order in (np.arange(len(found.pixels)), *found.orders):

@@ -1,4 +1,4 @@
-"""Backend `stub` of align.camera_motion: the board is where it was, for tests."""
+"""Backend `stub` of align.camera_motion: the board has not moved, for tests."""
 
 from __future__ import annotations
 
@@ -20,6 +20,6 @@ def poses(
     frame: str,
     options: Options,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same pose for every picture, expected and seen."""
+    """The same expected and measured pose for every picture."""
     still = np.tile(np.eye(4), (len(views.captures), 1, 1))
     return still, still

@@ -16,17 +16,17 @@ from .sighting import Picture, Sighting
 
 LEAST_CORNERS = 4
 FAMILIES = {"16h5": "16H5", "25h9": "25H9", "36h10": "36H10", "36h11": "36H11"}
-"""Names of AprilTag families, and OpenCV's."""
+"""Names of AprilTag families, and their names in OpenCV."""
 
 
 def look(pixels: np.ndarray, k: np.ndarray, board: Board, refinement: str) -> Picture:
-    """The board in a picture.
+    """Detect the board in a picture.
 
     Args:
         pixels: (H, W, 3) uint8 sRGB.
         k: (3, 3) intrinsics [px].
-        board: What is looked for.
-        refinement: Of a marker's corners: `edges` or `subpixel`.
+        board: The board.
+        refinement: Refinement of marker corners: `edges` or `subpixel`.
 
     Raises:
         ValueError: The board's description names no dictionary of OpenCV, or no size.
@@ -43,11 +43,11 @@ def look(pixels: np.ndarray, k: np.ndarray, board: Board, refinement: str) -> Pi
 
 @dataclass(frozen=True)
 class _Seen:
-    """What a detector found."""
+    """Result of a detector."""
 
     board: np.ndarray  # (J, 3) [m]
     pixels: np.ndarray  # (J, 2)
-    orders: tuple[np.ndarray, ...] = ()  # (J,) each: other orders of the pixels
+    orders: tuple[np.ndarray, ...] = ()  # (J,) each: other possible orders of the pixels
     mirrored: np.ndarray | None = None  # (J, 3) corners of the mirrored board [m]
     marker: int | None = None  # number of a single marker
 
@@ -62,13 +62,13 @@ def _posed(seen: _Seen, k: np.ndarray, *, single: bool) -> Sighting:
 
 
 def poses(corners: np.ndarray, pixels: np.ndarray, k: np.ndarray, single: bool) -> list[tuple[np.ndarray, float]]:
-    """Poses T_camera_board (4, 4) that a plane's corners allow, at most two, with RMS [px] (Collins and Bartoli 2014).
+    """Poses T_camera_board (4, 4) of a planar target, at most two, with RMS [px] (Collins and Bartoli 2014).
 
     Args:
         corners: (J, 3) on z = 0 [m].
         pixels: (J, 2) [px].
         k: (3, 3) intrinsics [px].
-        single: They are those of one square marker.
+        single: Whether the corners are those of one square marker.
     """
     import cv2
 
@@ -99,7 +99,7 @@ def _markers(grey: np.ndarray, board: Board, refinement: str) -> tuple[_Seen | N
     if refinement == "edges":
         corners = {number: edges.meet(grey, quad, family.markerSize + 2) for number, quad in corners.items()}
     if board.columns * board.rows == 1:
-        # The marker's number is not stated, so the largest counts; the rule compares those of all pictures.
+        # The marker's number is not stated, so the largest one is used; the rule compares those of all pictures.
         number = max(corners, key=lambda each: cv2.contourArea(corners[each].astype(np.float32)))
         return _Seen(boards.marker(board.square_m), corners[number].astype(np.float64), marker=number), ""
     layout = boards.markers(board.columns, board.rows, board.square_m, board.marker_m)
@@ -125,7 +125,7 @@ def _chessboard(grey: np.ndarray, board: Board, refinement: str) -> tuple[_Seen 
         stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
         corners = cv2.cornerSubPix(grey, corners, (5, 5), (-1, -1), stop)
     pixels = corners.reshape(-1, 2).astype(np.float64)
-    # Seen from behind the order would be mirrored; half a turn is what the pattern does not tell.
+    # A view from behind would mirror the order; only the rotation by half a turn is ambiguous in the pattern.
     orders = [np.arange(len(pixels))[::-1]]
     if board.columns == board.rows:
         square = np.arange(len(pixels)).reshape(board.rows, board.columns)
@@ -156,7 +156,7 @@ def _charuco(grey: np.ndarray, board: Board, refinement: str) -> tuple[_Seen | N
 
 
 def dictionary(board: Board) -> Any:
-    """OpenCV's dictionary of a board's markers: `DICT_5X5_100`, `5X5_100`, `36h11`.
+    """OpenCV's dictionary of a board's markers, with names such as `DICT_5X5_100`, `5X5_100`, `36h11`.
 
     Raises:
         ValueError: There is none of this name.

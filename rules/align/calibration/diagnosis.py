@@ -1,4 +1,4 @@
-"""Why a calibration does not close: known mistakes are tried on the same data, and the one that fits is named."""
+"""Diagnosis of an inconsistent calibration: known mistakes are undone in the data, and the one that fits is named."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from .hand_eye import HandEyeOptions
 
 BETTER = 4.0
-"""A mistake is named if undoing it makes the residual this many times smaller."""
+"""Factor by which undoing a mistake must reduce the residual for the mistake to be reported."""
 
 
 def explain(ctx: Context, views: list[View], setup: Setup, found: Checked, common: HandEyeOptions) -> NoReturn:
-    """Refuse a calibration that does not close, with the mistake that explains it, if one does.
+    """Raise for an inconsistent calibration, with the mistake that explains it, if one does.
 
     Raises:
         RuleError: Always.
@@ -49,7 +49,7 @@ def explain(ctx: Context, views: list[View], setup: Setup, found: Checked, commo
 
 
 def other_size(ctx: Context, views: list[View], size: float, sigma: float) -> NoReturn:
-    """Refuse a board whose size contradicts the robot's motion.
+    """Raise for a board whose size contradicts the robot's motion.
 
     Raises:
         RuleError: Always.
@@ -64,7 +64,7 @@ def other_size(ctx: Context, views: list[View], size: float, sigma: float) -> No
 
 
 def other_board(ctx: Context, other: Mapping[str, Sighting], common: HandEyeOptions) -> NoReturn:
-    """Refuse corners that lie on no board of the stated layout.
+    """Raise for corners that are on no board of the stated layout.
 
     Raises:
         RuleError: Always.
@@ -95,7 +95,7 @@ def _misfit(views: list[View], setup: Setup) -> float:
 
 
 def _mistakes(views: list[View], setup: Setup) -> Iterator[tuple[str, list[View], Setup, str]]:
-    """What is wrong, the views and the setup without it, and the remedy."""
+    """Each possible mistake, the views and the setup without it, and the remedy."""
     inverse = [replace(view, effector=transforms.invert(view.effector)) for view in views]
     yield (
         "the stated poses are those of the base in the effector",

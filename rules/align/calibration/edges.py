@@ -1,7 +1,7 @@
-"""Corners of square markers where straight edges meet.
+"""Corners of square markers as intersections of straight edges.
 
-A blurred corner of a dark square looks rounded, so corner detectors place it too far inside: by 0.3 to 0.7 px in
-drawn pictures. Its edges have no such bias.
+A blurred corner of a dark square is rounded, so corner detectors place it too far inside: by 0.3 to 0.7 px in rendered
+pictures. Edges have no such bias.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 SAMPLES = 24
-"""Places along an edge."""
+"""Number of positions along an edge."""
 ALONG = (0.12, 0.88)
-"""Part of an edge that is used; its ends bend with the corner."""
+"""Fraction of an edge that is used; its ends are affected by the corners."""
 STEPS = 21
-"""Samples across an edge."""
+"""Number of samples across an edge."""
 
 
 def meet(grey: np.ndarray, quad: np.ndarray, modules: int) -> np.ndarray:
@@ -25,7 +25,7 @@ def meet(grey: np.ndarray, quad: np.ndarray, modules: int) -> np.ndarray:
         modules: Squares of the marker's pattern along a side, with its border.
     """
     found = quad.astype(np.float64)
-    for _ in range(2):  # the second time across the edge where it really is
+    for _ in range(2):  # the second pass samples across the refined edge
         lines = [_line(grey, found[i], found[(i + 1) % 4], modules) for i in range(4)]
         if any(line is None for line in lines):
             return quad.astype(np.float64)
@@ -37,7 +37,7 @@ def meet(grey: np.ndarray, quad: np.ndarray, modules: int) -> np.ndarray:
 
 
 def _line(grey: np.ndarray, start: np.ndarray, end: np.ndarray, modules: int) -> np.ndarray | None:
-    """(3,) a, b, c with a x + b y = c of the edge near two corners; None if it is not clear."""
+    """(3,) a, b, c with a x + b y = c of the edge near two corners; None if there is no clear edge."""
     from scipy.ndimage import map_coordinates
 
     way = end - start
@@ -51,7 +51,7 @@ def _line(grey: np.ndarray, start: np.ndarray, end: np.ndarray, modules: int) ->
     points = places[:, None] + across[None, :, None] * normal
     values = map_coordinates(grey.astype(np.float64), [points[..., 1], points[..., 0]], order=1, mode="nearest")
     steps = np.gradient(values, across, axis=1)
-    steps = steps * np.sign(np.median(values[:, -1] - values[:, 0]))  # brighter on one side, for all samples
+    steps = steps * np.sign(np.median(values[:, -1] - values[:, 0]))  # all samples must be brighter on the same side
     weight = np.clip(steps - 0.2 * steps.max(axis=1, keepdims=True), 0.0, None)
     total = weight.sum(axis=1)
     clear = total > 0.3 * np.median(total)
@@ -70,7 +70,7 @@ def _line(grey: np.ndarray, start: np.ndarray, end: np.ndarray, modules: int) ->
 
 
 def _cross(one: np.ndarray | None, other: np.ndarray | None) -> np.ndarray:
-    """(2,) where two lines meet; NaN if they are parallel."""
+    """Intersection (2,) of two lines; NaN if they are parallel."""
     assert one is not None
     assert other is not None
     matrix = np.stack([one[:2], other[:2]])

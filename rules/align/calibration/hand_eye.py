@@ -1,4 +1,4 @@
-"""align.hand_eye: where a camera is beside a robot or on its hand, from pictures of a board."""
+"""align.hand_eye: pose of a camera relative to a robot's base or hand, from pictures of a board."""
 
 from __future__ import annotations
 
@@ -14,32 +14,34 @@ from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 
 class HandEyeOptions(Options):
-    """Options of align.hand_eye: what a calibration must reach."""
+    """Options of align.hand_eye: requirements for a calibration."""
 
     effector_frame: str = ""
-    """Frame or link of the robot that the board or the camera is on; empty: the one that the capture names."""
+    """Frame or link of the robot that the board or the camera is mounted on; empty: the one named in the capture."""
     least_views: PositiveInt = Field(5, ge=3)
-    """Pictures that must agree with one another."""
+    """Minimum number of mutually consistent pictures."""
     most_bad: int = Field(2, ge=0)
-    """Pictures that may contradict the others and are left out, by name."""
+    """Maximum number of inconsistent pictures, which are left out and named."""
     least_turn_deg: PositiveFloat = 5.0
-    """Rotation between pictures about a second axis, root mean square, below which the motion does not do [deg]."""
+    """Minimum root mean square rotation between pictures about a second axis [deg]."""
     most_corner_px: PositiveFloat = 3.0
-    """Root mean square distance of a picture's corners from a flat board above which it is not that board [px]."""
+    """Root mean square distance of a picture's corners from a flat board above which they are not those of the board
+    [px]."""
     most_residual_m: PositiveFloat = 0.01
-    """Residual of the chain of poses, root mean square, above which the result is refused [m]."""
+    """Maximum root mean square residual of the chain of poses [m]."""
     most_residual_deg: PositiveFloat = 2.0
-    """The same for its rotation [deg]."""
+    """Maximum root mean square residual of its rotation [deg]."""
     most_sigma_m: PositiveFloat = 0.02
-    """Standard deviation of the camera's place above which the result is refused [m]."""
+    """Maximum standard deviation of the camera's position [m]."""
     joint_sigma_deg: NonNegativeFloat = 0.05
-    """Standard deviation of the zero of each arm joint's encoder, for the covariance where joints are known [deg]."""
+    """Standard deviation of the zero offset of each arm joint's encoder, for the covariance if joints are known
+    [deg]."""
     board_size_fraction: PositiveFloat = 0.03
-    """Relative difference of the board's size from the stated one that is refused, if the data are sure of it."""
+    """Relative deviation of the board's size from the stated one above which the board is refused, if significant."""
 
 
 class HandEyeBackend(Protocol):
-    """What a backend of align.hand_eye defines."""
+    """Interface of a backend of align.hand_eye."""
 
     def solve(
         self,
@@ -65,8 +67,8 @@ def hand_eye(
     """Return T_base_camera, or T_effector_camera of a camera on the hand, with covariance and leave-one-out residuals.
 
     All corners of all pictures and the robot's own pose errors enter one least squares problem (the hand-eye problem of
-    Tsai and Lenz 1989, solved jointly for camera and board). Motion that leaves the answer open, a board of
-    another size, and pictures that contradict the others are refused or named.
+    Tsai and Lenz 1989, solved jointly for camera and board). Degenerate motion and a board of another size are refused;
+    pictures that contradict the others are named.
     """
     options = options or HandEyeOptions()
     if views.board is None:

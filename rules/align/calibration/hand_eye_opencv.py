@@ -1,4 +1,4 @@
-"""Backend `opencv` of align.hand_eye: OpenCV's detectors of boards, and a joint refinement of its own."""
+"""Backend `opencv` of align.hand_eye: OpenCV's board detectors and a joint refinement."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class OpencvOptions(Options):
     """Options of backend `opencv` of align.hand_eye."""
 
     refinement: Literal["edges", "subpixel"] = "edges"
-    """Corners of markers are where their edges meet, or where OpenCV's `cornerSubPix` has them."""
+    """Corners of markers from the intersection of their edges, or from OpenCV's `cornerSubPix`."""
 
 
 def solve(
@@ -40,7 +40,7 @@ def solve(
     common: HandEyeOptions,
     options: OpencvOptions,
 ) -> Calibration:
-    """The calibration of all pictures in which the board is seen and agrees with the robot."""
+    """The calibration from all pictures in which the board is found and consistent with the robot."""
     from dextera_build.sim.model import forward
 
     frame = common.effector_frame or views.effector_frame

@@ -27,7 +27,7 @@ def solve(
     common: HandEyeOptions,
     options: Options,
 ) -> Calibration:
-    """A camera at a fixed place, good to a millimetre and a milliradian."""
+    """A camera at a fixed pose, with standard deviations of a millimetre and a milliradian."""
     holder = "base" if views.mount == "eye_on_base" else views.effector_frame
     matrix = cameras.look_at(np.array([1.2, 0.2, 0.6]), np.array([0.0, 0.0, 0.3]))
     return Calibration(

@@ -1,4 +1,4 @@
-"""Pictures of a calibration: the board's axes and corners as the robot's pose implies them, over each picture."""
+"""Pictures of a calibration: the board's predicted axes and corners over each picture."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from dextera_build.rule import Context
 
 AXES = ((220, 60, 60), (60, 180, 75), (60, 100, 230))
 MOST = 12
-"""Pictures that are shown."""
+"""Maximum number of pictures shown."""
 SIDE_PX = 480
 
 
 def preview(ctx: Context, views: RobotViews, found: Checked, setup: Setup, calibration: Calibration) -> None:
-    """Show the residuals, and the board as the robot's pose implies it in every picture."""
+    """Show the residuals, and the board as predicted by the robot's pose in every picture."""
     ctx.preview(
         np.array(Image.open(io.BytesIO(calibration.picture()), formats=("PNG",))),
         "residuals (blue) and change without (orange)",
@@ -59,7 +59,7 @@ def drawn(
 
 
 def label(pen: ImageDraw.ImageDraw, text: str) -> None:
-    """Write a line into the upper left corner."""
+    """Draw a line of text into the upper left corner."""
     pen.rectangle([0, 0, 8 + pen.textlength(text), 14], fill=(0, 0, 0))
     pen.text((4, 1), text, fill=(255, 255, 255))
 

@@ -1,4 +1,4 @@
-"""align.robot_camera: refine where the camera is by the robot itself."""
+"""align.robot_camera: refine a camera calibration by registration of the robot's surface."""
 
 from __future__ import annotations
 
@@ -19,42 +19,43 @@ class RobotCameraOptions(Options):
     """Options of align.robot_camera."""
 
     points: PositiveInt = 4000
-    """Points of the arm, and of the hand, over all poses: N of Eq. 2."""
+    """Number of points of the arm, and of the hand, over all poses: N of Eq. 2."""
     balanced: bool = True
-    """Whether arm and hand count alike; False weighs all points alike, for comparison."""
+    """Whether arm and hand have equal weight; False weights all points equally, for comparison."""
     rounds: PositiveInt = 3
-    """Renders of the model, each at the calibration of the one before."""
+    """Number of renders of the model, each with the calibration of the previous round."""
     tolerance_m: PositiveFloat = 0.04
-    """Largest difference of measured and rendered depth in the first round; it halves with each [m]."""
+    """Maximum difference between measured and rendered depth in the first round; halved in each further round [m]."""
     grow_px: PositiveInt = 12
-    """Distance beyond the rendered outline in the first round at which pixels are looked at [px]; it halves, too."""
+    """Distance outside the rendered outline within which pixels are used in the first round; halved in each further
+    round [px]."""
     joint_sigma_deg: NonNegativeFloat = 0.05
-    """Standard deviation of the zero of each arm joint's encoder, for the covariance [deg]."""
+    """Standard deviation of the zero offset of each arm joint's encoder, for the covariance [deg]."""
     encoder_sigma_deg: NonNegativeFloat = 0.02
     """Standard deviation of each reading of an arm joint, for the covariance [deg]."""
     surface_sigma_m: NonNegativeFloat = 0.0005
-    """Standard deviation of a link's measured surface from its model's, for the covariance [m]."""
+    """Standard deviation of a link's measured surface relative to its model, for the covariance [m]."""
     least_overlap: Fraction = 0.3
-    """Part of the rendered robot at which its depth must have been measured."""
+    """Minimum fraction of the rendered robot with measured depth."""
     most_residual_m: PositiveFloat = 0.008
-    """Root mean square residual of arm or hand above which the result is refused [m]."""
+    """Maximum root mean square residual of arm or hand [m]."""
     most_correction_m: PositiveFloat = Field(0.06, le=1.0)
-    """Largest shift of the robot in the picture's depth that is believed [m]."""
+    """Maximum correction: root mean square displacement of the robot's visible points [m]."""
 
 
 @dataclass(frozen=True)
 class Refinement:
-    """What a backend finds."""
+    """Result of a backend."""
 
     camera_base: np.ndarray  # (4, 4) T_camera_base
-    covariance: np.ndarray  # (6, 6) of it, in the camera frame
+    covariance: np.ndarray  # (6, 6) covariance of it, in the camera frame
     residuals: dict[str, np.ndarray]  # `arm` and `hand` -> (K,) root mean square per pose [m]; NaN if not seen
-    overlap: np.ndarray  # (K,) part of the rendered robot with agreeing depth
+    overlap: np.ndarray  # (K,) fraction of the rendered robot with agreeing depth
     shift_m: float  # root mean square motion of the robot's points
 
 
 class RefinementBackend(Protocol):
-    """What a backend of align.robot_camera defines."""
+    """Interface of a backend of align.robot_camera."""
 
     def refine(
         self,
@@ -65,7 +66,7 @@ class RefinementBackend(Protocol):
         common: RobotCameraOptions,
         options: Any,
     ) -> Refinement:
-        """T_camera_base (4, 4) by the robot's surface, from a first estimate."""
+        """T_camera_base (4, 4) from the robot's surface and a first estimate."""
         ...
 
 
@@ -80,8 +81,8 @@ def robot_camera(
 ) -> Calibration:
     """Return the calibration with T_base_camera refined by morphology-balanced ICP on the robot's surface [m].
 
-    Eq. 2 and 3 of the paper: visible points of the model against measured depth, arm against arm and hand against
-    hand, both with the same weight after trimming, all poses together; dT is applied from the left to T_camera_base.
+    Eq. 2 and 3 of the paper: visible points of the model are registered to the measured depth, arm to arm and hand to
+    hand, with equal weights after trimming, all poses together; dT is applied from the left to T_camera_base.
     """
     options = options or RobotCameraOptions()
     _check(ctx, views, calibration)

@@ -29,10 +29,10 @@ BACKEND = Backend(
     extra="twin",
 )
 WIDEST_PX = 640
-"""Pictures are sampled to at most this width."""
+"""Pictures are subsampled to at most this width [px]."""
 PARTS = ("arm", "hand")
 OUTER_M = 0.012
-"""In the last rounds, depths may differ by at least this much: trimming does the rest [m]."""
+"""Minimum depth gate in the last rounds [m]; remaining outliers are trimmed."""
 
 
 def refine(
@@ -43,7 +43,7 @@ def refine(
     common: RobotCameraOptions,
     options: Options,
 ) -> Refinement:
-    """The correction of all rounds together."""
+    """The accumulated correction of all rounds."""
     from dextera_build.sim.render.robot_view import RobotRenderer
 
     assert views.joints is not None
@@ -67,7 +67,7 @@ def refine(
             ctx.fail(
                 f"arm and hand are not both seen: {error}", hint="take pictures with depth on both, see `least_overlap`"
             )
-        # Eq. 3: dT is a left product, in the camera frame.
+        # Eq. 3: dT is multiplied from the left, in the camera frame.
         covariance = uncertainty.compose(found.motion, now, (found.covariance, np.zeros((6, 6))))
         now = found.motion @ now
     residuals = {} if found is None else {name: found.residuals[name] for name in PARTS if name in found.residuals}
@@ -90,7 +90,7 @@ def sampled(camera: Camera, every: int) -> Camera:
 def _surfaces(
     views: RobotViews, renderer: RobotRenderer, camera_base: np.ndarray, every: int, tolerance: float, grow: int
 ) -> tuple[list[dict[str, Surface]], np.ndarray]:
-    """Model and measured points of every pose, and the part of the rendered robot that was measured."""
+    """Model and measured points of every pose, and the fraction of the rendered robot with measured depth."""
     assert views.joints is not None
     poses, overlap = [], []
     for row, capture in zip(views.joints.positions, views.captures.values(), strict=True):
@@ -112,7 +112,7 @@ def _parts(
     camera_base: np.ndarray,
     hidden: np.ndarray,
 ) -> dict[str, Surface]:
-    """Arm and hand of one pose; pixels where something stands before the robot, `hidden`, show none of the model."""
+    """Arm and hand of one pose; the model is not visible at pixels of occluders, `hidden`."""
     k = renderer.camera.matrix()
     points = cameras.backproject(measured, k)
     inner = robot_mask.inner(seen.labels, seen.depth) & ~hidden

@@ -1,4 +1,4 @@
-"""Backend `stub` of align.robot_camera: leaves the calibration as it is, for tests."""
+"""Backend `stub` of align.robot_camera: returns the calibration unchanged, for tests."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def refine(
     common: RobotCameraOptions,
     options: Options,
 ) -> Refinement:
-    """The first estimate, good to a millimetre and a milliradian."""
+    """The first estimate, with standard deviations of a millimetre and a milliradian."""
     count = len(views.captures)
     return Refinement(
         camera_base, 1e-6 * np.eye(6), {"arm": np.zeros(count), "hand": np.zeros(count)}, np.ones(count), 0.0

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dextera_build.sim.render.robot_view import RobotRenderer
 
 OUTLINES = ((40, 230, 80), (255, 140, 30))
-"""Of the arm and of the hand."""
+"""Colours of the outlines of arm and hand."""
 
 
 def preview(

@@ -1,4 +1,4 @@
-"""From sightings of a board to a calibration: what is left out and why, what is refused, what is found."""
+"""From sightings of a board to a calibration: outlier removal, checks, result."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from .hand_eye import HandEyeOptions
 
 SURE_SIGMAS = 4.0
-"""A board's size contradicts the stated one if it is this many standard deviations off."""
+"""Number of standard deviations at which a board's size contradicts the stated one."""
 NOTED = 0.01
-"""Difference of a board's size that is told, though not refused."""
+"""Relative difference of a board's size above which a warning is given."""
 
 
 def solve(
@@ -35,7 +35,7 @@ def solve(
     seen: Mapping[str, Picture],
     common: HandEyeOptions,
 ) -> Checked:
-    """Start, refine, leave out what contradicts, and refuse what must not be used."""
+    """Initialise, refine, remove inconsistent views, and refuse results that must not be used."""
     views = _usable(ctx, effectors, seen, common)
     _check_motion(ctx, views, setup, common)
     start, views = hand_eye.start(views, setup)
@@ -97,7 +97,7 @@ def calibration(found: Checked, setup: Setup, frame: str, camera: Camera, board:
 def with_joints(
     found: Calibration, solved: Checked, setup: Setup, drifts: Mapping[str, np.ndarray], sigma: float
 ) -> Calibration:
-    """The calibration with what wrong zeros of the encoders add to its covariances, see `hand_eye_refine.by_joints`."""
+    """The calibration with encoder zero offsets included in its covariances, see `hand_eye_refine.by_joints`."""
     rows = [drifts[view.name] for view in solved.views]
     more = hand_eye_refine.by_joints(solved.views, setup, solved.refined, rows, sigma)
     poses = {}
@@ -110,7 +110,7 @@ def with_joints(
 def _usable(
     ctx: Context, effectors: Mapping[str, np.ndarray], seen: Mapping[str, Picture], common: HandEyeOptions
 ) -> list[View]:
-    """The pictures in which the board was found, and fits."""
+    """The pictures in which the board was found with consistent corners."""
     views, missing, other = [], {}, {}
     numbers = [picture.sighting.marker for picture in seen.values() if picture.sighting is not None]
     usual = max(numbers, key=numbers.count, default=None)
@@ -142,7 +142,7 @@ def _usable(
 
 
 def _check_motion(ctx: Context, views: list[View], setup: Setup, common: HandEyeOptions) -> None:
-    """Refuse motion that leaves the answer open."""
+    """Raise for motion that leaves the solution undetermined."""
     values, axes = hand_eye.turns(views, setup)
     degrees = np.degrees(values)
     if degrees[1] >= common.least_turn_deg:

@@ -1,4 +1,4 @@
-"""The robot's poses beside the pictures: from its controller, or from its joints; what is plainly wrong is refused."""
+"""The robot's poses for the pictures, from its controller or its joints; implausible ones are refused."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from dextera_build.rule import Context
 Kinematics = Callable[[RobotModel, Sequence[str], np.ndarray, str], np.ndarray]
 """See `sim.model.forward.frames`."""
 FAR_M = 20.0
-"""No arm reaches this far [m]; millimetres do."""
+"""Larger than the reach of any arm [m]; exceeded if the unit is millimetres."""
 BEYOND_RAD = 0.05
-"""Joints may read this much beyond their limits [rad]."""
+"""Tolerance of joint readings beyond the joint limits [rad]."""
 CONTRADICTION_DEG = 3.0
-"""Median difference of the effector's rotations by joints and by the controller that is a contradiction [deg]."""
+"""Median difference between the effector's rotations from joints and from the controller that is a contradiction
+[deg]."""
 
 
 def effectors(ctx: Context, views: RobotViews, robot: RobotModel | None, frame: str, frames: Kinematics) -> np.ndarray:
@@ -50,7 +51,7 @@ def effectors(ctx: Context, views: RobotViews, robot: RobotModel | None, frame: 
 
 
 def check_joints(ctx: Context, joints: Joints, robot: RobotModel) -> None:
-    """Refuse joints of another robot, and degrees."""
+    """Raise for joints of another robot, and for degrees."""
     limits = {joint.name: (joint.lower, joint.upper) for joint in robot.joints}
     known = set(limits) | {follower.name for follower in robot.followers}
     if unknown := sorted(set(joints.names) - known):
@@ -90,14 +91,14 @@ def _beyond(positions: np.ndarray, low: float, high: float) -> float:
 
 
 def frame_of(robot: RobotModel, frame: str) -> str:
-    """A frame that moves with the last link of the arm, where the stated one is the controller's own."""
+    """A frame fixed to the last link of the arm, if the stated frame exists only in the controller."""
     if frame in robot.frames or frame in robot.links:
         return frame
     return "flange" if "flange" in robot.frames else [name for name, group in robot.links.items() if group == "arm"][-1]
 
 
 def _compare(ctx: Context, stated: np.ndarray, by_joints: np.ndarray) -> None:
-    """Refuse poses whose rotations between pictures are not those of the joints; frames of both may differ."""
+    """Raise if rotations between poses differ from those of the joints; the frames of both may differ."""
 
     def angles(motions: np.ndarray) -> np.ndarray:
         first = motions[0, :3, :3].T

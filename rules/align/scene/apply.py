@@ -1,4 +1,4 @@
-"""align.apply: a scene moved to where its fit has it."""
+"""align.apply: a scene transformed by its alignment."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def apply(
     mesh: Mesh | None = None,
     onto: Pose | None = None,
 ) -> AlignedScene:
-    """Return the Gaussians and the collision mesh in metres, by one motion, in the camera's frame or that of `onto`.
+    """Return the Gaussians and the collision mesh in metres, by one transform, in the camera's frame or that of `onto`.
 
-    `motion` is T_camera_scene of align.scene, which has the scale; with `onto`, T_world_camera, X_world =
+    `motion` is T_camera_scene of align.scene, including the scale; with `onto`, T_world_camera, X_world =
     T_world_camera T_camera_scene [s_G X_scene, 1]. The scale is applied to the scene first, never to the camera.
     """
     if splats is None and mesh is None:

@@ -1,4 +1,4 @@
-"""Where a photograph was taken in a generated scene, by points of rendered pictures that it shows too."""
+"""Initial pose of a photograph in a generated scene, from points matched with rendered pictures."""
 
 from __future__ import annotations
 
@@ -17,46 +17,46 @@ from dextera_build.geometry.scene_pose import ScenePose
 from dextera_build.geometry.scene_terms import Correspondences
 
 Viewpoint = tuple[np.ndarray, Drawn]
-"""T_G_C (4, 4), and the scene from there."""
+"""T_G_C (4, 4), and the rendering of the scene from there."""
 Match = Callable[[Image, Image], Matches]
-"""Points of a rendered picture and of the photograph."""
+"""Matcher of points of a rendered picture and of the photograph."""
 
 EDGE = 0.05
-"""Depths around a point that differ by more than this part are an edge: which side it is on is unknown."""
+"""Relative depth difference around a point above which it is on an edge and its surface is ambiguous."""
 ERROR_PX = 4.0
-"""Largest distance of a point that counts from where a pose projects it, in a picture 640 px wide."""
+"""Largest reprojection error of an inlier, in a picture 640 px wide [px]."""
 APART = 0.06
-"""Largest part by which a measured depth may differ from the rendered one at the common scale."""
+"""Largest relative difference between a measured depth and the rendered one at the common scale."""
 LEAST = 6
-"""Fewer points give no pose."""
+"""Minimum number of points for a pose."""
 ROUNDS = 3
-"""Most times that the scene is drawn again from where the photograph was found to be taken."""
+"""Maximum number of times that the scene is rendered again from the estimated viewpoint."""
 NEAR = 0.05
-"""It is not, where enough points were found from nearer than this: in median depths, and in radians."""
+"""Distance from an estimated viewpoint within which it is not rendered again: in median depths, and in radians."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """A robust estimate of theta, and what speaks for it."""
+    """A robust estimate of theta, with its inliers."""
 
     pose: ScenePose
-    matches: Correspondences  # those that agree with the pose and with one scale
-    tried: int  # pairs of points that had a depth in the scene
-    drawn_from: np.ndarray  # (4, 4) T_G_C of the picture that shows them
+    matches: Correspondences  # inliers of the pose and of one scale
+    tried: int  # pairs of points with a depth in the scene
+    drawn_from: np.ndarray  # (4, 4) T_G_C of the picture with the inliers
 
 
 def found(
     capture: Capture, render: Render, match: Match, viewpoints: Iterable[Viewpoint], enough: int, unit: float
 ) -> tuple[Start | None, int]:
-    """The start with the most points, refined by drawing the scene again from there; and the most pairs of any try.
+    """The start with the most points, refined by rendering the scene from there; and the most pairs of any viewpoint.
 
     Args:
         capture: With depth.
-        render: Draws the scene.
-        match: Finds points of two pictures.
-        viewpoints: Where it was drawn, and as it looks from there; the likeliest first.
-        enough: Points with which no further viewpoint is tried.
-        unit: Median depth of the scene, in its lengths.
+        render: Renders the scene.
+        match: Matches points of two pictures.
+        viewpoints: Poses with their renderings, the likeliest first.
+        enough: Number of points at which no further viewpoint is tried.
+        unit: Median depth of the scene, in its unit.
     """
     best, pairs = None, 0
     for place, drawn in viewpoints:
@@ -88,13 +88,13 @@ def _seen_in(capture: Capture, drawn: Drawn, match: Match, place: np.ndarray) ->
 
 
 def _beside(place: np.ndarray, other: np.ndarray, unit: float) -> bool:
-    """Whether two cameras T_G_C (4, 4) see the same, as far as points are concerned."""
+    """Whether the views of two cameras T_G_C (4, 4) are nearly the same for point matching."""
     motion = transforms.invert(other) @ place
     return float(np.linalg.norm(motion[:3, 3])) < NEAR * unit and float(transforms.angle(motion[:3, :3])) < NEAR
 
 
 def filled(drawn: Drawn) -> np.ndarray:
-    """The picture (H, W, 3) uint8 whose holes take the colours around them: black ones would have corners."""
+    """The picture (H, W, 3) uint8 with holes filled by surrounding colours; black ones would create corners."""
     import cv2
 
     there = drawn.solid.astype(np.float32)
@@ -104,7 +104,7 @@ def filled(drawn: Drawn) -> np.ndarray:
     for sigma in (2.0, 8.0, 32.0, 128.0):
         if not left.any():
             break
-        # A wide blur has nothing to show that a small picture has not.
+        # A wide blur is sufficient at low resolution.
         size = tuple(max(1, round(2 * length / sigma)) for length in (columns, rows))
         weight, soft = (
             cv2.resize(
@@ -119,7 +119,7 @@ def filled(drawn: Drawn) -> np.ndarray:
 
 
 def _anchored(pairs: Matches, drawn: Drawn, place: np.ndarray, capture: Capture) -> Correspondences:
-    """Pairs whose rendered pixel lies on a surface, away from edges, with that pixel's depth in G."""
+    """Pairs whose rendered pixel is on a surface, away from edges, with that pixel's depth in G."""
     assert capture.measured is not None
     camera = capture.photograph.camera
     made = sampled(np.where(drawn.solid, drawn.depth, 0.0), pairs.first)
@@ -133,7 +133,7 @@ def _anchored(pairs: Matches, drawn: Drawn, place: np.ndarray, capture: Capture)
 
 
 def sampled(depth: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Median depth (N,) of the nine pixels at each of (N, 2); 0 with an edge or a hole among them."""
+    """Median depth (N,) of the nine pixels at each of (N, 2); 0 if an edge or a hole is among them."""
     rows, columns = depth.shape
     column, row = np.round(pixels).astype(int).T
     inside = (column > 0) & (row > 0) & (column < columns - 1) & (row < rows - 1)
@@ -144,13 +144,13 @@ def sampled(depth: np.ndarray, pixels: np.ndarray) -> np.ndarray:
 
 
 def _robust(matches: Correspondences, camera: Camera, place: np.ndarray) -> Start | None:
-    """The pose that most pairs agree with (LO-RANSAC), its scale by the median of measured over rendered depth."""
+    """The pose with most inliers (LO-RANSAC), and its scale as the median ratio of measured to rendered depth."""
     import pycolmap
 
     if len(matches) < LEAST:
         return None
     k = camera.matrix()
-    numbers = [k[0, 0], k[1, 1], k[0, 2] + 0.5, k[1, 2] + 0.5]  # its pixels have their centre at a half
+    numbers = [k[0, 0], k[1, 1], k[0, 2] + 0.5, k[1, 2] + 0.5]  # pixel centres are at a half
     lens = pycolmap.Camera(model="PINHOLE", width=camera.width, height=camera.height, params=numbers)
     options = pycolmap.AbsolutePoseEstimationOptions()
     options.ransac.max_error = ERROR_PX * camera.width / 640
@@ -167,7 +167,7 @@ def _robust(matches: Correspondences, camera: Camera, place: np.ndarray) -> Star
         return None
     ratio = matches.depths / np.maximum(depth, 1e-12)
     scale = float(np.median(ratio[known]))
-    # A point without a measured depth still fixes the pose; one whose depth contradicts the scale is not the same.
+    # A point without a measured depth still constrains the pose; one whose depth contradicts the scale is an outlier.
     agree &= (depth > 0) & ((matches.depths == 0) | (np.abs(ratio / scale - 1) < APART))
     if (agree & known).sum() < LEAST:
         return None

@@ -1,4 +1,4 @@
-"""align.camera: where the camera is in a twin now, by a new picture of the scene."""
+"""align.camera: current pose of the camera in a twin, from a new picture of the scene."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class CameraOptions(Options):
     """Options of align.camera."""
 
     most_scale: PositiveFloat = 0.02
-    """Largest relative difference of the two pictures' scales that is believed."""
+    """Maximum accepted relative difference between the two pictures' scales."""
 
 
 @rule(version=1, packages=("numpy",))
@@ -25,8 +25,8 @@ def camera(ctx: Context, support: Support, seen: SceneFit, *, options: CameraOpt
 
     Args:
         ctx: Context.
-        support: T_world_camera of the picture that the twin and the scene of `seen` were made from.
-        seen: T_camera_scene of the new picture, where the scene has the axes and the unit of the old picture's camera.
+        support: T_world_camera of the picture from which the twin and the scene of `seen` were made.
+        seen: T_camera_scene of the new picture; the scene has the axes and the unit of the old picture's camera.
         options: Options.
     """
     options = options or CameraOptions()
@@ -37,7 +37,7 @@ def camera(ctx: Context, support: Support, seen: SceneFit, *, options: CameraOpt
         believed=f"1 ± {options.most_scale:g}",
         hint="check the depth unit of the new capture; a scene of unknown scale goes through `align.apply`",
     )
-    # In lengths of the old picture: that is the world's unit.
+    # In the unit of the old picture, which is that of the world.
     now_from_old = transforms.rigid(seen.motion.matrix[:3, :3], seen.motion.matrix[:3, 3] / scale)
     spread = seen.motion.covariance
     motion = Pose(
@@ -46,7 +46,7 @@ def camera(ctx: Context, support: Support, seen: SceneFit, *, options: CameraOpt
         matrix=now_from_old,
         covariance=None if spread is None else np.ascontiguousarray(spread[:6, :6]),
     )
-    # The old picture defines the world, so its own uncertainty does not count.
+    # The old picture defines the world, so its own uncertainty does not enter.
     old = support.camera_pose.model_copy(update={"covariance": None})
     found = (old @ motion.inverse()).model_copy(update={"child": "camera"})
     moved = transforms.invert(now_from_old)

@@ -1,4 +1,4 @@
-"""When an alignment of a scene is not believed. The limits were chosen on pairs of views that no table reports."""
+"""Acceptance limits of a scene alignment, chosen on pairs of views that no table reports."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from dextera_build.rule import Fraction, Options
 
 
 class Limits(Options):
-    """What an alignment needs in order to be believed."""
+    """Acceptance limits of an alignment."""
 
     inliers: PositiveInt = 20
-    """Least number of pairs that agree."""
+    """Minimum number of inlier pairs."""
     inlier_fraction: Fraction = 0.4
-    """Least part of the pairs that agree."""
+    """Minimum fraction of inlier pairs."""
     spread: Fraction = 0.25
-    """Least part of the 12 cells of the photograph that they lie in."""
+    """Minimum fraction of the 12 cells of the photograph with inliers."""
     overlap: Fraction = 0.2
-    """Least part of the measured pixels that show the scene."""
+    """Minimum fraction of the measured pixels at which the scene is visible."""
     agreement: Fraction = 0.7
-    """Least part of these whose depths agree."""
+    """Minimum fraction of these with agreeing depth."""
     correlation: Fraction = 0.4
-    """Least correlation of grey values."""
+    """Minimum correlation of grey values."""
     spread_m: PositiveFloat = 0.012
-    """Largest standard deviation of the place [m]."""
+    """Maximum standard deviation of the position [m]."""
     scale_fraction: float = Field(0.02, gt=0.0, le=1.0)
-    """Largest standard deviation of the scale, relative."""
+    """Maximum relative standard deviation of the scale."""
 
 
 def doubts(found: SceneEvidence, motion: Similarity, limits: Limits) -> tuple[str, ...]:
-    """What speaks against an alignment, each with its number and its limit."""
+    """Violated limits of an alignment, each with its value and its limit."""
     assert motion.covariance is not None
     spread = np.sqrt(np.maximum(np.diag(motion.covariance), 0.0))
     part = found.inliers / max(found.pairs, 1)

@@ -1,4 +1,4 @@
-"""A generated scene as its renderer: colours, depth and opacity from any place."""
+"""Renderers of a generated scene: colours, depth and opacity from any pose."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from dextera_build.geometry.scene_alignment import Render
 from dextera_build.learning.gaussian_fit.camera import Camera as Eye
 
 FINE = 2
-"""Rays per pixel and axis: a ray shows one texel, and pixels as large as many texels would flicker."""
+"""Rays per pixel and axis: a ray samples one texel, so pixels as large as many texels would alias."""
 FAINT = 0.1
-"""Less opacity than this has no depth."""
+"""Opacity below which a pixel has no depth."""
 ALIKE = 1.03
-"""What is farther than this multiple of the nearest depth in a pixel is another surface."""
+"""Surfaces farther than this multiple of the nearest depth in a pixel are separate."""
 CELL_PX = 0.7
-"""Gaussians that lie together in a cell of this width of a small picture are drawn as one [px]."""
+"""Gaussians in one cell of this width of a small picture are merged [px]."""
 
 
 View = tuple[np.ndarray, tuple[int, int]]
@@ -29,14 +29,14 @@ View = tuple[np.ndarray, tuple[int, int]]
 
 
 class DrawnScene(Protocol):
-    """A scene that can be drawn."""
+    """A scene that can be rendered."""
 
     def whole(self) -> Render:
-        """From any place and at any size."""
+        """From any pose and at any size."""
         ...
 
     def around(self, place: np.ndarray, views: Sequence[View]) -> Render:
-        """From near `place`, T_G_C (4, 4), in pictures of one camera at different sizes."""
+        """From poses near `place`, T_G_C (4, 4), in pictures of one camera at several sizes."""
         ...
 
 
@@ -48,11 +48,11 @@ class MeshScene:
         self._surfaces = raycast.Sorted([raycast.Surface(mesh.vertices, mesh.faces, mesh.uv, texture, mesh.colour)])
 
     def whole(self) -> Render:
-        """From any place and at any size."""
+        """From any pose and at any size."""
         return self._drawn
 
     def around(self, place: np.ndarray, views: Sequence[View]) -> Render:
-        """The same: the time of ray casting depends on the picture alone."""
+        """The same: the time of ray casting depends only on the picture."""
         return self._drawn
 
     def _drawn(self, scene_from_camera: np.ndarray, k: np.ndarray, size: tuple[int, int]) -> Drawn:
@@ -65,13 +65,13 @@ class MeshScene:
         parts = np.dstack([raycast.shade(self._surfaces, seen) / 255.0 * there[..., None], seen.depth, there])
         means = parts.reshape(rows, FINE, columns, FINE, 5).mean(axis=(1, 3))
         part = np.maximum(means[..., 4:], 1e-9)
-        # Depths of two surfaces are not averaged: a mean would lie between them.
+        # Depths of two surfaces are not averaged: the mean would be between them.
         depth = seen.depth[FINE // 2 :: FINE, FINE // 2 :: FINE]
         return Drawn(means[..., :3] / part, depth, means[..., 4])
 
 
 class SplatScene:
-    """3D Gaussians, drawn by the rasteriser in NVIDIA Warp.
+    """3D Gaussians, rendered by the rasteriser in NVIDIA Warp.
 
     Args:
         splats: The scene.
@@ -86,7 +86,7 @@ class SplatScene:
         self._near = 1e-3 * float(np.median(np.ptp(self._given.means, axis=0))) if len(self._given) else 0.01
 
     def whole(self) -> Render:
-        """All of them, from any place and at any size."""
+        """All Gaussians, from any pose and at any size."""
         from dextera_build.learning.rasteriser.placing import placed
 
         arrays = placed(self._given, self._device)
@@ -102,16 +102,16 @@ class SplatScene:
         return render
 
     def around(self, place: np.ndarray, views: Sequence[View]) -> Render:
-        """What cameras near `place`, T_G_C (4, 4), see of them, at the given sizes and with few Gaussians for each.
+        """Gaussians visible to cameras near `place`, T_G_C (4, 4), reduced for each of the given sizes.
 
         Args:
-            place: From where it is drawn, about.
+            place: Approximate pose of the cameras.
             views: (3, 3) intrinsics [px] with rows and columns [px], all of one camera.
         """
         from dextera_build.learning.rasteriser.placing import placed
 
         fewer, arrays = self._given, {}
-        for k, size in sorted(views, key=lambda view: -view[1][1]):  # those of a large picture do for a small one, too
+        for k, size in sorted(views, key=lambda view: -view[1][1]):  # valid for a small picture, too
             fewer = merging.merged(fewer, k, place, size, CELL_PX)
             arrays[size] = placed(fewer, self._device)
         return lambda near, k, size: self._drawn(arrays[size], Eye(k, near, size, self._near), faded=True)
@@ -127,5 +127,5 @@ class SplatScene:
         part = np.maximum(opacity, 1e-6)
         depth = picture.depth.numpy().reshape(size) / part
         colour = picture.colour.numpy().reshape(*size, 3).astype(float) / part[..., None]
-        # Colours on black are divided by their opacity: black where nothing is seen would attract the pose.
+        # Colours over black are divided by their opacity; black where nothing is rendered would attract the pose.
         return Drawn(colour.clip(0, 1), np.where(opacity > FAINT, depth, 0.0), opacity)

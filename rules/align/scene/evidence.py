@@ -1,4 +1,4 @@
-"""What speaks for an alignment of a scene, and what against it."""
+"""Evidence for and against an alignment of a scene."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from dextera_build.geometry.sharpness import left_by_blur
 from .beginning import Start
 
 ALIKE, BEFORE = 0.04, 0.06
-"""Parts of the depth within which surfaces agree, and by which one is before the other."""
+"""Relative depth differences: below the first surfaces agree, above the second one occludes the other."""
 GRID = (3, 4)
-"""Rows and columns of cells that inliers should lie in."""
+"""Rows and columns of the grid over which inliers should be spread."""
 
 
 def evidence(start: Start, solution: Solution, level: Level, k: np.ndarray, size: tuple[int, int]) -> SceneEvidence:
-    """Judged on the picture of the last level, and on the inliers."""
+    """Evidence from the picture of the last level and from the inliers."""
     assert solution.drawn is not None
     assert solution.omega is not None
     drawn, matches = solution.drawn, start.matches
@@ -44,7 +44,7 @@ def evidence(start: Start, solution: Solution, level: Level, k: np.ndarray, size
 
 
 def residuals(pose: ScenePose, matches: Correspondences, k: np.ndarray) -> tuple[float, float]:
-    """Median distances of the inliers from where they should be [px], and of their depths [m]."""
+    """Median reprojection error of the inliers [px], and of their depths [m]."""
     seen = pose.seen(matches.anchors)
     pixel = seen[:, :2] / np.maximum(seen[:, 2:], 1e-9) * [k[0, 0], k[1, 1]] + [k[0, 2], k[1, 2]]
     known = matches.depths > 0
@@ -61,7 +61,7 @@ def _correlation(one: np.ndarray, other: np.ndarray, where: np.ndarray) -> float
 
 
 def about(pixels: np.ndarray) -> dict[str, str]:
-    """Facts about a photograph (H, W, 3) uint8 in which little was found: its brightness and its sharpness."""
+    """Properties of a photograph (H, W, 3) uint8 with few matches: its brightness and its sharpness."""
     import cv2
 
     grey = cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY).astype(np.float64)
@@ -75,4 +75,5 @@ def about(pixels: np.ndarray) -> dict[str, str]:
 
 
 DARK, BLURRED = 25.0, 0.85
-"""Mean grey value below which, and part of edges left by a further blur above which, a photograph is called so."""
+"""Mean grey value below which a photograph is dark, and fraction of edges left by a further blur above which it is
+blurred."""

@@ -1,4 +1,4 @@
-"""What backends of align.scene take and return."""
+"""Inputs and result of backends of align.scene."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from dextera_build.geometry.scene_pose import ScenePose
 
 @dataclass(frozen=True)
 class Given:
-    """A photograph and the scene that is looked for in it."""
+    """A photograph and the scene to find in it."""
 
     capture: Capture  # with depth
     scene: Splats | Mesh
-    taken: np.ndarray  # (4, 4) T_G_C of the picture that the scene was made from, in its lengths
-    ignored: np.ndarray  # (H, W) bool, pixels of the photograph that show nothing of the scene
+    taken: np.ndarray  # (4, 4) T_G_C of the picture that the scene was made from, in its unit
+    ignored: np.ndarray  # (H, W) bool, pixels of the photograph that show no part of the scene
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """Theta, and what speaks for it."""
+    """Theta with its covariance and evidence."""
 
     pose: ScenePose
-    covariance: np.ndarray  # (7, 7) as `artifacts.pose.Similarity` has it
+    covariance: np.ndarray  # (7, 7) as in `artifacts.pose.Similarity`
     evidence: SceneEvidence

@@ -1,4 +1,4 @@
-"""From a capture and a scene to theta: find it, refine it, say how well it is known."""
+"""From a capture and a scene to theta: initialisation, refinement, uncertainty."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def fitted(ctx: Context, given: Given, match: Match, options: SceneOptions) -> Fitted:
-    """Theta of the scene; what cannot be found at all is refused with the facts about the photograph."""
+    """Theta of the scene; raises with properties of the photograph if there is no initial pose."""
     capture, scene, taken = given.capture, given.scene, given.taken
     shown = drawing.SplatScene(scene, ctx.device) if isinstance(scene, Splats) else drawing.MeshScene(scene)
     render = shown.whole()
@@ -45,8 +45,9 @@ def fitted(ctx: Context, given: Given, match: Match, options: SceneOptions) -> F
     problem = Problem(start.matches, k, size, pyramid, small, weights, unit, options.apart)
     solution = align(sparse.pose, problem)
     seen = evidence.evidence(start, solution, pyramid[-1], k, size)
-    # What the photometric terms err by is common to the picture (light, colours beside their depth), and no residual
-    # shows it: they narrow the estimate, but what is stated is what the points tell, and how far from them they led.
+    # Errors of the photometric terms are common to the whole picture (light, colours shifted against their depth), so
+    # no
+    # residual shows them: they refine the estimate, but the stated covariance is that of the points plus this shift.
     apart = sparse.pose.step_to(solution.pose, unit)
     steps = sparse.covariance + np.outer(apart, apart)
     if not np.isfinite(steps).all():
@@ -61,7 +62,7 @@ def fitted(ctx: Context, given: Given, match: Match, options: SceneOptions) -> F
 
 
 def _enough(ctx: Context, capture: Capture, start: Start | None, pairs: int, options: SceneOptions) -> Start:
-    """The start, unless it is none."""
+    """The start; raises if there is none."""
     if start is None:
         ctx.fail(
             "the photograph was not found in the scene: no pose agrees with the points that look the same",
@@ -81,7 +82,7 @@ def _enough(ctx: Context, capture: Capture, start: Start | None, pairs: int, opt
 
 
 def _compared(level: Level, drawn: Drawn) -> np.ndarray:
-    """Three pictures side by side, (H, 3 W, 3) uint8."""
+    """Three pictures in a row, (H, 3 W, 3) uint8."""
     made = np.where(drawn.solid[..., None], drawn.rgb, 0.5)
     rows, columns = np.indices(drawn.depth.shape) // max(1, drawn.depth.shape[0] // 8)
     squares = np.where(((rows + columns) % 2 == 0)[..., None], made, level.rgb)

@@ -1,4 +1,4 @@
-"""A capture as scene alignment compares it: at two sizes, with the pixels that may count."""
+"""A capture prepared for scene alignment: at two sizes, with a mask of usable pixels."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from dextera_build.artifacts.camera import Capture
 from dextera_build.geometry.scene_alignment import Level
 
 SATURATED = 250
-"""A channel from this value on has lost what it showed."""
+"""Channel value at and above which a pixel is saturated."""
 EDGE = 0.05
-"""Depths of neighbours that differ by more than this part are an edge, where sensors mix both sides."""
+"""Relative depth difference of neighbours above which they are on an edge, where sensors mix both sides."""
 
 
 def levels(capture: Capture, ignored: np.ndarray, widths: tuple[int, ...], farthest_m: float) -> list[Level]:
     """The capture from coarse to fine.
 
-    Colours are averaged, depths are picked: a mean of two surfaces is none (a bilinear one makes flying pixels).
+    Colours are averaged, depths are picked: an average over two surfaces would create flying pixels.
 
     Args:
         capture: With depth.
         ignored: (H, W) pixels of the robot and of objects.
-        widths: Widths [px]; one that is larger than the picture is that of the picture.
-        farthest_m: Greater depths are not believed [m].
+        widths: Widths [px], limited to the width of the picture.
+        farthest_m: Greater depths are ignored [m].
     """
     import cv2
     from scipy.ndimage import maximum_filter, minimum_filter

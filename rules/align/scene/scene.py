@@ -21,41 +21,41 @@ from .fitted import Fitted, Given
 
 
 class SceneOptions(Options):
-    """Options of align.scene: the weights of Eq. 1, and what is believed."""
+    """Options of align.scene: weights of Eq. 1 and acceptance limits."""
 
     frame: str = ""
-    """Frame of the scene; empty: that of its Gaussians, `world` for a mesh."""
+    """Frame of the scene; empty: that of its Gaussians, or `world` for a mesh."""
     rgb: NonNegativeFloat = 20.0
-    """lambda_rgb, of the mean squared difference of colours 0..1."""
+    """lambda_rgb, weight of the mean squared difference of colours 0..1."""
     ssim: NonNegativeFloat = 1.0
-    """lambda_ssim, of 1 - SSIM."""
+    """lambda_ssim, weight of 1 - SSIM."""
     pixel: NonNegativeFloat = 10.0
-    """lambda_pix, of the mean distance of points in image diagonals."""
+    """lambda_pix, weight of the mean reprojection error in image diagonals."""
     depth: PositiveFloat = 4.0
-    """lambda_dep, of the mean difference of their depths in metres; without it the scale has no anchor."""
+    """lambda_dep, weight of the mean depth difference of points in metres; without it the scale is not determined."""
     surface: NonNegativeFloat = 0.0
-    """Weight of the mean difference of all depths in metres; Eq. 1 has no such term. For scenes that were measured."""
+    """Weight of the mean difference of all depths in metres, for measured scenes; not in Eq. 1."""
     widths: tuple[PositiveInt, ...] = Field((160, 320), min_length=1)
-    """Widths at which pictures are compared, from coarse to fine [px]."""
+    """Widths at which pictures are compared, coarse to fine [px]."""
     apart: float = Field(0.06, gt=0.0, le=1.0)
-    """Surfaces whose depths differ by more than this part are not the same: something was moved, or hides them."""
+    """Relative depth difference above which surfaces differ, because of a moved object or an occluder."""
     farthest_m: PositiveFloat = 8.0
-    """Greater depths are not believed [m]."""
+    """Greater depths are ignored [m]."""
     points: PositiveInt = 4000
-    """Most points that are looked for in each picture."""
+    """Maximum number of keypoints per picture."""
     enough: PositiveInt = 80
-    """Pairs that agree with which no further viewpoint of the scene is tried."""
+    """Number of inlier pairs at which no further viewpoint of the scene is tried."""
     limits: Limits = Limits()
-    """What an alignment needs in order to be believed."""
+    """Acceptance limits of an alignment."""
     refuse: bool = True
-    """Whether one that is not believed is refused; otherwise it is returned with its doubts."""
+    """Whether an alignment that violates a limit is refused; otherwise it is returned with its doubts."""
 
 
 class SceneBackend(Protocol):
-    """What a backend of align.scene defines."""
+    """Interface of a backend of align.scene."""
 
     def fit(self, ctx: Context, given: Given, common: SceneOptions, options: Any) -> Fitted:
-        """Theta of the scene, with its covariance and what speaks for it."""
+        """Theta of the scene, with its covariance and evidence."""
         ...
 
 
@@ -80,10 +80,10 @@ def scene(
 ) -> SceneFit:
     """Return T_camera_scene [m] with the scale, its covariance, evidence and doubts, for a scene of unknown scale.
 
-    The scene is `splats` or `mesh`. It is drawn from `taken` (T_scene_camera of the
-    picture that it was made from; the origin without it) and from places around, until the photograph is found by
-    points that look the same. Then the four terms of Eq. 1 are minimised, coarse to fine. `robot` and `instances`
-    are pixels of the photograph that show nothing of the scene.
+    The scene is `splats` or `mesh`. It is rendered from `taken` (T_scene_camera of the picture that it was made from;
+    the origin without it) and from poses around it, until enough points match the photograph. Then the four terms of
+    Eq. 1 are minimised, coarse to fine. `robot` and `instances` are pixels of the photograph that show no part of the
+    scene.
     """
     options = options or SceneOptions()
     if (splats is None) == (mesh is None):

@@ -1,4 +1,4 @@
-"""Backend `sift` of align.scene: the photograph is found by SIFT, mutual nearest neighbours, and the ratio test."""
+"""Backend `sift` of align.scene: matches by SIFT, mutual nearest neighbours, and the ratio test."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ BACKEND = Backend(
 
 
 def fit(ctx: Context, given: Given, common: SceneOptions, options: SiftOptions) -> Fitted:
-    """Theta of the scene, found by pairs as backend `sift` of align.matches finds them."""
+    """Theta of the scene, from pairs of backend `sift` of align.matches."""
     taken = matches_sift.points_of(given.capture.photograph.rgb, common.points)
 
     def match(drawn: Image, photograph: Image) -> Matches:
-        """The photograph is the same every time."""
+        """The photograph's keypoints are computed once."""
         return matches_sift.paired(matches_sift.points_of(drawn, common.points), taken, options.ratio)
 
     return fitted(ctx, given, match, common)

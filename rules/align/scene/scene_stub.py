@@ -1,4 +1,4 @@
-"""Backend stub of align.scene: the scene is where its picture was taken, in metres, for tests."""
+"""Backend stub of align.scene: the pose of the picture that the scene was made from, in metres, for tests."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BACKEND = Backend(summary="no search: the scene in metres where its picture was 
 
 
 def fit(ctx: Context, given: Given, common: SceneOptions, options: Options) -> Fitted:
-    """The inverse of `taken`, at scale 1, as if all agreed."""
+    """The inverse of `taken` at scale 1, with perfect evidence."""
     seen = SceneEvidence(
         pairs=100,
         inliers=100,

@@ -26,7 +26,7 @@ BACKEND = Backend(
 
 
 def fit(ctx: Context, given: Given, common: SceneOptions, options: SuperpointLightglueOptions) -> Fitted:
-    """Theta of the scene, found by pairs as backend `superpoint_lightglue` of align.matches finds them."""
+    """Theta of the scene, from pairs of backend `superpoint_lightglue` of align.matches."""
     matcher = ctx.load(superpoint.load, "lightglue_superpoint")
     return fitted(
         ctx,

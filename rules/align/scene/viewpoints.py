@@ -1,4 +1,4 @@
-"""Where a generated scene is looked at from, to find a photograph that was taken far from its own picture."""
+"""Viewpoints for rendering a generated scene, to match a photograph taken far from its own picture."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from dextera_build.geometry import transforms
 from dextera_build.geometry.registration import rotation
 
 TURNS_DEG = (20.0, 40.0)
-"""Angles about the middle of what is seen, to each side."""
+"""Horizontal angles about the centre of the visible scene, to each side [deg]."""
 RISES_DEG = (15.0,)
-"""The same up and down."""
+"""Vertical angles about it [deg]."""
 NEARER, FARTHER = 0.65, 1.5
-"""Distances from the middle, in that of the picture."""
+"""Distances from the centre, relative to that of the picture."""
 
 
 def around(taken: np.ndarray, depth: float) -> Iterator[np.ndarray]:
-    """T_G_C (4, 4) of cameras about the camera `taken` (4, 4): turned about the point `depth` before it, then nearer.
+    """T_G_C (4, 4) of cameras around the camera `taken` (4, 4): rotated about the point at `depth`, then nearer.
 
     Args:
         taken: T_G_C of the picture that the scene was made from.
-        depth: Median depth of the scene there, in its lengths.
+        depth: Median depth of the scene there, in its unit.
     """
     sides = [(0.0, sign * angle) for angle in TURNS_DEG for sign in (1, -1)]
     rises = [(sign * angle, 0.0) for angle in RISES_DEG for sign in (1, -1)]
@@ -30,12 +30,12 @@ def around(taken: np.ndarray, depth: float) -> Iterator[np.ndarray]:
         yield taken @ _about(depth, pitch, yaw)
     for factor in (NEARER, FARTHER):
         yield taken @ transforms.rigid(np.eye(3), np.array([0.0, 0.0, (1 - factor) * depth]))
-    for sign in (1, -1):  # a pan: the camera stays and looks beside what was seen
+    for sign in (1, -1):  # a pan: the camera rotates in place and looks next to the visible scene
         yield taken @ transforms.rigid(rotation(np.array([0.0, sign * np.radians(TURNS_DEG[0]), 0.0])), np.zeros(3))
 
 
 def _about(depth: float, pitch_deg: float, yaw_deg: float) -> np.ndarray:
-    """T_taken_C of a camera that went around the point `depth` before the one that took the picture."""
+    """T_taken_C of a camera rotated about the point at `depth` in front of the original camera."""
     turn = rotation(np.radians([pitch_deg, 0.0, 0.0])) @ rotation(np.radians([0.0, yaw_deg, 0.0]))
     middle = np.array([0.0, 0.0, depth])
     return transforms.rigid(turn, middle - turn @ middle)

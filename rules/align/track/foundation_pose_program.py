@@ -1,4 +1,4 @@
-"""Program of backend `foundation_pose` of align.track; it runs in the environment of FoundationPose."""
+"""Program of backend `foundation_pose` of align.track; runs in the environment of FoundationPose."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import dxb_backend  # type: ignore[import-not-found]
 
 _STRIKES = 3
-"""Frames in a row with the mask elsewhere after which an object is registered again."""
+"""Number of consecutive frames with the mask elsewhere after which an object is registered again."""
 
 
 def track(request: Any) -> Any:
@@ -55,7 +55,7 @@ def track(request: Any) -> Any:
 
 
 def _estimator(np: Any, inputs: Any, name: str) -> Any:
-    """FoundationPose for one mesh, which starts where the object was placed."""
+    """FoundationPose for one mesh, initialised with the placement."""
     import torch
     import trimesh
 
@@ -77,7 +77,7 @@ def _estimator(np: Any, inputs: Any, name: str) -> Any:
         glctx=rasteriser.RasterizeCudaContext(),
     )
     start = np.load(inputs["starts"][name].path, allow_pickle=False)
-    # It keeps the pose of the mesh with its middle at the origin.
+    # It stores the pose of the mesh with its centre at the origin.
     centred = np.asarray(made.get_tf_to_centered_mesh().cpu())
     device = made.get_tf_to_centered_mesh().device
     made.pose_last = torch.as_tensor(start @ np.linalg.inv(centred), dtype=torch.float32, device=device)
@@ -98,7 +98,7 @@ def _frame(np: Any, frames: zipfile.ZipFile, number: int, scale: float) -> tuple
 
 
 def _masks(np: Any, masks: Any, number: int) -> dict[str, Any]:
-    """Name -> (H, W) bool of the objects that the masks of a frame show."""
+    """Name -> (H, W) bool of the objects in the masks of a frame."""
     import json
 
     from PIL import Image
@@ -114,13 +114,13 @@ def _masks(np: Any, masks: Any, number: int) -> dict[str, Any]:
 
 
 def _middle(np: Any, path: Any) -> Any:
-    """Middle of a mesh (4,), homogeneous: meshes need not be centred."""
+    """Centre of a mesh (4,), homogeneous, because meshes may be off-centre."""
     vertices = np.load(path, allow_pickle=False)
     return np.append((vertices.min(axis=0) + vertices.max(axis=0)) / 2, 1.0)
 
 
 def _inside(np: Any, middle: Any, k: Any, mask: Any) -> bool:
-    """Whether the middle of the object, in the frame of the camera, is within the box of its mask."""
+    """Whether the object's centre, in the frame of the camera, is inside the box of its mask."""
     pixel = k @ middle[:3]
     if pixel[2] <= 0:
         return False

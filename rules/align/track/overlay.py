@@ -16,7 +16,7 @@ COLOURS = {"tracked": (40, 220, 80), "predicted": (255, 190, 40)}
 
 
 def draw(video: RgbdVideo, assets: Mapping[str, Asset], rows: Sequence[Mapping[str, Tracked]]) -> np.ndarray:
-    """The first, the middle and the last frame side by side, (H, 3 W, 3) uint8."""
+    """The first, the middle and the last frame in a row, (H, 3 W, 3) uint8."""
     last = len(rows) - 1
     numbers = [0, last // 2, last]
     frames = zip(numbers, video.frames(numbers), strict=True)

@@ -1,4 +1,4 @@
-"""What a tracker found, as tracks in the world or in the frame of the camera."""
+"""Conversion of tracker results to tracks in the world or in the frame of the camera."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def reported(
     Args:
         video: The frames.
         assets: Name -> asset.
-        rows: What is known in each frame.
+        rows: Results of each frame.
         cameras: T_world_camera (N, 4, 4); None for poses in the frame of the camera.
     """
     tracks = {name: _track(video, name, [row[name] for row in rows], cameras) for name in assets}

@@ -1,4 +1,4 @@
-"""Turns of a mesh about its vertical axis that change nothing, for trackers that must be told."""
+"""Rotational symmetries of a mesh about its vertical axis, for trackers that require them."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dextera_build.geometry import metrics, registration, transforms
 
 SAMPLES = 1500
 ROUND = 36
-"""Turns that stand for any turn."""
+"""Number of rotations that represent continuous symmetry."""
 _SAME = 0.015
-"""Distance of a turned surface from itself up to which it is the same, in parts of its size."""
+"""Maximum distance between a rotated surface and itself, relative to its size, for a symmetry."""
 
 
 def turns(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Motions (S, 4, 4), the identity first, by which the surface stays the same: any turn, half turns or quarters.
+    """Rotations (S, 4, 4), identity first, that map the surface to itself: continuous, half or quarter turns.
 
     Args:
         vertices: (V, 3) [m].

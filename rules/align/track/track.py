@@ -1,4 +1,4 @@
-"""align.track: where objects are in every frame of an RGB-D video."""
+"""align.track: pose of objects in every frame of an RGB-D video."""
 
 from __future__ import annotations
 
@@ -26,18 +26,17 @@ class TrackOptions(Options):
     """Options of align.track."""
 
     first: NonNegativeInt = 0
-    """Number of the frame in which the objects are where their assets were placed; frames before it are tracked
-    backwards."""
+    """Number of the frame in which the objects are at their placements; earlier frames are tracked backwards."""
     camera: Literal["stands", "stated", "unknown"] = "stands"
-    """Whether the camera stands, moves as the video states, or moves in an unknown way. Poses are in the world of the
-    assets, and in the frame of the camera if its motion is unknown."""
+    """Whether the camera is static, moves as the video states, or moves in an unknown way. Poses are in the world of
+    the assets, or in the frame of the camera if its motion is unknown."""
     tall_m: PositiveFloat = 0.005
-    """Objects with a smaller diameter are refused: their mesh is hardly in metres [m]."""
+    """Minimum diameter of an object; a smaller one suggests a mesh in another unit than metres [m]."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """What a backend tracks."""
+    """Input of a backend."""
 
     video: RgbdVideo
     numbers: Sequence[int]
@@ -50,7 +49,7 @@ class Job:
     masks: MaskTrack | None
 
     def frames(self) -> Iterator[tuple[RgbdFrame, dict[str, np.ndarray] | None]]:
-        """Frames in this order, and (H, W) bool by name where masks are given."""
+        """Frames in this order, and (H, W) bool by name if there are masks."""
         for number, frame in zip(self.numbers, self.video.frames(self.numbers), strict=True):
             yield frame, self.shown(number)
 
@@ -63,10 +62,10 @@ class Job:
 
 
 class TrackBackend(Protocol):
-    """What a backend of align.track defines."""
+    """Interface of a backend of align.track."""
 
     def track(self, ctx: Context, job: Job, options: Any) -> list[dict[str, Tracked]]:
-        """What is known of each object in each frame of the job."""
+        """State of each object in each frame of the job."""
         ...
 
 
@@ -87,8 +86,8 @@ def track(
 ) -> Tracking:
     """Return T_world_object of every asset in every frame [m], with covariance and status, and the joints' positions.
 
-    `support` holds T_world_camera of the frame `first`. A pose is `tracked` if the frame confirms it, `predicted` if
-    it was carried on for a short time, and `lost` otherwise; masks of a video segmentation make drift visible.
+    `support` holds T_world_camera of the frame `first`. A pose is `tracked` if the frame confirms it, `predicted` if it
+    was extrapolated for a short time, and `lost` otherwise; masks of a video segmentation reveal drift.
     """
     options = options or TrackOptions()
     _check(ctx, video, assets.items, masks, options)
@@ -132,7 +131,7 @@ def _check(
         )
     for name, asset in assets.items():
         size = max(float(np.ptp(link.mesh.vertices, axis=0).max()) for link in asset.body.links.values())
-        # Trackers fail in silence on meshes in millimetres and on assets of unknown scale.
+        # Trackers fail silently on meshes in millimetres and on assets of unknown scale.
         ctx.check(
             options.tall_m <= size <= 3.0 and asset.scale != "unknown",
             f"the mesh of `{name}` is hardly in metres",
@@ -147,7 +146,7 @@ def _size(video: RgbdVideo) -> tuple[int, int]:
 
 
 def _cameras(video: RgbdVideo, world: np.ndarray, options: TrackOptions) -> np.ndarray | None:
-    """T_world_camera (N, 4, 4) of each frame in the world of the assets; None if that is not known."""
+    """T_world_camera (N, 4, 4) of each frame in the world of the assets; None if unknown."""
     if options.camera == "unknown":
         return None
     if options.camera == "stands":

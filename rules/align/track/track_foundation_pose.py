@@ -1,4 +1,4 @@
-"""Backend foundation_pose of align.track: FoundationPose in an environment of its own, judged by its renders."""
+"""Backend foundation_pose of align.track: FoundationPose in its own environment, with status from renders."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ BACKEND = Backend(
     licence="NVIDIA Source Code License (non-commercial)",
 )
 GATE = Gate(agreement=0.6, visible=0.15)
-"""Less strict than for poses that were fitted to the depth."""
+"""Less strict than for poses fitted to the depth."""
 
 
 class FoundationPoseOptions(Options):
@@ -52,8 +52,8 @@ class FoundationPoseOptions(Options):
 def track(ctx: Context, job: Job, options: FoundationPoseOptions) -> list[dict[str, Tracked]]:
     """Poses of FoundationPose; it gives neither status nor covariance, so both come from the depth of each frame.
 
-    Joints stay as they are: it tracks rigid meshes. With masks, an object is registered in the first frame where it
-    has one, and again after its mask was elsewhere for three frames; without, it starts where it was placed.
+    Joint positions are constant, because it tracks rigid meshes. With masks, an object is registered in the first frame
+    with its mask, and again after its mask was elsewhere for three frames; without masks, it starts at its placement.
     """
     meshes = {name: _whole(asset) for name, asset in job.assets.items()}
     for name, asset in job.assets.items():
@@ -86,7 +86,7 @@ def track(ctx: Context, job: Job, options: FoundationPoseOptions) -> list[dict[s
 
 
 def _judged(model: Model, seen: RgbdFrame, k: np.ndarray, pose: np.ndarray, asset: Asset) -> Tracked:
-    """A pose with what the depth says of it."""
+    """A pose with its status and covariance from the depth."""
     frame, state = Frame(seen.rgb, seen.depth, k, seen.stamp), State(pose.astype(np.float64), np.zeros(0))
     verdict, _ = judge.look(model, frame, state, Colours())
     fit = solve.fit(model, frame, state, Colours(), None, stages=(solve.FINE,))
@@ -99,7 +99,7 @@ def _judged(model: Model, seen: RgbdFrame, k: np.ndarray, pose: np.ndarray, asse
 
 
 def _whole(asset: Asset) -> tuple[np.ndarray, np.ndarray]:
-    """All links as they stand, (V, 3) [m] and (F, 3)."""
+    """All links at their current joint positions, (V, 3) [m] and (F, 3)."""
     return kinematics.posed_surface(asset.body)
 
 

@@ -30,11 +30,11 @@ class ModelOptions(Options):
     patience_s: PositiveFloat = 0.5
     """Time without a measurement after which an object is lost [s]."""
     hidden_s: PositiveFloat = 3.0
-    """The same for an object that stood still and that something hides [s]."""
+    """The same for a static object that is occluded [s]."""
 
 
 def track(ctx: Context, job: Job, options: ModelOptions) -> list[dict[str, Tracked]]:
-    """Poses by `geometry.tracking.tracker.Tracker`, which a live camera drives the same way."""
+    """Poses by `geometry.tracking.tracker.Tracker`, which also runs on a live camera."""
     models = {name: Model.of(asset.body, asset.body.residual_m) for name, asset in job.assets.items()}
     tuning = Tuning(patience_s=options.patience_s, hidden_s=options.hidden_s)
     tracker = Tracker(models, job.video.camera.matrix(), tuning)
@@ -49,7 +49,7 @@ def track(ctx: Context, job: Job, options: ModelOptions) -> list[dict[str, Track
         elif job.moves == "stated" and frame.pose is not None:
             moved = np.eye(4) if before is None else transforms.invert(frame.pose) @ before
             before = frame.pose
-        # Frames before the first one are tracked backwards, so time counts from there.
+        # Frames before the first one are tracked backwards, so time is counted from it.
         stamp = abs(frame.stamp - begin)
         found.append(tracker.step(frame.rgb, frame.depth, stamp, masks=masks, moved=moved))
     return found

@@ -1,4 +1,4 @@
-"""Backend stub of align.track: everything stays where it was placed, for tests."""
+"""Backend stub of align.track: nothing moves, for tests."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BACKEND = Backend(summary="the start poses in all frames, for tests", profiles=(
 
 
 def track(ctx: Context, job: Job, options: Options) -> list[dict[str, Tracked]]:
-    """The start poses, said to be predicted."""
+    """The start poses with status predicted."""
     row = {
         name: Tracked(
             status="predicted",

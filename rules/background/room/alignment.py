@@ -7,24 +7,25 @@ import numpy as np
 from dextera_build.geometry import transforms
 
 LEAST_SPREAD = 1e-6
-"""Least distance of the cameras from their middle, relative to their distance from the origin, that gives a scale."""
+"""Minimum spread of the cameras about their centre, relative to their distance from the origin, that determines a
+scale."""
 
 
 def between(source: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray, float]:
-    """Scale s and rigid motion (4, 4) with target = motion @ (s * source), and the largest distance of a centre left.
+    """Scale s and rigid motion (4, 4) with target = motion @ (s * source), and the largest residual of a centre.
 
-    The rotation is the mean of those of all cameras (chordal; Hartley et al. 2013), so cameras on one line do, too;
-    scale and translation are the least squares of the centres.
+    The rotation is the mean over all cameras (chordal; Hartley et al. 2013), so that collinear cameras suffice; scale
+    and translation are the least squares of the centres.
 
     Args:
-        source: (N, 4, 4) poses in the frame of unknown place and scale.
+        source: (N, 4, 4) poses in the frame of unknown pose and scale.
         target: (N, 4, 4) poses of the same cameras in the wanted frame [m].
 
     Returns:
         Scale, motion, and the largest distance [m] of a moved centre from its target.
 
     Raises:
-        ValueError: The centres of the cameras are one point, which gives no scale.
+        ValueError: The centres of the cameras coincide, so that the scale is undetermined.
     """
     u, _, vt = np.linalg.svd(np.einsum("nij,nkj->ik", target[:, :3, :3], source[:, :3, :3]))
     turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt

@@ -1,4 +1,4 @@
-"""The cameras on paths, in the order in which they are used."""
+"""Cameras on paths, in the order in which they are used."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from dextera_build.artifacts.trajectory import Trajectory
 from dextera_build.geometry import poses
 
 SAME = 1e-9
-"""Poses that differ less in every number are one camera."""
+"""Poses with smaller differences in every number are one camera."""
 
 
 def ordered(paths: Collection[Trajectory], place: np.ndarray) -> dict[str, np.ndarray]:
-    """Name of the picture -> T_world_camera (4, 4), the nearest to `place` (3,) [m] first, each pose once."""
+    """Name of the picture -> T_world_camera (4, 4), sorted by distance from `place` (3,) [m], without duplicates."""
     found: dict[str, np.ndarray] = {}
     for label, path in sorted(paths.items.items()):
         for number, pose in enumerate(path.poses):

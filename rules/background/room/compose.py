@@ -15,10 +15,10 @@ from dextera_build.rule import ROUNDING, Context, Tolerance, rule
 
 
 class ComposeBackend(Protocol):
-    """What a backend of background.compose defines."""
+    """Interface of a backend of background.compose."""
 
     def compose(self, ctx: Context, views: Views, background: Background | None, options: Any) -> Room:
-        """Gaussians and points in the frame of the views [m], and depth by the views' names where it is estimated."""
+        """Gaussians and points in the frame of the views [m], and depth by the views' names if it is estimated."""
         ...
 
 
@@ -29,7 +29,7 @@ class ComposeBackend(Protocol):
     tolerance=Tolerance({"": ROUNDING, "splats": 0.1, "splats.means": 0.03}, metrics={"first view": 0.5}),
 )
 def compose(ctx: Context[ComposeBackend], views: Views, background: Background | None = None) -> Room:
-    """Return 3D Gaussians and points of what the views show, in their frame [m].
+    """Return 3D Gaussians and points of the surfaces in the views, in their frame [m].
 
     The first view is rendered again from the Gaussians and compared with its picture.
     """
@@ -49,7 +49,7 @@ def compose(ctx: Context[ComposeBackend], views: Views, background: Background |
 
 
 def _compared(ctx: Context[ComposeBackend], views: Views, room: Room) -> str:
-    """Render the first view again; `, the first one at 31.2 dB`, or "" for lenses that are no pinhole."""
+    """Render the first view again; `, the first one at 31.2 dB`, or "" for lenses other than pinholes."""
     name = views.names[0]
     lens = views.lens(name)
     if not isinstance(lens, Camera):

@@ -28,17 +28,17 @@ DEGREES = {1: 0, 4: 1, 9: 2, 16: 3}
 
 
 def compose(ctx: Context, views: Views, background: Background | None, options: OptimiseOptions) -> Room:
-    """Fitted Gaussians; its sums have no order, so results differ in their last bits."""
+    """Fitted Gaussians; the order of sums is undefined, so that results differ in their last bits."""
     return optimised(ctx, views, background, options, rendered)
 
 
 def rendered(given: Trained, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:
-    """Colour (H, W, 3), summed depth (H, W) [m] and passing light (H, W)."""
+    """Colour (H, W, 3), accumulated depth (H, W) [m] and transmittance (H, W)."""
     from gsplat import rasterization
 
     rows, columns = camera.size
     k = torch.tensor(camera.k).to(given.means)
-    k[:2, 2] += 0.5  # its pixels have their centre at a half
+    k[:2, 2] += 0.5  # its pixel centres are at a half
     view = torch.linalg.inv(torch.tensor(camera.world_from_camera)).to(given.means)
     made, opacity, _ = rasterization(
         means=given.means,

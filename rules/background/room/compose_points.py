@@ -1,4 +1,4 @@
-"""background.compose without optimisation: one Gaussian for each point that the views carry."""
+"""background.compose without optimisation: one Gaussian for each point of the views."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BACKEND = Backend(
 )
 
 LEAST_M = 1e-6
-"""Least standard deviation [m]."""
+"""Minimum standard deviation [m]."""
 
 
 class PointsOptions(Options):
@@ -36,7 +36,7 @@ class PointsOptions(Options):
 
 
 def compose(ctx: Context, views: Views, background: Background | None, options: PointsOptions) -> Room:
-    """Flat Gaussians on the points, in their colours, the same from all sides; depth is not estimated."""
+    """Flat Gaussians on the points with view-independent colours; depth is not estimated."""
     points = views.points
     if points is None or not len(points.points):
         ctx.fail("the views carry no points", hint="backend `warp` of background.expand adds them, and COLMAP does")
@@ -56,7 +56,7 @@ def compose(ctx: Context, views: Views, background: Background | None, options: 
 
 
 def _distances(points: PointCloud) -> np.ndarray:
-    """Distance (N,) [m] of each point from its neighbours: its `footprint`, else to the nearest other point."""
+    """Distance (N,) [m] of each point from its neighbours: its `footprint`, else the distance to the nearest point."""
     if "footprint" in points.attributes:
         return points.attributes["footprint"].astype(np.float64)
     from scipy.spatial import cKDTree
@@ -67,7 +67,7 @@ def _distances(points: PointCloud) -> np.ndarray:
 
 
 def _upright(normals: np.ndarray) -> np.ndarray:
-    """Quaternions (N, 4), w x y z, that turn z into each of the unit normals (N, 3) or its opposite."""
+    """Quaternions (N, 4), w x y z, that rotate z to each of the unit normals (N, 3) or its opposite."""
     up = normals * np.where(normals[:, 2:] < 0, -1.0, 1.0)
     turns = np.stack([1.0 + up[:, 2], -up[:, 1], up[:, 0], np.zeros(len(up))], axis=1)
     return np.asarray(turns / np.linalg.norm(turns, axis=1, keepdims=True))

@@ -1,4 +1,4 @@
-"""background.compose by WorldMirror 2.0 (HY-World 2.0, Tencent 2026) in an environment of its own."""
+"""background.compose by WorldMirror 2.0 (HY-World 2.0, Tencent 2026) in its own environment."""
 
 from __future__ import annotations
 
@@ -36,24 +36,24 @@ BACKEND = Backend(
 )
 
 OWN = "worldmirror"
-"""Frame of the answer: that of its first camera, in a unit of its own."""
+"""Frame of the result: that of its first camera, in an unknown unit."""
 
 
 class WorldMirrorOptions(Options):
     """Options of backend `worldmirror` of background.compose."""
 
     longest_px: int = Field(952, ge=56, le=952)
-    """Longest side of the pictures that the network sees, rounded down to a multiple of 14 [px]."""
+    """Longest side of the network's input, rounded down to a multiple of 14 [px]."""
     bf16: bool = True
-    """Half precision, as its authors propose for smaller GPUs."""
+    """Use half precision, as its authors propose for smaller GPUs."""
     most_misfit: Fraction = 0.1
-    """Largest distance of a returned camera from the given one, relative to the extent of the cameras."""
+    """Maximum distance of a returned camera from the given one, relative to the extent of the cameras."""
 
 
 def compose(ctx: Context, views: Views, background: Background | None, options: WorldMirrorOptions) -> Room:
-    """What the network predicts, brought into the frame of the views by the cameras, which it returns with it.
+    """The network's prediction, transformed to the frame of the views by the cameras that it returns.
 
-    Nothing of the background is used. Opacities in its file are the values, not their logits.
+    The background is not used. Opacities in its file are values, not logits.
     """
     lenses = [views.lens(name) for name in views.names]
     if not all(isinstance(lens, Camera) for lens in lenses):
@@ -79,7 +79,7 @@ def compose(ctx: Context, views: Views, background: Background | None, options: 
 
 
 def _motion(ctx: Context, folder: Path, views: Views, options: WorldMirrorOptions) -> Similarity:
-    """S_frame_worldmirror from the cameras of the answer, `camera_params.json`, to those of the views."""
+    """S_frame_worldmirror from the cameras of the result, `camera_params.json`, to those of the views."""
     answer = json.loads((folder / "camera_params.json").read_text())
     poses = np.array([camera["matrix"] for camera in answer["extrinsics"]], np.float64)
     if poses.shape != views.poses.shape or not np.isfinite(poses).all():
@@ -98,9 +98,9 @@ def _motion(ctx: Context, folder: Path, views: Views, options: WorldMirrorOption
 
 
 def _with_plain_opacities(splats: Splats) -> Splats:
-    """The Gaussians of a file whose column `opacity` holds 0..1: reading took it for a logit, which is undone here.
+    """The Gaussians of a file whose column `opacity` holds 0..1, with the sigmoid of reading undone.
 
-    A file with a value outside 0..1 does hold logits, and stays.
+    A file with a value outside 0..1 contains logits and is unchanged.
     """
     read = splats.opacities.astype(np.float64).clip(1e-12, 1 - 1e-12)
     column = np.log(read) - np.log1p(-read)

@@ -20,11 +20,11 @@ class ExpandOptions(Options):
     """Options of background.expand."""
 
     longest_px: int = Field(640, ge=16, le=4096)
-    """Longest side of the pictures; the photograph's own if that is smaller [px]."""
+    """Longest side of the pictures, at most the photograph's own [px]."""
 
 
 class ExpandBackend(Protocol):
-    """What a backend of background.expand defines."""
+    """Interface of a backend of background.expand."""
 
     def expand(
         self,
@@ -35,9 +35,9 @@ class ExpandBackend(Protocol):
         camera: Camera,
         options: Any,
     ) -> Views:
-        """Pictures along the paths, in frame `world` [m], the first one from nearest to the panorama's place.
+        """Pictures along the paths, in frame `world` [m], the first one from near the panorama's position.
 
-        `camera` is the virtual one. Where surfaces are known, `Views.points` holds them with colours.
+        `camera` is the virtual camera. Known surfaces are in `Views.points` with their colours.
         """
         ...
 
@@ -52,7 +52,7 @@ def expand(
     *,
     options: ExpandOptions | None = None,
 ) -> Views:
-    """Return the pictures that virtual cameras on the paths see, with their poses in the world frame [m].
+    """Return the pictures of virtual cameras on the paths, with their poses in the world frame [m].
 
     The virtual cameras have the field of view of the photograph's `camera`.
     """

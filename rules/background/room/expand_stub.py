@@ -18,7 +18,7 @@ from .cameras import ordered
 BACKEND = Backend(summary="one colour for every view, the corners of the surface as points", profiles=("stub",))
 
 FOOTPRINT_M = 0.05
-"""Distance that is stated between points [m]."""
+"""Stated distance between points [m]."""
 
 
 def expand(

@@ -1,4 +1,4 @@
-"""background.expand without a model: the textured surface and, behind it, the panorama, cast from each camera."""
+"""background.expand without a model: ray casting of the textured surface and, behind it, the panorama."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class WarpOptions(Options):
     """Options of backend `warp` of background.expand."""
 
     backdrop_m: PositiveFloat = 10.0
-    """Radius of the sphere around the photograph's place that carries the panorama, beyond every surface [m]."""
+    """Radius of the sphere around the photograph's position with the panorama, beyond every surface [m]."""
     invented: bool = False
-    """Whether the surfaces that no pixel shows are cast, too; they hide the panorama."""
+    """Whether surfaces without a visible pixel are included; they hide the panorama."""
 
 
 def expand(
@@ -46,11 +46,11 @@ def expand(
     camera: Camera,
     options: WarpOptions,
 ) -> Views:
-    """The surface of the background as each camera sees it; nothing is painted where the surface was hidden.
+    """The surface of the background in each camera; hidden surfaces are not inpainted.
 
-    Where no surface is hit, the camera sees a sphere with the panorama on it. All views show this one geometry, so
-    they are consistent. Each pixel that no earlier view shows becomes a point; its attribute `measured` is 0 on the
-    sphere, and `footprint` is the distance of neighbouring pixels there [m].
+    Rays without a surface hit a sphere with the panorama. All views show the same geometry, so they are consistent.
+    Each pixel whose surface no earlier view shows becomes a point; its attribute `measured` is 0 on the sphere, and
+    `footprint` is the distance of neighbouring pixels there [m].
     """
     eye = panorama.pose.matrix[:3, 3]
     meshes = [background.mesh, background.invented if options.invented else None]
@@ -83,7 +83,7 @@ def _surface(mesh: Mesh, camera: Camera) -> raycast.Surface:
 
 
 def _look(surfaces: list[raycast.Surface], panorama: Panorama, radius: float, camera: Camera, pose: np.ndarray) -> Look:
-    """What one camera sees."""
+    """Result of ray casting from one camera."""
     k = camera.matrix()
     shown = raycast.render(surfaces, k, pose, camera.height, camera.width)
     hit = shown.index >= 0

@@ -1,4 +1,4 @@
-"""Points from what several cameras see, each surface from the first camera that sees it."""
+"""Merging of points from several cameras, each surface from the first camera that sees it."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.geometry import cameras, transforms
 
 SAME_DEPTH = 0.02
-"""A point whose depth in an earlier camera differs by this part of it at most is the surface that this camera sees."""
+"""Largest relative depth difference to an earlier camera at which a point belongs to a surface seen before."""
 
 
 @dataclass(frozen=True)
 class Look:
-    """What one camera sees, one surface a pixel."""
+    """The surface at each pixel of one camera."""
 
     pose: np.ndarray  # (4, 4) T_world_camera
     pixels: np.ndarray  # (H, W, 3) uint8 sRGB
@@ -26,7 +26,7 @@ class Look:
 
 
 def together(looks: list[Look], camera: Camera) -> PointCloud:
-    """The points in frame `world` [m], those of the first look first, with colours, normals and two attributes.
+    """The points in frame `world` [m], in the order of the looks, with colours, normals and two attributes.
 
     `footprint` is the distance [m] that one pixel spans at the depth of a point, `measured` is 1 on measured surfaces.
     """

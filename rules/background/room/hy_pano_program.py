@@ -1,6 +1,6 @@
-"""Program of backend `hy_pano` of background.panorama; it runs in the environment of HY-Pano 2.0.
+"""Program of backend `hy_pano` of background.panorama; runs in the environment of HY-Pano 2.0.
 
-The environment finds the repository's modules: `hyworld2/panogen` is on its path.
+The repository's modules in `hyworld2/panogen` are on the path of the environment.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 import dxb_backend  # type: ignore[import-not-found]
 
 _HEIGHT, _BLEND = 960, 32
-"""Rows of the panorama, and columns that the pipeline blends and takes away, as its authors set them."""
+"""Rows of the panorama, and columns that the pipeline blends and crops, as set by its authors."""
 _loaded: list[Any] = []
 
 

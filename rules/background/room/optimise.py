@@ -1,4 +1,4 @@
-"""Gaussians that start from the points of views and are optimised on their pictures, whatever renders them."""
+"""Optimisation of Gaussians on views, initialised from points, for any renderer."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .seen_depth import seen_depth
 from .thinned import thinned
 
 LINES = 20
-"""Lines about the loss in the log."""
+"""Number of log lines about the loss."""
 
 
 def optimised(
@@ -77,7 +77,7 @@ def _settings(options: OptimiseOptions, points: PointCloud) -> Settings:
 
 
 def _footprints(points: PointCloud) -> np.ndarray:
-    """Distance (N,) [m] of each point from its neighbours, or a thousandth of the extent if no one says."""
+    """Distance (N,) [m] of each point from its neighbours, or a thousandth of the extent if it is not stated."""
     if "footprint" in points.attributes:
         return points.attributes["footprint"]
     return np.full(1, 1e-3 * float(np.linalg.norm(np.ptp(points.points, axis=0))))
@@ -93,7 +93,7 @@ def _target(views: Views, name: str, points: PointCloud, device: str) -> Target:
 
 
 def _held_out(views: Views, options: OptimiseOptions) -> set[str]:
-    """Never all, and never the first: it is the nearest to the photograph."""
+    """Views held out; never all, and never the first, which is nearest to the photograph."""
     if not options.held_out or len(views.names) < 3:
         return set()
     return set(views.names[max(1, options.held_out // 2) :: options.held_out])

@@ -1,4 +1,4 @@
-"""background.panorama: widen the cleaned photograph to all directions around its camera."""
+"""background.panorama: extend the cleaned photograph to all directions around its camera."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from dextera_build.rule import Context, rule
 
 
 class PanoramaBackend(Protocol):
-    """What a backend of background.panorama defines."""
+    """Interface of a backend of background.panorama."""
 
     def widen(self, ctx: Context, background: Background, camera: Camera, support: Support, options: Any) -> Panorama:
-        """The panorama around the camera's place, in the world frame, with `seen` as far as it is known."""
+        """The panorama around the camera's position, in the world frame, with `seen` if known."""
         ...
 
 
 @rule(version=1, packages=("numpy",))
 def panorama(ctx: Context[PanoramaBackend], background: Background, camera: Camera, support: Support) -> Panorama:
-    """Return a picture of all directions around the photograph's camera, with the pixels that the photograph shows.
+    """Return a panorama around the photograph's camera, with the pixels that the photograph shows.
 
-    The other pixels are filled in or generated: no camera saw them.
+    The other pixels are filled in or generated.
     """
     size = background.image.pixels.shape[:2]
     if size != (camera.height, camera.width):

@@ -1,4 +1,4 @@
-"""background.panorama without a model: the photograph where it looks, and smooth colours from its border elsewhere."""
+"""background.panorama without a model: the photograph in its field of view, smooth colours elsewhere."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class FrustumOptions(Options):
 
 
 def widen(ctx: Context, background: Background, camera: Camera, support: Support, options: FrustumOptions) -> Panorama:
-    """The photograph in a levelled panorama; unseen pixels are a membrane from the seen border, not a guess of a room.
+    """The photograph in a levelled panorama; unseen pixels are interpolated smoothly from the seen border.
 
-    The membrane closes around the back. `seen` is exact.
+    The interpolation is continuous around the back. `seen` is exact.
     """
     pose = support.camera_pose.matrix
     turn = level(pose)

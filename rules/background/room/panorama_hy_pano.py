@@ -1,4 +1,4 @@
-"""background.panorama by HY-Pano 2.0 (HY-World 2.0, Tencent 2026) in an environment of its own."""
+"""background.panorama by HY-Pano 2.0 (HY-World 2.0, Tencent 2026) in its own environment."""
 
 from __future__ import annotations
 
@@ -36,24 +36,23 @@ class HyPanoOptions(Options):
     """Options of backend `hy_pano` of background.panorama."""
 
     prompt: str = ""
-    """What else the model is told about the place."""
+    """Additional prompt about the place."""
     steps: int = Field(40, ge=1, le=200)
-    """Steps of the sampling."""
+    """Number of sampling steps."""
     guidance: float = Field(7.5, ge=1.0, le=20.0)
-    """Weight of the prompts, the pipeline's `true_cfg_scale`."""
+    """Guidance scale of the prompts, the pipeline's `true_cfg_scale`."""
     least_correlation: float = Field(0.7, ge=0.0, le=1.0)
-    """Correlation of the photograph with its place in the panorama below which nothing is marked as seen."""
+    """Minimum correlation of the photograph with its region of the panorama; below it, no pixel is marked as seen."""
     seed: NonNegativeInt = 0
     """Seed of the sampling."""
 
 
 def widen(ctx: Context, background: Background, camera: Camera, support: Support, options: HyPanoOptions) -> Panorama:
-    """The panorama that the model makes of the cleaned photograph, 1920 x 960 px.
+    """The panorama generated from the cleaned photograph, 1920 x 960 px.
 
-    The model paints the photograph anew and does not state where it put it. Assumed is a level panorama with the
-    photograph straight ahead; a registration with the known intrinsics finds pitch and yaw beside that, and `seen` are
-    the pixels where panorama and photograph agree. Without a registration the assumed pose stands and `seen` is left
-    out.
+    The model regenerates the photograph and does not state its position. A level panorama with the photograph straight
+    ahead is assumed; a registration with the known intrinsics corrects pitch and yaw, and `seen` are the pixels where
+    panorama and photograph agree. If the registration fails, the assumed pose is kept and `seen` is left out.
     """
     made = ctx.outside("panorama", Image, image=background.image)
     pose = support.camera_pose.matrix

@@ -1,4 +1,4 @@
-"""background.panorama in one colour: the mean of the photograph, of which nothing is said to be seen."""
+"""background.panorama in one colour: the mean of the photograph, with no pixel marked as seen."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BACKEND = Backend(summary="one colour in all directions", profiles=("stub",))
 
 
 def widen(ctx: Context, background: Background, camera: Camera, support: Support, options: Options) -> Panorama:
-    """The mean colour of the photograph in all directions, 32 x 16 px, turned as the camera is."""
+    """The mean colour of the photograph in all directions, 32 x 16 px, in the camera's orientation."""
     colour = background.image.pixels.mean(axis=(0, 1)).round().astype(np.uint8)
     pixels = np.broadcast_to(colour, (16, 32, 3)).copy()
     return Panorama(image=Image(pixels=pixels), pose=support.camera_pose, seen=np.zeros((16, 32), bool))

@@ -1,4 +1,4 @@
-"""background.paths: plan the paths of virtual cameras around the place of the photograph."""
+"""background.paths: plan paths of virtual cameras around the position of the photograph."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dextera_build.rule import ROUNDING, Context, Tolerance, rule
 
 
 class PathsBackend(Protocol):
-    """What a backend of background.paths defines."""
+    """Interface of a backend of background.paths."""
 
     def plan(
         self, ctx: Context, panorama: Panorama, background: Background, support: Support, options: Any

@@ -1,4 +1,4 @@
-"""background.paths without a model: small arcs around what the photograph's camera looks at."""
+"""background.paths without a model: small arcs around the photograph's look-at point."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BACKEND = Backend(
 )
 
 SAMPLES = 20_000
-"""Points on the measured surface that cameras keep away from."""
+"""Number of points on the measured surface that cameras avoid."""
 
 
 class OrbitOptions(Options):
@@ -30,9 +30,9 @@ class OrbitOptions(Options):
     upwards_deg: float = Field(8.0, gt=0.0, le=60.0)
     """Largest angle up and down [deg]."""
     cameras: int = Field(7, ge=3, le=101)
-    """Cameras on each arc, if all of it is clear."""
+    """Number of cameras on each arc, if all of it is clear."""
     clearance_m: NonNegativeFloat = 0.15
-    """Least distance of a camera from the measured surface and from the plane of the support [m]."""
+    """Minimum distance of a camera from the measured surface and from the plane of the support [m]."""
 
 
 def plan(
@@ -40,8 +40,8 @@ def plan(
 ) -> Collection[Trajectory]:
     """An arc `across` about the vertical and an arc `upwards`, both through the photograph's own camera.
 
-    The whole camera turns about its look-at point, so this point stays where it is in the picture. An arc ends where
-    the next camera would come too near to the surface.
+    The camera rotates about its look-at point, so that this point keeps its position in the picture. An arc ends where
+    the next camera would be too close to the surface.
     """
     start = support.camera_pose.matrix
     target = start[:3, 3] + _range(background) * start[:3, 2]
@@ -70,7 +70,7 @@ def _range(background: Background) -> float:
 
 
 def _about(point: np.ndarray, axis: np.ndarray, angle: float) -> np.ndarray:
-    """The motion (4, 4) that turns by `angle` [rad] about an axis through a point."""
+    """The motion (4, 4) that rotates by `angle` [rad] about an axis through a point."""
     turn = rotation(angle * axis)
     return transforms.rigid(turn, point - turn @ point)
 
@@ -81,7 +81,7 @@ def _is_clear(place: np.ndarray, surface: np.ndarray, clearance: float) -> bool:
 
 
 def _clear_run(clear: list[bool]) -> np.ndarray:
-    """The cameras (N,) bool that can be reached from the middle one without a gap."""
+    """The cameras (N,) bool that are reached from the middle one without a gap."""
     middle = len(clear) // 2
     kept = np.array(clear)
     kept[middle:] = np.cumprod(kept[middle:]).astype(bool)

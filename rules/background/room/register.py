@@ -1,4 +1,4 @@
-"""Where a photograph lies in a generated panorama of its place."""
+"""Registration of a photograph in a generated panorama."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from dextera_build.geometry.registration import rotation
 from .sphere import warped
 
 COARSE_PX, FINE_PX = 96, 256
-"""Rows at which the search compares."""
+"""Panorama heights of the coarse and the fine search [px]."""
 PITCH_DEG, YAW_DEG = 75.0, 24.0
-"""Reach of the search to both sides."""
+"""Range of the search in both directions [deg]."""
 ROUNDS = (6.0, 2.0, 0.5)
-"""Steps of the search, the first over all of its reach, the next around the best [deg]."""
+"""Step sizes of the search, the first over the whole range, the others around the best [deg]."""
 ALIKE = 40.0
-"""Largest difference of smoothed colours of one pixel in both pictures, of 255."""
+"""Largest difference of smoothed colours at which a pixel agrees, of 255."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """Where the photograph lies."""
+    """The registered orientation."""
 
     camera_from_panorama: np.ndarray  # (3, 3)
     correlation: float  # of grey values over the photograph, -1..1
-    seen: np.ndarray  # (H, W) bool, pixels where both pictures are alike
+    seen: np.ndarray  # (H, W) bool, pixels that agree
 
 
 def register(panorama: np.ndarray, pixels: np.ndarray, camera: Camera, guess: np.ndarray) -> Found:
-    """The rotation near `guess` with which the photograph fits the panorama best.
+    """The rotation near `guess` with the best correlation between photograph and panorama.
 
     The pitch and the yaw are searched for; the roll is that of the guess, the field of view that of the camera.
 
@@ -57,7 +57,7 @@ def register(panorama: np.ndarray, pixels: np.ndarray, camera: Camera, guess: np
     picture, inside = warped(pixels, camera, turn, panorama.shape[0])
     sigma = panorama.shape[0] / 200.0
     soft = [cv2.GaussianBlur(each.astype(np.float32), (0, 0), sigma) for each in (panorama, picture)]
-    # Near its border, the smoothed photograph mixes with what is not there.
+    # Near its border, the smoothed photograph mixes with missing pixels.
     weight = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), sigma)[..., None]
     same = np.abs(soft[0] - soft[1] / np.maximum(weight, 1e-3)).max(axis=-1) < ALIKE
     return Found(turn, float(max(scores)), np.asarray(inside & same))

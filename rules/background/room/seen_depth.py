@@ -1,4 +1,4 @@
-"""The depth that a camera would measure of points."""
+"""Depth image of points as a camera would measure it."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dextera_build.geometry import cameras, transforms
 from dextera_build.learning.gaussian_fit.camera import Camera
 
 SAME = 0.03
-"""A pixel whose depth exceeds the least one around it by more than this part shows what lies behind, between points."""
+"""A pixel deeper than the least depth around it by this relative difference shows a surface behind, between points."""
 
 
 def seen_depth(points: np.ndarray, camera: Camera) -> np.ndarray:
-    """Depth (H, W) [m] of the nearest point in each pixel; 0 where there is none, or one behind a nearer surface."""
+    """Depth (H, W) [m] of the nearest point in each pixel; 0 if there is none, or only one behind a nearer surface."""
     rows, columns = camera.size
     local = transforms.apply(transforms.invert(camera.world_from_camera), points.astype(np.float64))
     row, column, inside = cameras.nearest_pixels(local, camera.k, camera.size, camera.near_m)

@@ -1,4 +1,4 @@
-"""Between the picture of a pinhole camera and an equirectangular one."""
+"""Conversion between pinhole and equirectangular pictures."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def level(world_from_camera: np.ndarray) -> np.ndarray:
 def warped(
     pixels: np.ndarray, camera: Camera, camera_from_panorama: np.ndarray, height: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A photograph in the panorama of its own place.
+    """Project a photograph into the panorama at the same position.
 
     Args:
         pixels: (h, w, 3) uint8, of the camera's size.

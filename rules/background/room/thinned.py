@@ -1,4 +1,4 @@
-"""Fewer points of the same surfaces."""
+"""Reduction of points on the same surfaces."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import numpy as np
 from dextera_build.artifacts.point_cloud import PointCloud
 
 HALVINGS = 12
-"""Halvings of the range in which the size of the cells is searched for."""
+"""Number of halvings in the search for the cell size."""
 MIXERS = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93], np.uint64)
-"""Odd numbers without a pattern; two cells of a million get the same number with a probability of about 1e-7."""
+"""Odd constants of a hash; two cells of a million collide with a probability of about 1e-7."""
 
 
 def thinned(points: PointCloud, most: int) -> PointCloud:
     """At most `most` points, each the mean of those in one cell of space.
 
-    The side of a cell is a multiple of the distance between neighbouring points there, so a surface thins alike near
-    the cameras and far from them. Points without attribute `footprint` share one distance.
+    The side of a cell is a multiple of the local distance between neighbouring points, so that surfaces near the
+    cameras and far from them are reduced equally. Points without attribute `footprint` share one distance.
 
     Args:
         points: With colours; other attributes than `footprint` are averaged.
@@ -38,7 +38,7 @@ def _width(places: np.ndarray) -> float:
 
 
 def _cells(places: np.ndarray, widths: np.ndarray, octaves: float) -> np.ndarray:
-    """Cell (N,) of each point as one number, mixed from its size, which doubles in steps, and from where it lies."""
+    """Hash (N,) of each point's cell, from the cell's size, which doubles in steps, and its position."""
     level = np.round(np.log2(widths))[:, None]
     cells = np.concatenate([level, np.floor(places / 2.0 ** (level + octaves))], axis=1).astype(np.int64)
     mixed = cells.astype(np.uint64) * MIXERS
@@ -57,7 +57,7 @@ def _joined(points: PointCloud, places: np.ndarray, widths: np.ndarray, owner: n
     if points.normals is not None:
         normals = mean(points.normals)
         length = np.linalg.norm(normals, axis=1, keepdims=True)
-        # Where opposite sides meet, there is no normal.
+        # The mean of opposite normals is undefined.
         normals = np.where(length > 0.5, normals / np.maximum(length, 1e-9), 0.0).astype(np.float32)
     attributes = {name: mean(values).astype(np.float32) for name, values in points.attributes.items()}
     return PointCloud(

@@ -1,6 +1,6 @@
-"""Program of backend `worldmirror` of background.compose; it runs in the environment of WorldMirror 2.0.
+"""Program of backend `worldmirror` of background.compose; runs in the environment of WorldMirror 2.0.
 
-The environment finds the package `hyworld2` of the repository.
+The repository's package `hyworld2` is on the path of the environment.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def compose(request: Any) -> Any:
     with tempfile.TemporaryDirectory() as scratch:
         pictures, prior, out = Path(scratch, "pictures"), Path(scratch, "cameras.json"), Path(scratch, "out")
         pictures.mkdir()
-        # The pipeline sorts the names, and finds the camera of a picture by the name without its suffix.
+        # The pipeline sorts the names, and looks up the camera of a picture by the name without its suffix.
         stems = [f"{number:04d}" for number in range(len(poses))]
         for stem, picture in zip(stems, inputs["pictures"], strict=True):
             shutil.copyfile(str(picture.path), str(pictures / f"{stem}.png"))
@@ -37,7 +37,7 @@ def compose(request: Any) -> Any:
             target_size=options["longest_px"],
             prior_cam_path=str(prior),
             save_normal=False,
-            apply_sky_mask=False,  # it would download a network, and a room has no sky
+            apply_sky_mask=False,  # it would download a network, and a room contains no sky
             log_time=False,
         )
         if written is None:

@@ -1,4 +1,4 @@
-"""capture.aim: look at the things of a reference world from a drawn viewpoint."""
+"""capture.aim: point the camera of a reference world at its objects from a random viewpoint."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class AimOptions(Options):
     """Options of capture.aim."""
 
     focal: PositiveFloat = 0.96
-    """Focal length by the width of the picture; 0.96 is that of an Intel RealSense D435 at 640 x 480 px."""
+    """Focal length as a fraction of the picture's width; 0.96 is that of an Intel RealSense D435 at 640 x 480 px."""
     heading_deg: PositiveFloat = 45.0
-    """Largest angle between the heading and the straight view of the wall [deg]."""
+    """Largest angle between the heading and the normal view of the wall [deg]."""
 
 
 @rule(version=1, packages=("numpy",), tolerance=Tolerance({"": ROUNDING}))
 def aim(ctx: Context, world: World, viewpoint: Viewpoint, *, options: AimOptions | None = None) -> World:
-    """Return the world with a camera that looks at the middle of its things; intrinsics [px], pose in `reference`."""
+    """Return the world with a camera that looks at the centre of its objects; intrinsics [px], pose in `reference`."""
     options = options or AimOptions()
     heading = np.random.default_rng(viewpoint.seed).uniform(-1, 1) * np.radians(options.heading_deg)
     points = [

@@ -1,4 +1,4 @@
-"""capture.catalogue: meshes that others made, as things of reference worlds."""
+"""capture.catalogue: published meshes as objects of reference worlds."""
 
 from __future__ import annotations
 
@@ -25,49 +25,49 @@ UP = {
     "y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
     "z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
 }
-"""Axis of the file that points up when the thing stands -> rotation of the file's frame to the thing's."""
+"""Axis of the file that points up when the object stands -> rotation from the file's frame to the object's."""
 
 
 class PartOptions(Options):
     """One mesh file of an entry."""
 
     file: str
-    """Path in the folder of an OBJ, STL or MSH file."""
+    """Path of an OBJ, STL or MSH file in the folder."""
     texture: str | None = None
-    """Path in the folder of its picture; needs texture coordinates in the file."""
+    """Path of its texture in the folder; requires texture coordinates in the file."""
     colour: tuple[Fraction, Fraction, Fraction] = (0.7, 0.7, 0.7)
-    """sRGB without a texture."""
+    """sRGB colour without a texture."""
     scale: PositiveFloat = 1.0
     """Metres per unit of the file."""
 
 
 class EntryOptions(Options):
-    """One thing."""
+    """One object."""
 
     parts: tuple[PartOptions, ...] = Field(min_length=1)
     """Its files, which share one frame."""
     up: Literal["x", "-x", "y", "z"] = "z"
-    """Axis of the files that points up when it stands."""
+    """Axis of the files that points up when the object stands."""
     category: str = "object"
-    """What it is; for people who read the catalogue."""
+    """Category, for readers of the catalogue."""
     gloss: Fraction = 0.2
     """Strength of highlights, 0..1."""
     density_kg_m3: PositiveFloat = 400.0
-    """Mass by volume of the convex hull [kg/m^3]."""
+    """Mass divided by the volume of the convex hull [kg/m^3]."""
 
 
 class CatalogueOptions(Options):
     """Options of capture.catalogue."""
 
     entries: dict[str, EntryOptions]
-    """Things by name."""
+    """Objects by name."""
     texture_px: PositiveInt = 1024
     """Largest width and height of a texture [px]."""
 
 
 @rule(version=1, packages=("mujoco", "numpy", "pillow", "scipy"), tolerance=Tolerance({"": ROUNDING}))
 def catalogue(ctx: Context, folder: Folder, *, options: CatalogueOptions) -> Collection[Thing]:
-    """Return the things [m], each in a frame of its own: z up as it stands, the middle of its base at the origin.
+    """Return the objects [m], each in its own frame: z up as it stands, the centre of its base at the origin.
 
     Surfaces are those of the files, which need not be closed.
     """
@@ -123,7 +123,7 @@ def _picture(data: bytes, most_px: int) -> np.ndarray:
 
 
 def _joined(meshes: list[Mesh]) -> Mesh:
-    """All parts as one surface without a texture; corners at one place are one vertex."""
+    """All parts as one surface without a texture; coincident corners are merged."""
     whole = join([Solid(mesh.vertices, mesh.faces) for mesh in meshes])
     vertices, place = np.unique(whole.vertices, axis=0, return_inverse=True)
     faces = place.reshape(-1)[whole.faces]

@@ -1,4 +1,4 @@
-"""capture.draw: a reference world whose things, table, room and lights are drawn; the things have come to rest."""
+"""capture.draw: a random reference world with objects at rest on a table, room and lights."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ class DrawOptions(Options):
     """Options of capture.draw."""
 
     seconds: PositiveFloat = 6.0
-    """Longest simulated time until all things rest [s]."""
+    """Maximum simulated time until all objects rest [s]."""
 
 
 class FallBackend(Protocol):
-    """What a backend of capture.draw defines."""
+    """Interface of a backend of capture.draw."""
 
     def let_fall(
         self, ctx: Context, things: dict[str, Thing], low: np.ndarray, high: np.ndarray, seconds: float, options: Any
     ) -> dict[str, np.ndarray]:
-        """T_reference_thing (4, 4) of the things that rest on the table between its corners `low` and `high` (2,)."""
+        """T_reference_thing (4, 4) of the objects at rest on the table between its corners `low` and `high` (2,)."""
         ...
 
 
@@ -48,9 +48,9 @@ def draw(
     *,
     options: DrawOptions | None = None,
 ) -> World:
-    """Return the world of one arrangement: things at rest on a table [m], in a room with furniture and lamps.
+    """Return the world of one arrangement: objects at rest on a table [m], in a room with furniture and lamps.
 
-    Things that fell off the table are left out. The camera stands in front of the table; `capture.aim` moves it.
+    Objects that fell off the table are left out. The camera stands in front of the table; `capture.aim` moves it.
     """
     options = options or DrawOptions()
     rng = np.random.default_rng(arrangement.seed)

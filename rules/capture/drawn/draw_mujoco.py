@@ -1,4 +1,4 @@
-"""Things fall in MuJoCo."""
+"""Falling objects in MuJoCo."""
 
 from __future__ import annotations
 
@@ -19,5 +19,5 @@ BACKEND = Backend(
 def let_fall(
     ctx: Context, things: dict[str, Thing], low: np.ndarray, high: np.ndarray, seconds: float, options: Options
 ) -> dict[str, np.ndarray]:
-    """Simulate until all things rest; see `falling.let_fall`."""
+    """Simulate until all objects rest; see `falling.let_fall`."""
     return falling.let_fall(things, low, high, seconds)

@@ -1,4 +1,4 @@
-"""Things stand where they are dropped, without physics."""
+"""Objects at their start poses, without physics."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ BACKEND = Backend(summary="things stand upright below the place from which they 
 def let_fall(
     ctx: Context, things: dict[str, Thing], low: np.ndarray, high: np.ndarray, seconds: float, options: Options
 ) -> dict[str, np.ndarray]:
-    """Upright poses on the table; things may run into each other."""
+    """Upright poses on the table; objects may overlap."""
     return {
         name: transforms.rigid(np.eye(3), np.array([*thing.pose.matrix[:2, 3], 0.0])) for name, thing in things.items()
     }

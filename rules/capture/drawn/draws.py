@@ -1,4 +1,4 @@
-"""capture.draws: the photographs of a benchmark, by index."""
+"""capture.draws: random parameters of the photographs of a benchmark, by index."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Roll: TypeAlias = Annotated[float, Field(ge=-180.0, le=180.0)]
 
 
 class SweepOptions(Options):
-    """Values of the quantities that are varied one at a time; the others stay as drawn."""
+    """Values of parameters that are varied one at a time; the others stay as drawn."""
 
     distance_m: tuple[PositiveFloat, ...] = ()
     """Distances [m]."""
@@ -29,20 +29,20 @@ class SweepOptions(Options):
     noise: tuple[NonNegativeFloat, ...] = ()
     """Factors on the depth noise."""
     dropout: tuple[Fraction, ...] = ()
-    """Parts of the depth that are lost in patches."""
+    """Fractions of the depth that are lost in patches."""
     width_px: tuple[PositiveInt, ...] = ()
     """Widths of the picture [px]."""
     count: tuple[PositiveInt, ...] = ()
-    """Numbers of things."""
+    """Numbers of objects."""
     contact: tuple[Contact, ...] = ()
-    """How close the things lie."""
+    """Degrees of contact between the objects."""
 
 
 class DrawsOptions(Options):
-    """Options of capture.draws. Ranges are those from which a value is drawn uniformly."""
+    """Options of capture.draws. A value is drawn uniformly from each range."""
 
     scenes: PositiveInt = 20
-    """Number of scenes; per swept value if `sweep` names any."""
+    """Number of scenes, or of scenes per swept value if `sweep` names any."""
     views: PositiveInt = 2
     """Number of photographs per scene."""
     first: NonNegativeInt = 0
@@ -50,9 +50,9 @@ class DrawsOptions(Options):
     seed: NonNegativeInt = 0
     """Seed of the benchmark; a scene's seed is derived from it and the scene's index."""
     count: tuple[PositiveInt, PositiveInt] = (3, 8)
-    """Range of the number of things."""
+    """Range of the number of objects."""
     contact: tuple[Contact, ...] = ("apart", "touching", "piled")
-    """How close things lie, in turn by index."""
+    """Degrees of contact between the objects, used in turn by index."""
     distance_m: tuple[PositiveFloat, PositiveFloat] = (0.6, 1.0)
     """Range of the distance [m]."""
     pitch_deg: tuple[Pitch, Pitch] = (30.0, 60.0)
@@ -64,14 +64,14 @@ class DrawsOptions(Options):
     noise: NonNegativeFloat = 1.0
     """Factor on the depth noise."""
     dropout: Fraction = 0.0
-    """Part of the depth that is lost in patches."""
+    """Fraction of the depth that is lost in patches."""
     sweep: SweepOptions = SweepOptions()
-    """Quantities to vary; empty for none."""
+    """Parameters to sweep; empty for none."""
 
 
 @rule(version=1, packages=("numpy",))
 def draws(ctx: Context, *, options: DrawsOptions | None = None) -> Collection[Draw]:
-    """Return one draw per photograph, for `each`; more scenes start with the scenes of fewer."""
+    """Return one draw per photograph, for `each`; a longer list begins with the scenes of a shorter one."""
     options = options or DrawsOptions()
     items = {}
     for axis, value in _points(options.sweep):
@@ -84,7 +84,7 @@ def draws(ctx: Context, *, options: DrawsOptions | None = None) -> Collection[Dr
 
 
 def _points(sweep: SweepOptions) -> Iterator[tuple[str, Any]]:
-    """(quantity, value) of every point of the sweep; one empty one without a sweep."""
+    """(parameter, value) of every point of the sweep; one empty point without a sweep."""
     points = [(axis, value) for axis in SweepOptions.model_fields for value in getattr(sweep, axis)]
     yield from points or [("", "")]
 

@@ -1,4 +1,4 @@
-"""capture.emptied: posed RGB-D views of a reference world without its things; accepted only by rules of `evaluate`."""
+"""capture.emptied: posed RGB-D views of a reference world without its objects; accepted only by rules of `evaluate`."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from dextera_build.rule import Context, Options, rule
 from dextera_build.sim.render.shot import Shot
 
 COUNT_M = 0.0001
-"""Depth per count of the pictures [m]."""
+"""Depth of one count of the pictures [m]."""
 LOW_RAD, HIGH_RAD = 0.25, 1.25
-"""Angles of lines of sight below the horizon [rad]."""
+"""Range of pitches of the lines of sight below the horizon [rad]."""
 
 
 class EmptiedOptions(Options):
-    """Options of capture.emptied. Each view differs from the capture by values drawn uniformly from both sides of 0."""
+    """Options of capture.emptied. Differences from the capture are drawn uniformly between minus and plus a limit."""
 
     views: PositiveInt = 5
-    """Number of views besides the capture's own."""
+    """Number of views in addition to the capture's own."""
     heading_deg: NonNegativeFloat = 30.0
     """Largest difference of the heading [deg]."""
     pitch_deg: NonNegativeFloat = 10.0
     """Largest difference of the angle below the horizon [deg]."""
     distance: NonNegativeFloat = 0.2
-    """Largest difference of the distance, as a part of it."""
+    """Largest relative difference of the distance."""
     supersample: PositiveInt = 2
     """Samples per pixel edge of the colour render."""
     seed: NonNegativeInt = 0
@@ -41,10 +41,10 @@ class EmptiedOptions(Options):
 
 
 class CameraBackend(Protocol):
-    """What a backend of capture.emptied defines."""
+    """Interface of a backend of capture.emptied."""
 
     def photograph(self, ctx: Context, world: World, supersample: int, soft: bool, options: Any) -> Shot:
-        """Colours, depth [m] and object labels through the world's camera, without noise; `soft` is with shadows."""
+        """Colours, depth [m] and object labels of the world's camera, without noise; `soft` adds soft shadows."""
         ...
 
 
@@ -52,8 +52,8 @@ class CameraBackend(Protocol):
 def emptied(ctx: Context[CameraBackend], world: World, *, options: EmptiedOptions | None = None) -> Folder:
     """Return `views.json` with noise-free pictures and depth of table, room and furniture; the first is the capture's.
 
-    The other cameras look at the same point of the table from elsewhere. Poses are T_reference_camera [m].
-    `capture.json` names a picture of the pixels that show things in the capture.
+    The other cameras look at the same point of the table from other poses T_reference_camera [m]. `capture.json` names
+    a mask of the pixels that show objects in the capture.
     """
     options = options or EmptiedOptions()
     facts = {name: getattr(world.camera, name) for name in ("width", "height", "fx", "fy", "cx", "cy")}

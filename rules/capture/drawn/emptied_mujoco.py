@@ -1,4 +1,4 @@
-"""capture.emptied by MuJoCo's renderer, with the soft shadows of the photograph."""
+"""capture.emptied with MuJoCo's renderer and the soft shadows of the photograph."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ BACKEND = Backend(
 
 
 def photograph(ctx: Context, world: World, supersample: int, soft: bool, options: Options) -> Shot:
-    """Colours, depth [m] and object labels through the world's camera."""
+    """Colours, depth [m] and object labels of the world's camera."""
     return worlds.photograph(world, None, supersample=supersample, soft=soft)

@@ -1,4 +1,4 @@
-"""capture.emptied by ray casting, without lights."""
+"""capture.emptied with ray casting, without lights."""
 
 from __future__ import annotations
 
@@ -12,5 +12,5 @@ BACKEND = Backend(summary="ray casting, no lights", profiles=("stub",), packages
 
 
 def photograph(ctx: Context, world: World, supersample: int, soft: bool, options: Options) -> Shot:
-    """Unlit colours, depth [m] and object labels through the world's camera; `supersample` and `soft` are ignored."""
+    """Unlit colours, depth [m] and object labels of the world's camera; `supersample` and `soft` are ignored."""
     return unlit(world)

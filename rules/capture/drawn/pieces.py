@@ -1,4 +1,4 @@
-"""capture.pieces: fill a thing with convex pieces, so that it can fall and rest."""
+"""capture.pieces: convex decomposition of an object, so that it can fall and rest."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ class PiecesOptions(Options):
     threshold: Fraction = 0.1
     """Largest concavity of a piece, as CoACD defines it."""
     most: PositiveInt = 24
-    """Largest number of pieces."""
+    """Maximum number of pieces."""
     convexity: Fraction = 0.9
-    """Part of its convex hull from which a closed thing is one piece."""
+    """Fraction of its convex hull's volume above which a closed object is one piece."""
     faces: PositiveInt = 3000
-    """Faces to which a closed surface is simplified before the search."""
+    """Number of faces to which a closed surface is simplified before the decomposition."""
     seed: NonNegativeInt = 0
-    """Seed of the search."""
+    """Seed of CoACD."""
 
 
 @rule(version=1, packages=("coacd", "manifold3d", "numpy", "scipy"), cpus=1)
 def pieces(ctx: Context, thing: Thing, *, options: PiecesOptions | None = None) -> Thing:
-    """Return the thing with the convex pieces of its first part [m], found by CoACD from all parts together."""
+    """Return the object with the convex pieces of its first part [m], found by CoACD from all parts together."""
     options = options or PiecesOptions()
     found = _decomposed(thing.surface, options)
     ctx.say(f"{len(found)} {'piece' if len(found) == 1 else 'pieces'}")
@@ -59,7 +59,7 @@ def _decomposed(surface: Mesh, options: PiecesOptions) -> tuple[Hull, ...]:
         coacd.Mesh(vertices, faces),
         threshold=options.threshold,
         max_convex_hull=options.most,
-        # Surfaces made by others may be open or touch themselves; voxels close them.
+        # Published surfaces may be open or self-intersecting; voxels close them.
         preprocess_mode="on" if closed.is_empty() else "off",
         preprocess_resolution=40,
         mcts_nodes=10,

@@ -1,4 +1,4 @@
-"""Where things start to fall: apart, side by side, or above one another."""
+"""Start poses of falling objects: apart, side by side, or above one another."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from dextera_build.artifacts.world import Thing
 from dextera_build.geometry import transforms
 
 UPRIGHT = 0.7
-"""Part of the things that start as they stand; the others are turned at random, and lie or lean after the fall."""
+"""Fraction of the objects that start upright; the others are rotated at random, and lie or lean after the fall."""
 GAP_M = 0.02
-"""Gap between things that are apart, and between a thing and those below it [m]."""
+"""Gap between separate objects, and between an object and those below it [m]."""
 TOUCHING_M = 0.001
-"""Gap between things side by side before they fall [m]."""
+"""Gap between adjacent objects before they fall [m]."""
 TRIES = 60
-"""Places that are tried for a thing."""
+"""Number of positions tried per object."""
 SPREAD_M = 0.085
-"""Standard deviation of places about the middle of the table for one thing; it grows with the root of the count [m]."""
+"""Standard deviation of positions about the centre of the table for one object; it grows with the root of the count
+[m]."""
 
 
 def scattered(
     things: dict[str, Thing], contact: Contact, low: np.ndarray, high: np.ndarray, rng: np.random.Generator
 ) -> dict[str, Thing]:
-    """Things with start poses above a table with corners `low`, `high` (2,) [m], but those that find no place."""
+    """Objects with start poses above a table with corners `low`, `high` (2,) [m], if there is a free position."""
     placed: dict[str, Thing] = {}
     taken: list[np.ndarray] = []
     top = GAP_M
@@ -39,7 +40,7 @@ def scattered(
             continue
         height = (top if contact == "piled" else GAP_M / 4) - float(corners[:, 2].min())
         taken.append(outline + spot)
-        # In a pile, each thing starts above all before it.
+        # In a pile, each object starts above all earlier ones.
         top += float(np.ptp(corners[:, 2])) + GAP_M
         pose = transforms.rigid(turn, np.array([*spot, height]))
         placed[name] = thing.model_copy(update={"pose": Pose(parent="reference", child="thing", matrix=pose)})
@@ -55,7 +56,7 @@ def _turn(rng: np.random.Generator) -> np.ndarray:
 
 
 def _outline(corners: np.ndarray) -> np.ndarray:
-    """Convex outline (P, 2) of a thing from above."""
+    """Convex outline (P, 2) of an object from above."""
     from scipy.spatial import ConvexHull
 
     flat = corners[:, :2]
@@ -91,7 +92,7 @@ def _spot(
 
 
 def _closest(anchor: np.ndarray, angle: float, is_free: Callable[[np.ndarray], bool]) -> np.ndarray:
-    """The nearest free place to `anchor` along a direction, within a metre, to a tenth of a millimetre."""
+    """The free position nearest to `anchor` along a direction, within a metre, to a tenth of a millimetre."""
     ahead = np.array([np.cos(angle), np.sin(angle)])
     near, far = 0.0, 1.0
     for distance in np.arange(0.02, 1.0, 0.02):

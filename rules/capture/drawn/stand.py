@@ -1,4 +1,4 @@
-"""capture.stand: a robot beside the things of a reference world, in the picture but not before them."""
+"""capture.stand: place a robot next to the objects of a reference world, visible but without hiding them."""
 
 from __future__ import annotations
 
@@ -19,43 +19,43 @@ from ..room import fixture
 from .surroundings import FLOOR_M
 
 SIDE_M = 0.22
-"""Edge length of the pedestal, and of the place that the base needs [m]."""
+"""Edge length of the pedestal, and of the area that the base needs [m]."""
 
 
 class StandOptions(Options):
-    """Options of capture.stand. Ranges are those from which a value is drawn uniformly."""
+    """Options of capture.stand. A value is drawn uniformly from each range."""
 
     joints_deg: dict[str, float] = Field(default_factory=dict)
     """Joint -> position in the photograph [deg]; omitted joints are at home."""
     distance_m: tuple[PositiveFloat, PositiveFloat] = (0.5, 0.8)
-    """Range of the distance from the base to the middle of the things [m]."""
+    """Range of the distance from the base to the centre of the objects [m]."""
     aside_deg: NonNegativeFloat = 35.0
-    """Largest angle between the base's x axis and the way to the middle of the things [deg]."""
+    """Largest angle between the base's x axis and the direction to the centre of the objects [deg]."""
     most_hidden: Fraction = 0.02
-    """Largest part of a thing's pixels that the robot may hide."""
+    """Largest fraction of an object's pixels that the robot may hide."""
     least_seen: Fraction = 0.02
-    """Smallest part of the picture that shows the robot."""
+    """Smallest fraction of the picture that shows the robot."""
     least_hand: Fraction = 0.01
-    """Smallest part of the picture that shows its hand."""
+    """Smallest fraction of the picture that shows its hand."""
     clear_m: NonNegativeFloat = 0.05
-    """Smallest distance of the robot's joints and frames from the box around each thing [m]."""
+    """Smallest distance of the robot's joints and frames from the box around each object [m]."""
     tries: PositiveInt = 400
-    """Places that are tried."""
+    """Number of positions tried."""
 
 
 class StandBackend(Protocol):
-    """What a backend of capture.stand defines."""
+    """Interface of a backend of capture.stand."""
 
     def points(
         self, ctx: Context, world: World, robot: RobotModel, stands: list[RobotStand], options: Any
     ) -> list[np.ndarray]:
-        """Per place of the robot, the places (P, 3) of its moving links and frames in the world [m]."""
+        """For each pose of the robot, the positions (P, 3) of its moving links and frames in the world [m]."""
         ...
 
     def sights(
         self, ctx: Context, world: World, robot: RobotModel, stands: list[RobotStand], options: Any
     ) -> Iterator[tuple[np.ndarray, float, float]]:
-        """Per place, in order: hidden part of each thing's pixels (N,), parts of the picture with robot and hand."""
+        """For each pose: hidden fraction of each object's pixels (N,), fractions of the picture with robot and hand."""
         ...
 
 
@@ -68,9 +68,10 @@ def stand(
     *,
     options: StandOptions | None = None,
 ) -> World:
-    """Return the world with the robot at a drawn place on the table, or on a pedestal beside it.
+    """Return the world with the robot at a random position on the table, or on a pedestal next to it.
 
-    `viewpoint` gives the seed. The camera stays, sees robot and hand, and the robot hides nothing of the things.
+    `viewpoint` gives the seed. The camera is unchanged; robot and hand are visible, and the robot hides at most
+    `most_hidden` of each object.
     """
     options = options or StandOptions()
     ctx.check(bool(world.objects), "the world has no things to stand beside", hint="draw more things")
@@ -96,14 +97,14 @@ def stand(
 
 
 def _good(hidden: np.ndarray, seen: float, hand: float, options: StandOptions) -> bool:
-    """Whether a place shows robot, hand and things."""
+    """Whether robot, hand and objects are sufficiently visible."""
     return hidden.max() <= options.most_hidden and seen >= options.least_seen and hand >= options.least_hand
 
 
 def _places(
     world: World, boxes: list[tuple[np.ndarray, np.ndarray]], seed: int, options: StandOptions
 ) -> Iterator[RobotStand]:
-    """Drawn places that are free of things and furniture."""
+    """Random poses that are free of objects and furniture."""
     draw = np.random.default_rng([seed, 2])
     middle = np.mean([(low + high) / 2 for low, high in boxes], axis=0)
     furniture = [
@@ -127,19 +128,19 @@ def _box(vertices: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _near(points: np.ndarray, box: tuple[np.ndarray, np.ndarray], distance: float) -> bool:
-    """Whether any of points (N, 3) is nearer to a box than `distance` [m], or in it."""
+    """Whether any of points (N, 3) is within `distance` [m] of a box, or inside it."""
     gap = np.maximum(np.maximum(box[0] - points, points - box[1]), 0.0)
     return bool((np.linalg.norm(gap, axis=1) < distance).any())
 
 
 def pedestal(world: World, placed: RobotStand) -> dict[str, Thing]:
-    """A block from the floor to the base, unless the base stands on the table."""
+    """A block from the floor to the base, unless the base is on the table."""
     low, high = _box(world.fixtures["table"].surface.vertices, world.fixtures["table"].pose.matrix)
     place = np.array(placed.position[:2])
     if (place - SIDE_M / 2 > low[:2]).all() and (place + SIDE_M / 2 < high[:2]).all():
         return {}
     steel = textures.plain(256, 256, (0.30, 0.31, 0.33), 0.03, 8, 3)
-    # A little lower than the base, so that it does not coincide with the table's top where they overlap.
+    # Slightly lower than the base, so that it does not coincide with the table's top where they overlap.
     mesh = solids.box((SIDE_M, SIDE_M, placed.position[2] - FLOOR_M - 0.001), steel)
     moved = solids.moved(mesh, transforms.rigid(np.eye(3), np.array([*place, FLOOR_M])))
     return {"pedestal": fixture("pedestal", Part(mesh=moved, gloss=0.2))}

@@ -1,4 +1,4 @@
-"""A robot is tried in a world that MuJoCo draws, coarsely."""
+"""Robot poses evaluated in coarse renderings by MuJoCo."""
 
 from __future__ import annotations
 
@@ -37,6 +37,6 @@ def points(
 def sights(
     ctx: Context, world: World, robot: RobotModel, stands: list[RobotStand], options: Options
 ) -> Iterator[tuple[np.ndarray, float, float]]:
-    """By segmentations, one when it is asked for."""
+    """By segmentation renderings, made on demand."""
     tried = TriedWorld(world, robot)
     yield from map(tried.sight, stands)

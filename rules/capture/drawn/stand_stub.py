@@ -1,4 +1,4 @@
-"""The first place is taken, whatever the robot hides."""
+"""The first pose is accepted, without visibility checks."""
 
 from __future__ import annotations
 
@@ -23,5 +23,5 @@ def points(
 def sights(
     ctx: Context, world: World, robot: RobotModel, stands: list[RobotStand], options: Options
 ) -> Iterator[tuple[np.ndarray, float, float]]:
-    """Nothing hidden, robot and hand seen."""
+    """Nothing hidden, robot and hand visible."""
     return ((np.zeros(1), 1.0, 1.0) for _ in stands)

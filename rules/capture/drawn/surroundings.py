@@ -1,4 +1,4 @@
-"""Table, room, furniture and lamps of a drawn world."""
+"""Random table, room, furniture and lamps of a world."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def table(rng: np.random.Generator) -> TableOptions:
 
 
 def fixtures(drawn: TableOptions, rng: np.random.Generator) -> dict[str, Thing]:
-    """Table, floor and wall; with some luck a cupboard, a shelf on the wall, a large box at the table's far edge."""
+    """Table, floor and wall; at random a cupboard, a shelf on the wall, a large box at the table's far edge."""
     depth = drawn.size_m[1]
     room = RoomOptions(
         wall_y_m=float(depth / 2 + rng.uniform(0.02, 1.2)),
@@ -55,7 +55,7 @@ def fixtures(drawn: TableOptions, rng: np.random.Generator) -> dict[str, Thing]:
 
 
 def light(rng: np.random.Generator) -> tuple[tuple[Lamp, ...], float]:
-    """A lamp with shadows, one without, and the ambient intensity; together they light white to 1 at most."""
+    """A lamp with shadows, one without, and the ambient intensity; together they light white to at most 1."""
     angle = rng.uniform(0, 2 * np.pi)
     key = Lamp(
         direction=(float(np.cos(angle)), float(np.sin(angle)), float(-rng.uniform(0.8, 2.0))),
@@ -92,7 +92,7 @@ def _shelf(room: RoomOptions, rng: np.random.Generator) -> dict[str, Part]:
 
 
 def _machine(drawn: TableOptions, rng: np.random.Generator) -> dict[str, Part]:
-    """A large box, as a microwave oven, at the far edge of the table."""
+    """A large box, such as a microwave oven, at the far edge of the table."""
     width, depth, height = rng.uniform([0.35, 0.2, 0.22], [0.5, 0.3, 0.35]).tolist()
     side = 1.0 if rng.uniform() < 0.5 else -1.0
     place = (side * (drawn.size_m[0] - width) / 2, (drawn.size_m[1] - depth) / 2, 0.0)

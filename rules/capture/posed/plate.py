@@ -1,4 +1,4 @@
-"""A calibration board as a textured plate: what a printer and a sheet of aluminium give."""
+"""A calibration board as a textured plate, as printed and mounted on an aluminium sheet."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dextera_build.artifacts.world import Part
 DOT_M = 0.0004
 """Side of a pixel of the texture [m]."""
 BORDER_M = 0.012
-"""White paper around the markers [m]."""
+"""Width of the white border around the markers [m]."""
 THICK_M = 0.003
 """Thickness of the plate [m]."""
 
@@ -40,7 +40,7 @@ def texture(board: Board) -> np.ndarray:
 
 
 def part(board: Board, pixels: np.ndarray) -> Part:
-    """The plate, its front on z = 0 of the board's frame, its body behind (z away from who sees it)."""
+    """The plate, its front on z = 0 of the board's frame, its body behind it (z away from the viewer)."""
     (width, height), b, d = size(board), BORDER_M, THICK_M
     low, high = np.array([-b, -b, 0.0]), np.array([width + b, height + b, d])
     bits = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])

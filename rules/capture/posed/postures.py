@@ -1,4 +1,4 @@
-"""capture.postures: where a robot stands in the pictures of a calibration capture."""
+"""capture.postures: joint positions of a robot in the pictures of a calibration capture."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PlateOptions(Options):
     dictionary: str = "DICT_4X4_50"
     """Family of the markers."""
     frame: str = "flange"
-    """Frame of the robot that it is fixed to."""
+    """Frame of the robot that the plate is mounted on."""
     origin_m: tuple[float, float, float] = (0.085, -0.068, 0.0)
     """Upper left corner of the markers in that frame [m]."""
     x_axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
@@ -37,55 +37,55 @@ class PlateOptions(Options):
     """Direction of its y axis, which points down on the board."""
 
     def board(self, ctx: Context) -> Board:
-        """The board as a calibration knows it."""
+        """The board as described in a calibration."""
         board = Board(kind="aruco", **{key: getattr(self, key) for key in _OF_BOARD})
         ctx.check(board.marker_m < board.square_m, "the markers of the board overlap", hint="lower `board.marker_m`")
         return board
 
 
 class RobotErrorOptions(Options):
-    """How the robot differs from its model."""
+    """Differences between the robot and its model."""
 
     arm_shape: float = Field(0.0, ge=-0.2, le=0.2)
-    """Relative size of the arm's surfaces about each link's origin, less 1."""
+    """Relative scale error of the arm's surfaces about each link's origin."""
     arm_length: float = Field(0.0, ge=-0.2, le=0.2)
-    """Relative length of the arm's links, less 1."""
+    """Relative error of the length of the arm's links."""
     zero_sigma_deg: NonNegativeFloat = 0.0
-    """Standard deviation of the zero of each arm joint's encoder, the same in all pictures [deg]."""
+    """Standard deviation of the zero offset of each arm joint's encoder, the same in all pictures [deg]."""
     encoder_sigma_deg: NonNegativeFloat = 0.01
     """Standard deviation of each reading of an arm joint [deg]."""
 
 
 class PosturesOptions(Options):
-    """Options of capture.postures, and those that `capture.reference_views` shares with it."""
+    """Options of capture.postures, shared with `capture.reference_views`."""
 
     count: PositiveInt = 10
     """Number of pictures."""
     seed: NonNegativeInt = 0
     """Seed of the postures and all errors."""
     joints_deg: dict[str, float] = Field(default_factory=dict)
-    """Joint -> position around which postures are drawn [deg]; of omitted joints it is that in the world."""
+    """Joint -> position around which postures are drawn [deg]; omitted joints use their position in the world."""
     reach_deg: PositiveFloat = 45.0
-    """Largest difference of an arm joint from that position [deg]."""
+    """Largest deviation of an arm joint from that position [deg]."""
     tries: PositiveInt = 4000
-    """Postures that are drawn before giving up."""
+    """Maximum number of postures that are drawn."""
     widest_deg: PositiveFloat = Field(55.0, lt=90.0)
     """Largest angle between the board's normal and the ray to the camera [deg]."""
     board: PlateOptions = PlateOptions()
     """The board."""
     errors: RobotErrorOptions = RobotErrorOptions()
-    """The robot's differences from its model."""
+    """Differences between the robot and its model."""
     things: bool = True
-    """Whether the world's things lie on the table; False: they are not there yet, so that the robot can pass."""
+    """Whether the world's objects are on the table; False gives the robot more free space."""
 
 
 class PosturesBackend(Protocol):
-    """What a backend of capture.postures defines."""
+    """Interface of a backend of capture.postures."""
 
     def chosen(
         self, ctx: Context, world: World, robot: RobotModel, board: Board, common: PosturesOptions, options: Any
     ) -> np.ndarray:
-        """Joint positions (K, J) [rad], in the order of the robot's joints, in which board and hand are seen."""
+        """Joint positions (K, J) [rad], in the order of the robot's joints, in which board and hand are visible."""
         ...
 
 
@@ -93,9 +93,9 @@ class PosturesBackend(Protocol):
 def postures(
     ctx: Context[PosturesBackend], world: World, robot: RobotModel, *, options: PosturesOptions | None = None
 ) -> Joints:
-    """Return where the joints really are in each picture [rad], drawn around their positions in the world.
+    """Return the true joint positions of each picture [rad], drawn around their positions in the world.
 
-    For `capture.reference_views` and `evaluate.*` alone: what the encoders read is in the pictures' own joints.
+    For `capture.reference_views` and `evaluate.*` only: the encoder readings are in the joints of the pictures.
     """
     options = options or PosturesOptions()
     rows = ctx.backend.chosen(
@@ -110,7 +110,7 @@ def postures(
 
 
 def cleared(ctx: Context, world: World, options: PosturesOptions) -> World:
-    """The world as the options have it, which must have a robot."""
+    """The world with or without its objects, by the options; raises without a robot."""
     if world.stand is None:
         ctx.fail("this world has no robot", hint="give `capture.world` option `robot`")
     return world if options.things else world.model_copy(update={"objects": {}})

@@ -1,4 +1,4 @@
-"""Postures that MuJoCo's renderer shows with board and hand."""
+"""Postures with board and hand visible in MuJoCo's renderer."""
 
 from __future__ import annotations
 
@@ -27,5 +27,5 @@ BACKEND = Backend(
 def chosen(
     ctx: Context, world: World, robot: RobotModel, board: Board, common: PosturesOptions, options: Options
 ) -> np.ndarray:
-    """Joint positions (K, J) [rad] around the world's in which board and hand are seen."""
+    """Joint positions (K, J) [rad] around the world's in which board and hand are visible."""
     return staged.chosen(ctx, staged.stage(ctx, world, robot, board, common), world, robot, common)

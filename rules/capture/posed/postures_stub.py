@@ -1,4 +1,4 @@
-"""Postures that differ, unseen."""
+"""Distinct postures without visibility checks."""
 
 from __future__ import annotations
 

@@ -36,14 +36,14 @@ class ReferenceViewsOptions(PosturesOptions):
 
 @dataclass(frozen=True)
 class Posed:
-    """What a backend makes: ideal pictures, and where the joints really were."""
+    """Result of a backend: ideal pictures, and the true joint positions."""
 
     shots: list[Shot]
     joints: np.ndarray  # (K, J) of the robot's actuated joints, in the order of its model [rad]
 
 
 class ViewsBackend(Protocol):
-    """What a backend of capture.reference_views defines."""
+    """Interface of a backend of capture.reference_views."""
 
     def posed(
         self,
@@ -55,7 +55,7 @@ class ViewsBackend(Protocol):
         common: ReferenceViewsOptions,
         options: Any,
     ) -> Posed:
-        """Photograph the robot at joint positions `rows` (K, J) [rad], or in postures of its own choice."""
+        """Photograph the robot at joint positions `rows` (K, J) [rad], or in random postures if None."""
         ...
 
 
@@ -72,7 +72,7 @@ def reference_views(
 
     A simulated substitute for a calibration session: pictures, depth and encoders have errors, and the robot may differ
     from its model. The pose of camera and base is not in the result. `postures` are those of `capture.postures` with
-    the same options, for who wants to compare; they are drawn here without it.
+    the same options, for comparisons; without them, postures are drawn here.
     """
     options = options or ReferenceViewsOptions()
     board = options.board.board(ctx)

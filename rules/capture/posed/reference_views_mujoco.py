@@ -34,7 +34,7 @@ def posed(
     common: ReferenceViewsOptions,
     options: Options,
 ) -> Posed:
-    """Photograph the postures of `rows`, or draw some around the world's until enough of them show board and hand."""
+    """Photograph the postures of `rows`, or random ones around the world's until enough show board and hand."""
     stage = staged.stage(ctx, world, robot, board, common)
     chosen = staged.chosen(ctx, stage, world, robot, common) if rows is None else rows
     names = [joint.name for joint in robot.joints]

@@ -29,7 +29,7 @@ def posed(
     common: ReferenceViewsOptions,
     options: Options,
 ) -> Posed:
-    """The same picture for every posture, and joints that differ."""
+    """The same picture for every posture, with distinct joint positions."""
     shot, home = unlit(world), np.array([joint.home for joint in robot.joints])
     if rows is None:
         rows = home + np.linspace(-0.1, 0.1, common.count)[:, None] * np.ones(len(home))

@@ -1,4 +1,4 @@
-"""A world whose robot holds a board, and the postures in which a camera sees it."""
+"""A world whose robot holds a board, and postures in which the camera sees it."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from .postures import PlateOptions, PosturesOptions
 
 HAND_PIXELS = 600
-"""Pixels of the hand that must be seen."""
+"""Minimum number of visible pixels of the hand."""
 
 
 def stage(ctx: Context, world: World, robot: RobotModel, board: Board, common: PosturesOptions) -> worlds.PosedWorld:
-    """The world with the robot as it really is, and the board on it."""
+    """The world with the robot including its errors, and the board on it."""
     if common.board.frame not in robot.frames:
         ctx.fail(f"the robot has no frame `{common.board.frame}`", frames=", ".join(robot.frames))
     made = worlds.biased(robot, common.errors.arm_shape, common.errors.arm_length)
@@ -35,7 +35,7 @@ def stage(ctx: Context, world: World, robot: RobotModel, board: Board, common: P
 def chosen(
     ctx: Context, stage: worlds.PosedWorld, world: World, robot: RobotModel, common: PosturesOptions
 ) -> np.ndarray:
-    """Joint positions (K, J) [rad], in the order of the robot's joints, of postures that show board and hand."""
+    """Joint positions (K, J) [rad], in the order of the robot's joints, of postures with board and hand visible."""
     assert world.stand is not None
     draw = np.random.default_rng([common.seed])
     centre = {name: float(np.radians(angle)) for name, angle in common.joints_deg.items()}
@@ -52,7 +52,7 @@ def chosen(
         posture = dict(around)
         for joint in robot.joints:
             if joint.group == "arm":
-                # The last joint turns the board towards the camera, whatever the others do.
+                # The last joint turns the board towards the camera for any positions of the others.
                 wide = np.pi if joint.name == arm[-1] else reach
                 place = around[joint.name] + wide * draw.uniform(-1, 1)
                 posture[joint.name] = float(np.clip(place, joint.lower + 0.02, joint.upper - 0.02))

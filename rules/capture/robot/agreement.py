@@ -1,4 +1,4 @@
-"""Whether recorded joint positions are those of a robot's model: names, order, units."""
+"""Consistency of recorded joint positions with a robot's model: names, order, units."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from dextera_build.errors import listing
 from dextera_build.rule import Context
 
 SLACK = 0.03
-"""By how much measurements may exceed a limit [rad or m]."""
+"""Tolerance of measurements beyond a limit [rad or m]."""
 SHARE = 0.02
-"""Part of the measurements that may."""
+"""Largest fraction of the measurements beyond a limit."""
 TURNS = 4 * float(np.pi)
-"""More than two turns are hardly radians [rad]."""
+"""Positions beyond two turns are unlikely to be radians [rad]."""
 DEGREE = float(np.pi / 180)
 
 
 def in_model_order(
     ctx: Context, joints: Joints, robot: RobotModel, names: Mapping[str, str], *, timed: bool = True
 ) -> Joints:
-    """The columns of the robot's joints in its order.
+    """The columns of the robot's joints in the model's order.
 
-    All joints of the arm must be there; of the hand all or none.
+    All joints of the arm must be present; of the hand all or none.
 
     Args:
         ctx: Context for errors and warnings.
         joints: As recorded.
         robot: The model.
         names: Recorded name -> the model's.
-        timed: Whether the stamps follow a motion, so that speeds mean something.
+        timed: Whether the stamps belong to one motion, so that speeds can be checked.
     """
     unknown = [name for name in names if name not in joints.names]
     if unknown:
@@ -63,7 +63,7 @@ def in_model_order(
 
 
 def doubt_units(ctx: Context, joints: Joints) -> None:
-    """Warn of positions that hardly are radians, where no model says what is possible."""
+    """Warn of positions that are unlikely to be radians, if there is no model with limits."""
     top = np.abs(joints.positions).max(axis=0, initial=0.0)
     worst = int(top.argmax())
     if top[worst] > TURNS:
@@ -92,14 +92,14 @@ def _refuse_names(ctx: Context, joints: Joints, robot: RobotModel, missing: Sequ
 class _Outside(NamedTuple):
     """Joints with measurements beyond their limits."""
 
-    shares: np.ndarray  # (J,) part of the measurements
+    shares: np.ndarray  # (J,) fraction of the measurements
 
     def __bool__(self) -> bool:
         return bool((self.shares > SHARE).any())
 
 
 def _check_values(ctx: Context, joints: Joints, wanted: Sequence[RobotJoint], timed: bool) -> None:
-    """Refuse positions that the robot cannot have, with what explains them."""
+    """Raise for positions beyond the robot's limits, with a likely explanation."""
     positions = joints.positions
     if not np.isfinite(positions).all():
         row, column = np.argwhere(~np.isfinite(positions))[0]
@@ -125,7 +125,7 @@ def _outside(positions: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> _Ou
 
 
 def _too_fast(joints: Joints, wanted: Sequence[RobotJoint]) -> str | None:
-    """The joint that is fastest in comparison with its largest speed, if it is twice as fast, over 0.1 s."""
+    """The joint with the highest speed relative to its limit, if it is twice as fast, over 0.1 s."""
     stamps = joints.stamps
     if len(stamps) < 3 or stamps[-1] - stamps[0] < 0.2:
         return None
@@ -142,7 +142,7 @@ def _too_fast(joints: Joints, wanted: Sequence[RobotJoint]) -> str | None:
 def _explained(
     positions: np.ndarray, lower: np.ndarray, upper: np.ndarray, names: Sequence[str]
 ) -> tuple[str, str | None]:
-    """What would make the positions possible, and what to do; empty if nothing known does."""
+    """A transformation that would make the positions possible, with the remedy; empty if none is known."""
     as_degrees = np.abs(positions).max() > 2 * np.abs(np.stack([lower, upper])).max()
     if as_degrees and not _outside(DEGREE * positions, lower, upper):
         return "they fit as degrees", "record radians, or divide by 57.2958; a sliding joint has metres"
@@ -163,7 +163,7 @@ def _explained(
 
 
 def _other_order(positions: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> list[int] | None:
-    """For each joint the column that fits its limits, as few moved as possible; None if there is no such order."""
+    """For each joint the column that fits its limits, with the fewest changes; None if there is no such order."""
     from scipy.optimize import linear_sum_assignment
 
     fits = np.array(

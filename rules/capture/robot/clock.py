@@ -1,4 +1,4 @@
-"""Clocks of camera and robot: their offset, whether they overlap, poses at given times."""
+"""Clocks of camera and robot: offset, overlap, and poses at given times."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from dextera_build.geometry import quaternions, synchronisation
 from dextera_build.rule import Context
 
 CORRELATED = 0.6
-"""Least correlation of motion in pictures and joints that says something about the clocks."""
+"""Minimum correlation of motion in pictures and joints at which an offset is estimated."""
 ALONE = 0.9
-"""Largest correlation at another offset, relative to the best."""
+"""Largest correlation at a second offset, relative to the best."""
 SURE_S = 0.04
 """Largest standard deviation of an offset that is applied [s]."""
 SMALL = 60
-"""Pictures are compared at about this many pixels across, which motion changes and noise does not."""
+"""Width of the reduced pictures [px]: motion remains visible, noise averages out."""
 
 
 def offset(ctx: Context, stream: Stream, topic: str, joints: Joints, given: float | None, reach_s: float) -> float:
-    """Time of the joints minus time of the pictures at the same moment [s]; 0 if that cannot be told.
+    """Time of the joints minus time of the pictures at the same moment [s]; 0 if it cannot be estimated.
 
     Args:
         ctx: Context for warnings and metrics.
         stream: Recording of the camera.
-        topic: Its pictures.
-        joints: Of the robot.
+        topic: Topic of its pictures.
+        joints: Joint states of the robot.
         given: The offset, if it is known [s].
-        reach_s: Largest offset that is looked for [s].
+        reach_s: Largest offset that is searched [s].
     """
     if given is not None:
         return given
@@ -63,7 +63,7 @@ def offset(ctx: Context, stream: Stream, topic: str, joints: Joints, given: floa
 
 
 def check_overlap(ctx: Context, pictures: np.ndarray, joints: np.ndarray) -> None:
-    """Refuse recordings of different times; times on the joints' clock [s]."""
+    """Raise for recordings of different times; times on the joints' clock [s]."""
     if not len(pictures) or not len(joints):
         ctx.fail("the recording has no pictures" if not len(pictures) else "the recording has no joint states")
     if pictures.min() > joints[-1] or pictures.max() < joints[0]:
@@ -78,7 +78,7 @@ def check_overlap(ctx: Context, pictures: np.ndarray, joints: np.ndarray) -> Non
 
 
 def poses_at(ctx: Context, stamps: np.ndarray, rows: np.ndarray, times: np.ndarray, skew_s: float) -> np.ndarray:
-    """(K, 7) poses at times (K,), between measurements (N, 7) at increasing stamps (N,)."""
+    """(K, 7) poses at times (K,), interpolated between measurements (N, 7) at increasing stamps (N,)."""
     gaps = synchronisation.nearest_gap(times, stamps)
     outside = (times < stamps[0]) | (times > stamps[-1]) | (gaps > skew_s)
     if outside.any():

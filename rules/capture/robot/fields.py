@@ -1,4 +1,4 @@
-"""Fields of `capture.json`, and the error of a wrong one."""
+"""Access to fields of `capture.json`, with errors for invalid ones."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from dextera_build.rule import Context
 from ..facts import NAME
 
 LARGEST_BOARD_M = 2.0
-"""Longest side of a square or marker [m]; larger numbers are millimetres."""
+"""Longest side of a square or marker [m]; larger numbers are probably millimetres."""
 
 
 def wrong(ctx: Context, key: str, value: object, wanted: str, hint: str | None = None) -> NoReturn:
-    """Refuse a field: `views[2].T_base_ee.t_m`."""
+    """Raise for a field, such as `views[2].T_base_ee.t_m`."""
     ctx.fail(
         f"`{NAME}`: `{key}` is {'missing' if value is None else 'not valid'}",
         **({} if value is None else {"found": reprlib.repr(value)}),
@@ -32,7 +32,7 @@ def number(value: object) -> float | None:
 
 
 def numbers(value: object, count: int) -> list[float] | None:
-    """So many finite numbers, or None."""
+    """A list of so many finite numbers, or None."""
     if not isinstance(value, list) or len(value) != count:
         return None
     found = [number(each) for each in value]

@@ -18,11 +18,11 @@ from ..taken import DepthOptions, check_depth
 from .topics import CameraTopics, beside
 
 TOGETHER_S = 0.05
-"""Largest time between a picture and its depth while the robot rests [s]."""
+"""Largest time between a picture and its depth while the robot is at rest [s]."""
 SAME = 0.01
-"""Largest relative difference of focal lengths of registered depth."""
+"""Largest relative difference of focal lengths at which depth is registered."""
 UNITS = "/option/Depth_Units/value"
-"""End of the topic on which RealSense cameras state metres per count."""
+"""Suffix of the topic on which RealSense cameras publish metres per count."""
 
 
 def at(
@@ -61,7 +61,7 @@ def _lens(ctx: Context, stream: Stream, topic: str) -> Camera | Lens:
 def _depths(
     ctx: Context, stream: Stream, topics: CameraTopics, lens: Camera | Lens, stamps: np.ndarray
 ) -> dict[int, np.ndarray]:
-    """Depth (H, W) [m] by number of the picture, where it was taken at about the same time."""
+    """Depth (H, W) [m] by picture number, if taken at about the same time."""
     lenses = [each.topic for each in stream.channels if each.topic.endswith(("camera_info", "calibration"))]
     own = beside(ctx, topics.depth, lenses) if len(lenses) > 1 else topics.lens
     units = [each.topic for each in stream.channels if each.topic.endswith(UNITS)]
@@ -79,14 +79,14 @@ def _depths(
 
 
 def _from_reference(stream: Stream, topic: str) -> np.ndarray | None:
-    """(4, 4) T_camera_reference of an image topic of librealsense, from `tf/0` beside it."""
+    """(4, 4) T_camera_reference of an image topic of librealsense, from its `tf/0` topic."""
     top = topic.removesuffix("/image/data")
     known = [each.topic for each in stream.channels if each.topic.startswith(f"{top}/tf/")]
     return stream.transform(known[0]) if len(known) == 1 else None
 
 
 def _check_registered(ctx: Context, other: Camera | Lens, topics: CameraTopics, lens: Camera | Lens) -> None:
-    """Refuse depth whose camera is another than that of the pictures."""
+    """Raise for depth whose camera differs from that of the pictures."""
     same = (other.width, other.height) == (lens.width, lens.height)
     if not same or max(abs(other.fx / lens.fx - 1), abs(other.fy / lens.fy - 1)) > SAME:
         ctx.fail(
@@ -98,7 +98,7 @@ def _check_registered(ctx: Context, other: Camera | Lens, topics: CameraTopics, 
 
 
 def _chosen(rows: object, stamps: np.ndarray, reach_s: float) -> dict[int, np.ndarray]:
-    """The nearest image to each of the times, by number; images are read one by one."""
+    """The image nearest to each of the times, by number; images are read one by one."""
     found: dict[int, tuple[float, np.ndarray]] = {}
     for stamp, image in rows:  # type: ignore[attr-defined]
         number = int(np.abs(stamps - stamp).argmin())

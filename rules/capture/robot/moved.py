@@ -1,4 +1,4 @@
-"""Whether a robot moved between pictures, and whether its recorded poses turn as its model does."""
+"""Checks that a robot moved between pictures, and that recorded poses and model rotate equally."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from dextera_build.geometry import poses, transforms
 from dextera_build.rule import Context
 
 STILL_M, STILL_RAD = 1e-3, 2e-3
-"""Poses of an effector that has not moved."""
+"""Differences below which an effector has not moved."""
 TURNED_RAD = float(np.radians(3.0))
-"""Largest median difference of turns between recorded poses and those of the model."""
+"""Largest median difference between rotations of recorded poses and of the model [rad]."""
 DEGREE = float(np.pi / 180)
 
 
 def doubt_poses(ctx: Context, effectors: np.ndarray | None, joints: np.ndarray | None, names: Sequence[str]) -> None:
-    """Warn of captures that determine nothing: one pose, or a robot that did not move.
+    """Warn of captures without information: one pose, or a robot that did not move.
 
     Args:
         ctx: Context for warnings.
@@ -40,10 +40,10 @@ def doubt_poses(ctx: Context, effectors: np.ndarray | None, joints: np.ndarray |
 
 
 def check_poses(ctx: Context, robot: RobotModel, joints: Joints, effectors: np.ndarray, frame: str) -> None:
-    """Refuse joint positions whose forward kinematics does not turn the effector as its recorded poses do.
+    """Raise for joint positions whose forward kinematics contradicts the rotations of the recorded poses.
 
-    The angle between two poses depends neither on where the base is nor on which frame of the effector was recorded,
-    so that it shows wrong order, signs and units alone.
+    The angle between two poses is independent of the base's pose and of the recorded frame of the effector, so that it
+    is affected only by wrong order, signs and units.
 
     Args:
         ctx: Context for errors and warnings.
@@ -59,7 +59,7 @@ def check_poses(ctx: Context, robot: RobotModel, joints: Joints, effectors: np.n
     kinematics, wanted = Kinematics(robot), _turns(effectors[:, 3:])
 
     def off(positions: np.ndarray) -> float:
-        """Median difference of the turns at joint positions (K, J) [rad]."""
+        """Median difference of the rotation angles at joint positions (K, J) [rad]."""
         found = [poses.from_matrix(each)[3:] for each in kinematics.frames(joints.names, positions, frame)]
         return float(np.median(np.abs(_turns(np.array(found)) - wanted)))
 
@@ -80,7 +80,7 @@ def check_poses(ctx: Context, robot: RobotModel, joints: Joints, effectors: np.n
 
 
 def _hypotheses(joints: Joints) -> Iterator[tuple[str, np.ndarray]]:
-    """Usual faults, with the positions as they would be without them."""
+    """Common mistakes, with the positions without them."""
     names, rows = joints.names, joints.positions
     yield "they fit as degrees", DEGREE * rows
     yield "they fit in the reverse order", rows[:, ::-1]

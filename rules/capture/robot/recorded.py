@@ -1,4 +1,4 @@
-"""Views of a robot out of a recording: moments at which it stands still, their pictures and its joint positions."""
+"""Views of a robot from a recording: pictures and joint positions at moments of rest."""
 
 from __future__ import annotations
 
@@ -31,55 +31,55 @@ class BoardOptions(Options):
     square_m: PositiveFloat
     """Side of a square, of a single marker, or of a marker and one gap [m]."""
     marker_m: NonNegativeFloat = 0.0
-    """Side of a marker, if it is not `square_m` [m]."""
+    """Side of a marker if it differs from `square_m` [m]."""
     dictionary: str = ""
     """Family of the markers."""
 
 
 class TopicOptions(Options):
-    """Where one camera is in a recording; an empty topic is the only one of its type."""
+    """Topics of one camera in a recording; an empty topic is the only one of its type."""
 
     image: str = ""
     """Topic of the pictures."""
     depth: str = ""
-    """Topic of depth, registered to the pictures or of a RealSense recording, which says how; empty: none."""
+    """Topic of depth that is registered to the pictures, or of a RealSense recording with extrinsics; empty: none."""
     camera_info: str = ""
-    """Topic of the intrinsics; empty: the one beside the pictures."""
+    """Topic of the intrinsics; empty: the one next to the pictures' topic."""
     mount: Literal["eye_on_base", "eye_in_hand"] = "eye_on_base"
-    """`eye_on_base`: the camera stands beside the robot; `eye_in_hand`: it is on the hand."""
+    """`eye_on_base`: the camera is mounted next to the robot; `eye_in_hand`: on the hand."""
     board: BoardOptions | None = None
-    """What is on the effector, or before a camera on it."""
+    """The board on the effector, or in front of a camera on the effector."""
 
 
 class RecordedOptions(DepthOptions):
-    """Options of rules that take views out of recordings."""
+    """Options of rules that extract views from recordings."""
 
     joints: str = ""
     """Topic of the joint states; empty: the only one."""
     poses: str = ""
-    """Topic of the effector's poses in the base; empty: none, the model gives them."""
+    """Topic of the effector's poses in the base frame; empty: none, they are computed with the model."""
     effector_frame: str = "effector"
-    """Link or frame of the robot's model that `poses` are of."""
+    """Link or frame of the robot's model whose poses `poses` are."""
     names: dict[str, str] = Field(default_factory=dict)
-    """Joint as recorded -> joint of the model, where the names differ."""
+    """Joint as recorded -> joint of the model, if the names differ."""
     still_rad_s: PositiveFloat = 0.01
-    """Largest speed of a joint at rest [rad/s, of a sliding joint m/s]."""
+    """Largest joint speed at rest [rad/s, of a prismatic joint m/s]."""
     rest_s: PositiveFloat = 0.4
     """Shorter rests are left out [s]."""
     apart_rad: PositiveFloat = 0.02
-    """Least difference in some joint between two views [rad, of a sliding joint m]."""
+    """Smallest difference in at least one joint between two views [rad, of a prismatic joint m]."""
     most: PositiveInt = 40
-    """Most views, evenly over the recording."""
+    """Maximum number of views, evenly distributed over the recording."""
     skew_s: PositiveFloat = 0.05
     """Largest time from a picture to the nearest joint measurement [s]."""
     reach_s: PositiveFloat = 1.0
-    """Largest offset of the clocks that is looked for [s]."""
+    """Largest offset of the clocks that is searched [s]."""
     clock_offset_s: float | None = None
-    """Time of the joints minus time of the pictures at the same moment; None: estimated from what moves [s]."""
+    """Time of the joints minus time of the pictures at the same moment; None: estimated from motion [s]."""
 
 
 class Moments(NamedTuple):
-    """Pictures at which the robot rested."""
+    """Pictures taken while the robot was at rest."""
 
     stamps: np.ndarray  # (K,) of the pictures [s]
     times: np.ndarray  # (K,) the same on the clock of the joints [s]
@@ -104,8 +104,8 @@ def views(
         states: Recording of the robot, often the same.
         robot: The model that the joint states are checked against.
         where: The camera's topics.
-        options: How moments are chosen.
-        label: Begins the names of the views.
+        options: Selection of the moments.
+        label: Prefix of the names of the views.
     """
     seen = topics.of_camera(ctx, stream, where.image, where.depth, where.camera_info)
     joints = _in_order(states.joints(topics.of_joints(ctx, states, options.joints)))
@@ -142,13 +142,13 @@ def views(
 
 
 def _in_order(joints: Joints) -> Joints:
-    """Joint states in order of their stamps, each time once; drivers repeat and swap messages."""
+    """Joint states sorted by stamp without duplicates; drivers repeat and swap messages."""
     _, rows = np.unique(joints.stamps, return_index=True)
     return Joints(names=joints.names, stamps=joints.stamps[rows], positions=joints.positions[rows])
 
 
 def _moments(ctx: Context, stamps: np.ndarray, joints: Joints, offset: float, options: RecordedOptions) -> Moments:
-    """One picture per rest, in postures that differ."""
+    """One picture per rest, in distinct postures."""
     still = synchronisation.rests(joints.stamps, joints.positions, options.still_rad_s, options.rest_s)
     if not still:
         ctx.fail(

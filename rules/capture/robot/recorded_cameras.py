@@ -1,4 +1,4 @@
-"""capture.recorded_cameras: calibration captures of several cameras out of one recording."""
+"""capture.recorded_cameras: calibration captures of several cameras from one recording."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def recorded_cameras(
     *,
     options: RecordedCamerasOptions,
 ) -> Collection[RobotViews]:
-    """Return for each camera what `capture.recorded_views` does."""
+    """Return for each camera the result of `capture.recorded_views`."""
     if not options.cameras:
         ctx.fail("no camera is named", hint="`cameras: {front: {image: /front/image_raw}, ...}`")
     found = {

@@ -1,4 +1,4 @@
-"""capture.recorded_views: a calibration capture out of a recording of a camera and a robot."""
+"""capture.recorded_views: a calibration capture from a recording of a camera and a robot."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def recorded_views(
 ) -> RobotViews:
     """Return one picture per rest of the robot, with joint positions interpolated to its stamp.
 
-    `states` is the recording of the robot if the camera has one of its own. The offset of their clocks is estimated
-    from when pictures change and when joints move, and applied if it is certain. Joint states are put in the order of
-    `robot` and refused if they cannot be its: missing names, positions beyond limits (degrees, millimetres, another
-    order), or poses that turn otherwise than its model.
+    `states` is the recording of the robot if it differs from that of the camera. The offset of their clocks is
+    estimated from the times at which pictures change and joints move, and applied if it is certain. Joint states are
+    put in the order of `robot` and refused if they are not consistent with it: missing names, positions beyond limits
+    (degrees, millimetres, another order), or poses that rotate differently from its model.
     """
     found = recorded.views(ctx, stream, states or stream, robot, options, options)
     ctx.say(", ".join(found.facts()))

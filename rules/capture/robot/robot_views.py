@@ -23,21 +23,21 @@ class RobotViewsOptions(DepthOptions):
     """Options of capture.robot_views."""
 
     effector_frame: str = ""
-    """Link or frame of the robot's model that `T_base_ee` is the pose of; empty: as `effector_frame` in the file."""
+    """Link or frame of the robot's model whose pose is `T_base_ee`; empty: as `effector_frame` in the file."""
     names: dict[str, str] = Field(default_factory=dict)
-    """Joint as in the file -> joint of `robot`, where the names differ."""
+    """Joint as in the file -> joint of `robot`, if the names differ."""
 
 
 @rule(version=1, packages=("mujoco", "numpy", "pillow"))
 def robot_views(
     ctx: Context, folder: Folder, robot: RobotModel | None = None, *, options: RobotViewsOptions
 ) -> RobotViews:
-    """Return the pictures that `views` in `capture.json` names, with the robot's poses and joint positions.
+    """Return the pictures listed in `views` of `capture.json`, with the robot's poses and joint positions.
 
     `capture.json` contains the intrinsics and `depth_scale_m` as for `capture.folder`; `setup`, `eye-to-hand` or
-    `eye-in-hand`; `target`, the board; and `views`, each with `rgb`, `depth` if there is some, and `T_base_ee`
-    (`t_m` [m] with `rotvec_rad` or `quat_wxyz`), or `joints` (name -> position [rad, m]), or both. `stamp_s` and
-    `skew_s` [s] are optional. The pictures of one folder are of one camera.
+    `eye-in-hand`; `target`, the board; and `views`, each with `rgb`, optionally `depth`, and `T_base_ee` (`t_m` [m]
+    with `rotvec_rad` or `quat_wxyz`), or `joints` (name -> position [rad, m]), or both. `stamp_s` and `skew_s` [s] are
+    optional. The pictures of one folder are of one camera.
 
     Joint positions are put in the order of `robot` and checked against it: names, limits, and the poses, if both are
     given.
@@ -63,7 +63,7 @@ def robot_views(
     for number, view in enumerate(views):
         names = (view.picture, view.depth)
         captures[_label(view.picture)] = take(ctx, folder, facts, lenses, names, options, doubted=doubted).capture
-        doubted = doubted and view.depth is None  # one camera: what is wrong with its depth is said once
+        doubted = doubted and view.depth is None  # all views have one camera: warnings about its depth are given once
         ctx.progress(number + 1, len(views), "pictures")
     if len(captures) < len(views):
         ctx.fail(

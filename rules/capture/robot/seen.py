@@ -1,4 +1,4 @@
-"""Pictures that nothing can be found in: dark ones, and ones that were taken in motion or out of focus."""
+"""Warnings about unusable pictures: dark, blurred by motion, or out of focus."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from dextera_build.geometry.sharpness import steepest
 from dextera_build.rule import Context
 
 DARK = 50.0
-"""Brightest 2 % of a dark picture, of 255; pictures of a lit room had 150 to 255."""
+"""Brightness below which the brightest 2 % of a picture are dark, of 255; pictures of a lit room had 150 to 255."""
 BLURRED = 0.42
-"""Least sharpness, over directions, in comparison with the median of the capture. In three real captures pictures had
+"""Smallest sharpness over all directions, relative to the median of the capture. In three real captures pictures had
 at least 0.54, and at most 0.40 after a blur of sigma 2 px or a motion by 9 px in any direction."""
 
 

@@ -1,4 +1,4 @@
-"""How the robot stood at each picture, by `views` in `capture.json`."""
+"""State of the robot at each picture, from `views` in `capture.json`."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from dextera_build.rule import Context
 from . import fields
 
 REACH_M = 20.0
-"""An effector farther from the base is in millimetres [m]."""
+"""Larger distances of an effector from the base are probably millimetres [m]."""
 TURN = 2.0 * math.pi + 0.01
-"""A longer rotation vector is in degrees [rad]."""
+"""Longer rotation vectors are probably degrees [rad]."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class View:
 
 
 def views_of(ctx: Context, facts: Mapping[str, object], folder: Folder) -> list[View]:
-    """The views, with all pictures at hand."""
+    """The views; the files of all pictures must exist."""
     listed = facts.get("views")
     if not isinstance(listed, list) or not listed:
         fields.wrong(ctx, "views", listed, 'a list with an object for each picture: `{"rgb": "rgb_1.png", ...}`')

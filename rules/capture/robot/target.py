@@ -1,4 +1,4 @@
-"""`target` and `setup` in `capture.json`: the calibration board, and where the camera is."""
+"""`target` and `setup` in `capture.json`: the calibration board and the mounting of the camera."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _APRILTAG = re.compile(r"(?:DICT_APRILTAG_|tag)?(\d\d)h(\d\d?)", re.IGNORECASE)
 
 
 def mount_of(ctx: Context, facts: Mapping[str, object]) -> Mount:
-    """Where the camera is, by `setup`."""
+    """Mounting of the camera, from `setup`."""
     setup = facts.get("setup")
     found = _SETUPS.get(setup.lower().replace("_", "-").replace(" ", "-")) if isinstance(setup, str) else None
     if found is None:
@@ -96,7 +96,7 @@ def _markers(ctx: Context, target: Mapping[str, object], april: bool, family: st
 
 
 def _dictionary(ctx: Context, name: str, *, april: bool) -> str:
-    """A family as `Board` spells it: `DICT_5X5_100`, `36h11`."""
+    """A family in the spelling of `Board`: `DICT_5X5_100`, `36h11`."""
     found = _APRILTAG.fullmatch(name.strip())
     if found:
         short = f"{found[1]}h{found[2]}"
@@ -110,7 +110,7 @@ def _dictionary(ctx: Context, name: str, *, april: bool) -> str:
 
 
 def _check_place(ctx: Context, target: Mapping[str, object], mount: Mount) -> None:
-    """Refuse a board that moves with the camera, or stands still before one that does not move."""
+    """Raise for a board that moves with the camera, or a static board in front of a static camera."""
     mounted = target.get("mounted")
     if mounted is None:
         return

@@ -1,4 +1,4 @@
-"""Topics of a recording: those of a camera belong together."""
+"""Selection of the topics of one camera in a recording."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class CameraTopics(NamedTuple):
 
 
 def of_camera(ctx: Context, stream: Stream, image: str, depth: str, lens: str) -> CameraTopics:
-    """The camera's topics; an empty `image` or `lens` is the only one that can be meant."""
+    """The camera's topics; an empty `image` or `lens` selects the only candidate."""
     pictures = _named(stream, PICTURES)
     chosen = image or _only(ctx, [topic for topic in pictures if not _is_depth(topic)], "pictures", "image", stream)
     for option, topic in (("image", chosen), ("depth", depth)):
@@ -54,7 +54,7 @@ def of_joints(ctx: Context, stream: Stream, topic: str) -> str:
 
 
 def beside(ctx: Context, image: str, lenses: list[str]) -> str:
-    """The topic of intrinsics that shares most of its path with the pictures, as drivers name them."""
+    """The topic of intrinsics that shares most of its path with the pictures, following the naming of drivers."""
     parts = image.strip("/").split("/")
     shared = {topic: _shared(parts, topic.strip("/").split("/")) for topic in lenses}
     best = max(shared.values(), default=0)

@@ -31,7 +31,7 @@ BACKEND = Backend(
 
 
 SECTORS = 8
-"""Wedges into which a body is cut that CoACD takes too long for."""
+"""Number of wedges that replace CoACD's result if it exceeds its time limit."""
 
 
 class CoacdOptions(Options):
@@ -50,7 +50,7 @@ class CoacdOptions(Options):
     seed: NonNegativeInt = 0
     """Seed of CoACD."""
     seconds: PositiveInt = 20
-    """Processor time that CoACD may take per link [s]; what takes longer is cut into wedges."""
+    """Limit of CoACD's processor time per link [s]; a link that exceeds it is cut into wedges."""
 
 
 def pieces(ctx: Context, link: Link, hollow: bool, common: CollisionOptions, options: CoacdOptions) -> Pieces:
@@ -101,7 +101,7 @@ def _container(solid: Manifold, inside: cavity.Cavity, common: CollisionOptions,
     best: Pieces | None = None
     for attempt in range(options.attempts):
         sectors = 16 + 8 * attempt
-        # Four cuts per wedge use half of the allowance; joining uses the other half.
+        # Four cuts per wedge may use half of the allowed excess, and joining the other half.
         cut = wedges.cut(small, sectors, 0.5 * allowed / (4 * sectors * 2**attempt))
         before = cavity.fill(inside, [_hull(piece, common.corners) for piece in cut]) or 0.0
         joined = wedges.join(cut, 0.9 * (allowed - before * inside.volume), options.pieces)
@@ -133,7 +133,7 @@ def _coacd(ctx: Context, solid: Manifold, corners: int, options: CoacdOptions) -
 
 
 def _wedges(solid: Manifold, corners: int, options: CoacdOptions) -> tuple[Hull, ...]:
-    """A cut by a count of planes, whose time is bounded."""
+    """Cut the solid with a fixed number of planes, which bounds the time."""
     small = _simplified(solid, 2 * options.faces)
     allowed = options.threshold * small.volume()
     cut = wedges.cut(small, SECTORS, 0.5 * allowed / (4 * SECTORS))
@@ -141,7 +141,7 @@ def _wedges(solid: Manifold, corners: int, options: CoacdOptions) -> tuple[Hull,
 
 
 def _simplified(solid: Manifold, faces: int) -> Manifold:
-    """The solid with about so many faces: small steps, because what is simplified too far shrinks."""
+    """The solid reduced to about so many faces, in small steps: a strong simplification would shrink it."""
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
     tolerance = float(np.linalg.norm(high - low)) * 5e-5
     small = solid

@@ -1,4 +1,4 @@
-"""CoACD in a process of its own, with a limit of processor time: no option of it bounds how long it takes."""
+"""CoACD in a separate process with a limit of processor time, because CoACD has no option that bounds it."""
 
 from __future__ import annotations
 
@@ -34,18 +34,18 @@ np.savez(folder + "/parts.npz", *[np.asarray(vertices) for vertices, _ in parts]
 def parts(
     vertices: np.ndarray, faces: np.ndarray, folder: Path, *, threshold: float, most: int, seed: int, seconds: int
 ) -> list[np.ndarray] | None:
-    """Corner points (N, 3) of convex parts, or None if they take longer.
+    """Corner points (N, 3) of the convex parts, or None if the time limit is exceeded.
 
-    The limit is of processor time, so that a busy machine gives what an idle one gives.
+    The limit is one of processor time, so that the result does not depend on the load of the machine.
 
     Args:
         vertices: (V, 3) of a closed manifold.
         faces: (F, 3).
         folder: Where the two processes exchange files.
-        threshold: Concavity at which CoACD stops, over the size.
+        threshold: Concavity at which CoACD stops, as a fraction of the size.
         most: Maximum number of parts.
-        seed: Of its random search.
-        seconds: Of processor time.
+        seed: Seed of the random search.
+        seconds: Limit of processor time [s].
 
     Raises:
         ChildProcessError: CoACD failed for another reason.

@@ -1,4 +1,4 @@
-"""How far convex pieces together differ from the solid that they stand for."""
+"""Volume difference between a solid and the convex pieces that approximate it."""
 
 from __future__ import annotations
 

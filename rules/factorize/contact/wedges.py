@@ -20,7 +20,7 @@ _PLACES = (0.1, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9)
 
 
 def cut(solid: Manifold, sectors: int, excess_m3: float) -> list[Manifold]:
-    """Convex hulls that cover `solid`, next to each other.
+    """Convex hulls of adjacent pieces that together cover `solid`.
 
     Args:
         solid: Closed solid, z up.

@@ -1,4 +1,4 @@
-"""Joints that `scene.yaml` states, and what its other parts are read with."""
+"""Joints stated in `scene.yaml`, and helpers for parsing its other parts."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from dextera_build.artifacts.object import JointHint
 from dextera_build.errors import Place, RuleError, did_you_mean, listing
 
 FILE = "$scene"
-"""The file as rules know it: the input; the engine puts its path in the place of errors."""
+"""The path of the file as the input names it; the engine replaces it by the real path in errors."""
 KINDS = {"hinge": "revolute", "slide": "prismatic"}
 FIELDS = ("type", "part_px", "axis_px", "range_deg", "range_mm", "at_deg", "at_mm")
 
 
 def read(node: Any) -> tuple[JointHint, ...]:
-    """The joints of one element; none for `type: hinge` alone, whose place is sought in the shape.
+    """The joints of one element; none for `type: hinge` alone, whose axis is estimated from the shape.
 
     Raises:
         RuleError: They are malformed; the message gives line and column.
@@ -33,7 +33,7 @@ def read(node: Any) -> tuple[JointHint, ...]:
 
 
 def _joint(node: Any) -> JointHint | None:
-    """What somebody says of a joint; None of a hinge of which nothing else is said."""
+    """A joint as stated in the file; None for a hinge without further properties."""
     fields = mapping(node, FIELDS)
     if "type" not in fields:
         raise wrong("a joint has no `type`", node, hint="type: hinge, part_px: [left, top, right, bottom]")
@@ -67,7 +67,7 @@ def _joint(node: Any) -> JointHint | None:
 
 
 def _refuse_untold(kind: str, fields: dict[str, Any], node: Any) -> None:
-    """Refuse a joint without `part_px`, unless it is a hinge of which nothing else is said."""
+    """Raise if `part_px` is missing, unless the entry is a hinge without further properties."""
     if kind != "hinge":
         hint = "a shut drawer looks like a wall: give the box of its front, part_px: [left, top, right, bottom]"
         raise wrong(f"a {kind} has no `part_px`", node, hint=hint)

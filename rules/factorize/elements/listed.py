@@ -17,12 +17,12 @@ Point = tuple[NonNegativeInt, NonNegativeInt]
 
 
 class JointOptions(Options):
-    """A joint that somebody knows."""
+    """A known joint."""
 
     type: Literal["hinge", "slide"] = "hinge"
-    """Its kind."""
+    """Type of the joint."""
     part_px: Pixels | None = None
-    """Left, top, right, bottom of the part that moves [px]."""
+    """Left, top, right, bottom of the moving part [px]."""
     axis_px: tuple[Point, Point] | None = None
     """Two points of a hinge's axis [px]."""
     range_deg: tuple[float, float] | None = None
@@ -32,12 +32,12 @@ class JointOptions(Options):
 
 
 class ElementOptions(Options):
-    """An element of the photograph; left out is what parsing proposes."""
+    """An element of the photograph; fields that are not set are taken from the proposal."""
 
     name: str
     """Unique name, lower case: `blue_mug`."""
     phrase: str | None = None
-    """Words that a segmenter looks for."""
+    """Phrase for text-prompted segmentation."""
     category: str | None = None
     """`box`, `cylinder`, `bowl`, `mug`, `laptop`, `object`, or `support`, `robot`, `room`."""
     body_type: str | None = None
@@ -49,16 +49,16 @@ class ElementOptions(Options):
     box: Pixels | None = None
     """Left, top, right, bottom [px]; pieces inside are one object."""
     interactive: bool | None = None
-    """Whether it is an object, and not a part of the room."""
+    """Whether it is a movable object rather than a part of the room."""
     joints: tuple[JointOptions, ...] | None = None
-    """Joints that somebody knows."""
+    """Known joints."""
 
 
 class ListedOptions(Options):
     """Options of factorize.listed."""
 
     elements: tuple[ElementOptions, ...] = Field(min_length=1)
-    """What is in the photograph."""
+    """Elements of the photograph."""
 
 
 @rule(version=1)

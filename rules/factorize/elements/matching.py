@@ -1,4 +1,4 @@
-"""The elements of `scene.yaml`, each matched to what a backend proposes."""
+"""Matching of the elements of `scene.yaml` with the proposals of a backend."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from .naming import unique
 from .scene_file import Wanted
 
 SMALL = 0.5
-"""A part is small if its box has less than this fraction of the area of the wanted one."""
+"""A proposal is small if its box has less than this fraction of the area of the requested box."""
 
 Find = Callable[[tuple[int, int]], Box | None]
-"""The box of the proposal that has a pixel (column, row); None if none has."""
+"""Box of the proposal that contains a pixel (column, row); None if there is none."""
 
 
 def match(
     wanted: Sequence[Wanted], proposals: Sequence[Element], smallest_iou: float, at: Find | None = None
 ) -> tuple[Element, ...]:
-    """Give each wanted element the box of its proposal; proposals that no element takes become static.
+    """Give each requested element the box of its proposal; unmatched proposals become static.
 
-    A point matches the proposal that has its pixel, a box the one that overlaps it most, or else several within it
-    that fill it together, and a phrase the only one that shares most of its words of colour and shape. A small
-    proposal within a wanted box is a part of that element, not static.
+    A point matches the proposal that contains the pixel. A box matches the proposal with the largest overlap, or
+    several proposals that together fill it. A phrase matches the proposal that shares most of its colour and shape
+    words, if there is only one. A small proposal inside a requested box is part of that element, not static.
 
     Args:
-        wanted: Entries of the file.
-        proposals: What a backend proposes.
-        smallest_iou: Overlap (IoU) below which boxes are those of different things.
-        at: Looks up pixels in the masks of the proposals; without it, the smallest box with the point is taken.
+        wanted: Elements of the file.
+        proposals: Proposals of a backend.
+        smallest_iou: Smallest IoU at which two boxes match.
+        at: Looks up pixels in the masks of the proposals; without it, the smallest box around the point matches.
 
     Raises:
         RuleError: An interactive element, or one with a point or a box, matches no proposal or several.
@@ -82,7 +82,7 @@ def _unmatched(
 
 
 def boxed(wanted: Sequence[Wanted]) -> tuple[Element, ...]:
-    """The elements as the file has them, without proposals to match.
+    """The elements with the boxes of the file, without matching.
 
     Raises:
         RuleError: An interactive element has no box.
@@ -107,7 +107,7 @@ def _fitting(item: Wanted, free: Sequence[Element], smallest_iou: float, at: Fin
 
 
 def _by_point(point: tuple[int, int], free: Sequence[Element], at: Find | None) -> list[Element]:
-    """The proposal whose mask has the pixel, else, where masks are unknown, the one with the smallest box around it."""
+    """The proposal whose mask contains the pixel or, without masks, the smallest box around it."""
     column, row = point
     holding = [p for p in free if p.box and p.box[0] <= column < p.box[2] and p.box[1] <= row < p.box[3]]
     if at is not None:
@@ -134,7 +134,7 @@ def _is_part(proposal: Element, box: Box) -> bool:
 
 
 def _around(boxes: Sequence[Box]) -> Box:
-    """The smallest box around several."""
+    """The smallest box around several boxes."""
     left, top, right, bottom = zip(*boxes, strict=True)
     return min(left), min(top), max(right), max(bottom)
 
@@ -152,7 +152,7 @@ def _merged(item: Wanted, proposal: Element | None) -> Element:
     base: dict[str, Any] = {"category": "object", "phrase": item.name.replace("_", " ")}
     if proposal is not None:
         base = {key: getattr(proposal, key) for key in ("category", "body_type", "material", "box", "phrase")}
-        # How sure the material is, was judged for the category that was proposed.
+        # The confidence of the material was estimated for the category of the proposal.
         if given.get("category", proposal.category) == proposal.category:
             base["material_confidence"] = proposal.material_confidence
     if "category" in given and "body_type" not in given:

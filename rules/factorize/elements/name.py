@@ -1,4 +1,4 @@
-"""factorize.name: the recipe's own names for what was segmented."""
+"""factorize.name: assign the names of a recipe to segmented objects."""
 
 from __future__ import annotations
 
@@ -30,24 +30,25 @@ class LockedPoint(Options):
 
 
 class Binding(Options):
-    """What an object is recognised by: `at_px`, else `locked` on its photograph, else all properties that are given."""
+    """Identification of an object: by `at_px`, else by `locked` on its photograph, else by all other properties."""
 
     phrase: str = ""
-    """Words of its phrase, name, category, material and colour: `blue mug`. The whole phrase goes before its words."""
+    """Words that match its phrase, name, category, material and colour: `blue mug`. The whole phrase is matched
+    first, then words."""
     category: str = ""
-    """Its category: `mug`."""
+    """Category: `mug`."""
     material: str = ""
-    """Its material: `ceramic`."""
+    """Material: `ceramic`."""
     colour: str = ""
-    """The most frequent colour of its pixels: `blue`."""
+    """Most frequent colour of its pixels: `blue`."""
     at_px: tuple[NonNegativeInt, NonNegativeInt] | None = None
-    """Column and row of one of its pixels in the photograph [px]; holds whatever parsing calls the object."""
+    """Column and row of one of its pixels in the photograph [px]; independent of the phrase that parsing assigned."""
     locked: LockedPoint | None = None
-    """Where it was recognised before; `dxb bind` writes it to `dxb.lock`. On another photograph it is not used."""
+    """Point found earlier, written to `dxb.lock` by `dxb bind`; ignored on another photograph."""
 
     @property
     def has_properties(self) -> bool:
-        """Whether it tells objects apart on any photograph."""
+        """Whether it has properties that identify an object on any photograph."""
         return bool(self.phrase or self.category or self.material or self.colour)
 
 
@@ -55,12 +56,12 @@ class NameOptions(Options):
     """Options of factorize.name."""
 
     names: dict[str, Binding] = Field({})
-    """Name -> what the object is recognised by: `blue_mug: {phrase: blue mug}`."""
+    """Name -> how the object is identified: `blue_mug: {phrase: blue mug}`."""
 
 
 @dataclass(frozen=True)
 class _Candidate:
-    """An instance with what it can be recognised by."""
+    """An instance with the properties that bindings are matched with."""
 
     label: int
     name: str
@@ -70,7 +71,7 @@ class _Candidate:
     """Column and row of the pixel that is farthest from the mask's border [px]."""
 
     def fits(self, binding: Binding) -> int:
-        """0: not; 1: all that is given fits, and the phrase's words; 2: the whole phrase, too."""
+        """0: no match; 1: all given properties and the words of the phrase match; 2: the whole phrase, too."""
         traits = self.instance.traits
         said = (binding.category, traits.category), (binding.material, traits.material), (binding.colour, self.colour)
         if any(wanted and _words(wanted) != _words(own) for wanted, own in said):
@@ -82,7 +83,7 @@ class _Candidate:
         return int(set(wanted) <= set(_words(known)))
 
     def __str__(self) -> str:
-        """Its properties, for an error."""
+        """The properties, for an error."""
         traits = self.instance.traits
         return (
             f"phrase `{self.instance.view.phrase}`, category {traits.category}, material {traits.material}, "
@@ -96,11 +97,12 @@ def name(
 ) -> Segmentation:
     """Return the segmentation with the objects under the names that `names` binds; pixels and map are unchanged.
 
-    Each name is bound to exactly one object, whose phrase is then the binding's, or the words of the name: nothing that
-    parsing calls a bound object reaches its view. Objects without a binding keep their names, with a number if the name
-    is bound to another object.
+    Each name is bound to exactly one object, whose phrase becomes the binding's, or else the words of the name; the
+    phrase from parsing is dropped. Objects without a binding keep their names, with a number if the name is bound to
+    another object.
 
-    A point of `dxb.lock` counts on the photograph it was found on; on another one the properties decide, which is said.
+    A point of `dxb.lock` applies only to the photograph it was found on. On another photograph the properties are
+    matched instead, with a note in the log.
 
     Raises:
         RuleError: A name fits no object or several, or two names fit the same one (DXB-B383); a name has no more than
@@ -143,7 +145,7 @@ def name(
 def _on(
     photograph: Photograph, bindings: dict[str, Binding], known: list[_Candidate]
 ) -> tuple[dict[str, Binding], list[str]]:
-    """The bindings with `locked` points in the place of `at_px`, and names whose points are on another photograph."""
+    """The bindings with `locked` points as `at_px`, and the names whose points belong to another photograph."""
     if not any(binding.locked for binding in bindings.values()):
         return bindings, []
     this, stale, found = pictures.digest_of(photograph.rgb.pixels), list[str](), dict[str, Binding]()

@@ -25,9 +25,10 @@ MATERIALS = {"box": "cardboard", "bowl": "ceramic", "mug": "ceramic", "laptop": 
 INWARD, VESSEL, SOLID = 0.12, 0.2, 0.04
 """Fraction of the seen surface that faces the object's centre: above 0.2 for bowls and mugs, below 0.04 for solids."""
 FLAT = 0.75
-"""Fraction of the seen surface in flat faces from which a body is a box."""
+"""Fraction of the seen surface in flat faces above which a body is a box."""
 SURE, UNSURE = 0.9, 0.5
-"""Probability of the material of a shape that is clearly recognised, and of one at the border to another shape."""
+"""Confidence of the material for a clearly recognised shape class, and for a shape at the boundary between two
+classes."""
 SHAPES = ("box", "cylinder", "bowl", "mug", "laptop", "object")
 
 
@@ -61,7 +62,7 @@ def shape_class(proposal: Proposal, relief: Relief) -> str:
 
 
 def material_confidence(proposal: Proposal, shape: str) -> float:
-    """Probability of the material of `shape`: the nearer the surface is to another shape's, the lower."""
+    """Confidence of the material of `shape`; lower the closer the surface is to another shape class."""
     if shape not in MATERIALS:
         return UNSURE
     margin = 1.0

@@ -1,4 +1,4 @@
-"""Why no object was found in a photograph with depth: the cause, and what to do about it."""
+"""Diagnosis of a photograph with depth in which no object was found: the cause and a remedy."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from ..regions.heights import relief
 from ..regions.proposals import SMALLEST_M2
 
 Cause = tuple[str, str]
-"""What is the matter, and what to do."""
+"""A cause and its remedy."""
 FRONTAL = 0.9
-"""Cosine between the support's normal and the camera's axis from which it may be a wall."""
+"""Cosine between the support's normal and the camera's axis above which the support may be a wall."""
 FAR_M = 2.0
-"""Height of a camera above a support from which the unit of the depth is in doubt [m]."""
+"""Height of a camera above the support above which the unit of the depth is in doubt [m]."""
 NEAR_M = 0.2
-"""Height of a camera above a support below which the unit of the depth is in doubt [m]."""
+"""Height of a camera above the support below which the unit of the depth is in doubt [m]."""
 SPARSE = 0.6
 """Fraction of pixels with depth over the support below which the depth is too sparse."""
 FEW = 30
-"""Raised pixels that are no more than noise."""
+"""At most this many raised pixels are noise."""
 
 
 def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
-    """Everything that may be the matter, most telling first.
+    """All possible causes, most specific first.
 
     Args:
         seen: Photograph, depth and support.
-        static: What was found and is no object.
+        static: Detected regions that are not objects.
     """
     heights = relief(seen)
     raised, outline = int((heights.raised & heights.over).sum()), _outline(seen)
@@ -77,7 +77,7 @@ def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
 
 
 def _unit(seen: Workspace) -> Iterator[Cause]:
-    """Depth that is noise, or in another unit than the capture says."""
+    """Depth that is noise, or whose unit differs from the one that the capture states."""
     found = planes.mostly_noise(seen.depth)
     if found is not None:
         noise, middle = found
@@ -108,14 +108,14 @@ def _outline(seen: Workspace) -> np.ndarray:
 
 
 def _in_front(mask: np.ndarray, turns: int) -> np.ndarray:
-    """The connected regions of a mask (H, W) bool that the lower border of the upright picture cuts."""
+    """The connected regions of a mask (H, W) bool that touch the lower border of the upright picture."""
     labels, _ = regions.label(mask)
     lowest = np.unique(upright.turned(labels, turns)[-1])
     return np.isin(labels, lowest[lowest > 0])
 
 
 def _largest(mask: np.ndarray) -> str | None:
-    """The largest connected region as `box [left, top, right, bottom]`, if it is 0.3 % of the picture."""
+    """The largest connected region as `box [left, top, right, bottom]`, if it covers at least 0.3 % of the picture."""
     labels, count = regions.label(mask)
     if not count:
         return None

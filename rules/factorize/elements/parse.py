@@ -28,11 +28,11 @@ class ParseOptions(Options):
     """Options of factorize.parse."""
 
     match_iou: Fraction = 0.3
-    """Smallest overlap (IoU) at which a box of `scene.yaml` matches a proposal."""
+    """Smallest IoU at which a box of `scene.yaml` matches a proposal."""
 
 
 class ParseBackend(Protocol):
-    """What a backend of factorize.parse defines."""
+    """Interface of a backend of factorize.parse."""
 
     def propose(
         self, ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Any
@@ -54,8 +54,8 @@ def parse(
 ) -> Elements:
     """Return the elements of the photograph: proposals on the support, or the entries of a `scene.yaml`.
 
-    `interactive` distinguishes handled objects from the static scene. Depth and support are for backends that need
-    them, and label the result `rgbd`. These take no pixel of the robot, where `robot` is not 0, for an object.
+    `interactive` distinguishes movable objects from the static scene. Backends that read depth and support have their
+    result labelled `rgbd`, and exclude the pixels of the robot, where `robot` is not 0.
     """
     options = options or ParseOptions()
     depth = of_workspace(ctx, photograph, measured, support, robot_pixels(ctx, photograph, robot))
@@ -84,11 +84,11 @@ def parse(
 
 
 NEAR_PX = 4
-"""Distance from a region at which a point is still its own: masks lack smeared borders and holes [px]."""
+"""Largest distance of a point from its region [px]: masks lack smeared borders and have holes."""
 
 
 def _at(measured: Measurements[Workspace]) -> matching.Find:
-    """The box of the region above the support that has most of the pixels around a point."""
+    """The box of the region above the support with most pixels around a point."""
 
     def find(point: tuple[int, int]) -> Box | None:
         workspace = measured.needed()

@@ -1,4 +1,4 @@
-"""Elements from Qwen3-VL in this process; the answer is that of greedy decoding."""
+"""Elements from Qwen3-VL, run in this process with greedy decoding."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class Qwen3VlOptions(Options):
     """Options of backend `qwen3_vl` of factorize.parse."""
 
     picture_tokens: PositiveInt = 1280
-    """Most tokens that the picture becomes; one is 32 × 32 px of it, larger pictures are made smaller."""
+    """Maximum number of tokens for the picture; one token is 32 × 32 px, larger pictures are reduced."""
     answer_tokens: PositiveInt = 4096
-    """Most tokens of an answer."""
+    """Maximum number of tokens of an answer."""
     attempts: PositiveInt = 3
-    """How often the model is asked; each time it is told what was wrong before."""
+    """Maximum number of queries; each repeated query contains the error of the previous answer."""
 
 
 def propose(
@@ -57,14 +57,14 @@ def propose(
 
 
 def ask(say: Callable[[Chat], str], attempts: int) -> questions.Answer:
-    """Ask until an answer can be used.
+    """Query the model until an answer is valid.
 
     Args:
-        say: The model's answer to a conversation that begins with the question and the picture.
-        attempts: How often it is asked.
+        say: Function that returns the model's answer to a conversation, which begins with question and picture.
+        attempts: Maximum number of queries.
 
     Raises:
-        RuleError: No answer could be used.
+        RuleError: No answer was valid.
     """
     chat: Chat = [("user", GRID.prompt() + "\n" + questions.form())]
     for _ in range(attempts):
@@ -89,7 +89,7 @@ def _speaker(folder: Path, device: str) -> Speaker:
 
 
 def self_test(ctx: Context) -> None:
-    """The model says something about a grey picture."""
+    """Check that the model answers on a grey picture."""
     import numpy as np
 
     grey = np.full((64, 64, 3), 128, np.uint8)

@@ -34,7 +34,7 @@ class VlmOptions(Options):
     """Options of backend `vlm` of factorize.parse."""
 
     model: str = ""
-    """Name of the model, for backends that query a service (`vlm`)."""
+    """Name of the model, passed to the service."""
 
 
 def propose(
@@ -100,7 +100,7 @@ def _key(ctx: Context) -> str:
 
 
 def _said(body: bytes) -> str:
-    """The text of an answer; its bytes if it is no chat completion."""
+    """The text of an answer; the raw bytes if it is no chat completion."""
     try:
         return str(json.loads(body)["choices"][0]["message"]["content"])
     except (ValueError, KeyError, TypeError, IndexError):

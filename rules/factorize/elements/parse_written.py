@@ -1,4 +1,4 @@
-"""Elements as a `scene.yaml` lists them, with their boxes; nothing is proposed and nothing measured is read."""
+"""Elements and boxes exactly as listed in a `scene.yaml`; no proposals, no measurements."""
 
 from __future__ import annotations
 
@@ -11,4 +11,4 @@ BACKEND = Backend(summary="only what `scene.yaml` lists, with its boxes")
 
 
 def propose(ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Options) -> None:
-    """None: the boxes of `scene.yaml` count as they are."""
+    """None: the boxes of `scene.yaml` are used as they are."""

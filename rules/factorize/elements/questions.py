@@ -1,4 +1,4 @@
-"""What a vision-language model is asked about a photograph, and the check of its answer."""
+"""Prompt of a vision-language model for a photograph, and validation of its answer."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ SCHEMA: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Grid:
-    """The coordinates in which a model gives boxes: 0, 0 is the upper left corner of the picture."""
+    """Coordinate system of a model's boxes; (0, 0) is the upper left corner of the picture."""
 
     width: int
     height: int
@@ -52,7 +52,7 @@ class Grid:
     units: str = "pixels"
 
     def prompt(self) -> str:
-        """The question."""
+        """The prompt."""
         return PROMPT.format(width=self.width, height=self.height, unit=self.unit, units=self.units)
 
     def scale(self, shape: tuple[int, ...]) -> tuple[float, float]:
@@ -104,18 +104,18 @@ def read(text: str, grid: Grid) -> Answer:
 
 
 def form() -> str:
-    """What a model is told that is not held to the schema while it answers."""
+    """Instructions on the format, for a model whose decoding is not constrained to the schema."""
     return "Answer with JSON alone, of this schema: " + json.dumps(SCHEMA)
 
 
 def bare(text: str) -> str:
-    """The JSON of an answer that may stand in a Markdown fence."""
+    """The JSON of an answer, without a Markdown fence if it has one."""
     fenced = re.fullmatch(r"```(?:json)?\s*(.*?)\s*```", text.strip(), re.DOTALL)
     return fenced[1] if fenced else text.strip()
 
 
 def correction(why: object) -> str:
-    """What a model is told of an answer that cannot be used."""
+    """Message to the model about an invalid answer."""
     return f"This answer cannot be used: {why}\nAnswer again, with all of it corrected."
 
 

@@ -37,7 +37,7 @@ class Wanted:
 
     @property
     def interactive(self) -> bool:
-        """Whether the element is a handled object."""
+        """Whether the element is a movable object."""
         return bool(self.fields.get("interactive", self.fields.get("category") not in STATIC))
 
 

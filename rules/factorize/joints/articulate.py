@@ -34,17 +34,17 @@ class ArticulateOptions(Options):
     """Options of factorize.articulate."""
 
     hinge: DeclaredHinge | None = None
-    """A known hinge; None leaves it to the backend."""
+    """Known hinge; None estimates it with the backend."""
     upper_rad: PositiveFloat = 2.29
-    """Upper joint limit if nothing collides [rad]; notebooks stop near 131 degrees."""
+    """Upper joint limit if there is no collision [rad]; notebooks stop near 131 degrees."""
     overlap_m: NonNegativeFloat = 0.001
     """Maximum mean penetration of the lid into the base while closing [m]."""
     without_crease: Literal["fail", "rigid"] = "fail"
-    """How to treat an articulated object in which no joint is found."""
+    """Treatment of an articulated object in which no joint is found."""
 
 
 class ArticulateBackend(Protocol):
-    """What a backend of factorize.articulate defines."""
+    """Interface of a backend of factorize.articulate."""
 
     def parts(
         self,
@@ -77,8 +77,8 @@ def articulate(
 ) -> Body:
     """Return links and joints in the object frame of `shape`, with all geometry at joint position 0 [m, rad].
 
-    Joints that `scene.yaml` states are taken from there, and `camera`, that of the whole photograph, says where its
-    pixels are. `again` is a second capture of the object with its joints elsewhere.
+    Joints stated in `scene.yaml` take precedence; `camera`, that of the whole photograph, relates its pixels to the
+    object. `again` is a second capture of the object with its joints in other positions.
     """
     options = options or ArticulateOptions()
     rigid = traits.body_type == "rigid"
@@ -133,13 +133,13 @@ def _found(
     again: State | None,
     options: ArticulateOptions,
 ) -> Parts | None:
-    """Links and joints from what somebody stated, else from what moved, else from the shape; None: keep it rigid."""
+    """Links and joints as stated, else from motion between captures, else from the shape; None keeps it rigid."""
     if traits.joints:
         return hinted.parts(ctx, shape, depth, traits.joints, camera)
     rigid = traits.body_type == "rigid"
     found: Parts | None = ctx.backend.parts(ctx, shape, depth, again, options, ctx.backend_options)
     if found is None and again is not None and not rigid:
-        # It has joints, but none of them moved between both captures.
+        # The object has joints, but none moved between the captures.
         found = ctx.backend.parts(ctx, shape, depth, None, options, ctx.backend_options)
     if found is None and not rigid and options.without_crease == "fail":
         hint = (

@@ -1,4 +1,4 @@
-"""Backend crease of factorize.articulate: two slabs, or a box and its lid, meet at a crease, which is the hinge."""
+"""Backend crease of factorize.articulate: two slabs, or a box and its lid, with a hinge at their crease."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ BACKEND = Backend(
 )
 
 _AGREES = np.radians(3.0)
-"""Difference of the angles of two fits of the same hinge [rad]."""
+"""Largest difference between the angles of two fits of the same hinge [rad]."""
 _STEPS = 12
 """Number of lid poses between closed and open that are checked for overlap."""
 
@@ -57,7 +57,7 @@ def parts(
 ) -> Parts | None:
     """Split the shape at its hinge and close the parts.
 
-    With a second capture, backend `screw` does it instead.
+    If there is a second capture, backend `screw` is used instead.
 
     Returns:
         The links at joint position 0; None without a crease or if one solid spans both sides of it.
@@ -153,7 +153,7 @@ def _plan_area(lid: Mesh, hinge: Hinge) -> float:
 
 
 def _upper(overlap: Callable[[float], float], least: float, options: ArticulateOptions) -> float:
-    """The widest collision-free opening, and at least the observed one plus a margin."""
+    """The widest collision-free opening, at least the observed one plus a margin."""
     free = least
     for position in np.linspace(least, max(options.upper_rad, least), _STEPS):
         if overlap(float(position)) > options.overlap_m:
@@ -168,12 +168,12 @@ def _walls(shape: Shape, hinge: Hinge) -> tuple[tuple[Hull, ...], tuple[Hull, ..
     for hull in shape.walls:
         middle = hull.vertices.mean(axis=0, dtype=np.float64)
         sides[int(hinge.bisector @ (middle - hinge.origin) > 0.0)].append(hull)
-    # Walls on one side only do not describe both links.
+    # Exact walls of one side only do not describe both links.
     return (tuple(sides[0]), tuple(sides[1])) if all(sides) else ((), ())
 
 
 def _seen_angle(shape: Shape, seen: Seen, hinge: Hinge) -> float | None:
-    """Opening angle of a plane fitted to the seen points near the lid [rad], a check on the mesh."""
+    """Opening angle from a plane fitted to the seen points near the lid [rad], to check the mesh."""
     if shape.pose is None:
         return None
     valid = seen.mask & (seen.depth > 0.0)

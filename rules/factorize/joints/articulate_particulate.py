@@ -1,4 +1,4 @@
-"""Links and joints from the mesh alone, by Particulate in an environment of its own."""
+"""Links and joints from the mesh alone, by Particulate in its own environment."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ class ParticulateOptions(Options):
     """Options of backend `particulate` of factorize.articulate."""
 
     points: int = Field(102_400, ge=2_000, le=1_000_000)
-    """Number of points on the surface that the network sees; twice the number of faces or more."""
+    """Number of surface points that the network samples; at least twice the number of faces."""
     least_confidence: float = Field(0.0, ge=0.0, le=1.0)
-    """Parts below this confidence become one with others."""
+    """Parts with a lower confidence are merged."""
     whole_components: bool = False
-    """Keep each connected component of the mesh in one part. A generated mesh is one component."""
+    """Assign each connected component of the mesh to one part. A generated mesh is one component."""
 
 
 def parts(
@@ -57,7 +57,7 @@ def parts(
 ) -> Parts | None:
     """The parts that Particulate (Li et al., 2025) finds, with all joints at 0 as in the photograph.
 
-    Masses of its URDF are left out: `factorize.physics` finds them. Nothing measured is used.
+    Masses of its URDF are ignored, because `factorize.physics` estimates them. No measurement is used.
     """
     if common.hinge is not None:
         ctx.fail("particulate takes no declared `hinge`", hint="leave `hinge` out, or use backend `crease`")

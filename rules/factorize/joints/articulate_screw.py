@@ -1,4 +1,4 @@
-"""Links and joints from two captures in different states: the motion of each part is a turn or a slide."""
+"""Links and joints from two captures in different states: each part moves by a rotation or a translation."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ BACKEND = Backend(
 )
 
 WIDEST_TURN = np.radians(135.0)
-"""Beyond this, nothing is searched for a stop [rad]."""
+"""Range of the search for a collision [rad]."""
 WHOLE = 0.98
-"""Least share of a wall inside the link that it belongs to."""
+"""Smallest fraction of a wall inside the link that it belongs to."""
 
 
 class ScrewOptions(Options):
     """Options of backend `screw` of factorize.articulate."""
 
     margin_rad: PositiveFloat = 0.05
-    """How far a hinge surely goes beyond the states that were seen, where nothing is in its way [rad]."""
+    """Assumed minimum range of a hinge beyond the observed states if nothing blocks it [rad]."""
     margin_m: PositiveFloat = 0.005
-    """The same of a slide [m]."""
+    """Assumed minimum range of a slide beyond the observed states if nothing blocks it [m]."""
     largest_sigma_rad: PositiveFloat = 0.1
-    """An axis whose direction is less certain than this is refused (standard deviation) [rad]."""
+    """Largest accepted standard deviation of the direction of an axis [rad]."""
     largest_sigma_m: PositiveFloat = 0.02
-    """An axis whose place is less certain than this is refused (standard deviation) [m]."""
+    """Largest accepted standard deviation of the position of an axis [m]."""
 
 
 def parts(
@@ -61,7 +61,7 @@ def parts(
 ) -> Parts | None:
     """Find the parts that moved between both captures, and cut the shape at them.
 
-    Joints are at 0 as in the photograph, and positive towards the second state.
+    Joint positions are 0 in the photograph and positive towards the second state.
     """
     if again is None:
         ctx.log("no second capture: give the input `again`, as `twin/two_states` does")
@@ -105,7 +105,7 @@ def parts(
 
 
 def _refuse_unsure(ctx: Context, name: str, screw: Screw, why: str, options: ScrewOptions) -> None:
-    """Fail where the direction of a joint is open, or `why` tells that it does not explain what was seen."""
+    """Raise if the direction of a joint is undetermined, or if `why` gives a reason to reject the joint."""
     if screw.axis_sigma > options.largest_sigma_rad:
         ctx.fail(
             f"the axis of `{name}` is uncertain by {np.degrees(Z90 * screw.axis_sigma):.0f} deg (90 %)",
@@ -123,7 +123,7 @@ def _refuse_unsure(ctx: Context, name: str, screw: Screw, why: str, options: Scr
 
 
 def _walls(shape: Shape, solids: list[Manifold]) -> list[tuple[Hull, ...]]:
-    """The walls of each link: those that are inside it; none at all if one is in several links."""
+    """The walls of each link: those inside it; none if a wall spans several links."""
     import manifold3d
 
     owned: list[list[Hull]] = [[] for _ in solids]
@@ -150,7 +150,7 @@ def _second(again: State) -> clouds.Sight:
 def _joint(
     name: str, screw: Screw, to_object: np.ndarray, moving: Manifold, others: list[Manifold], options: ScrewOptions
 ) -> Joint:
-    """The joint in the object frame, with what was seen and what is free of contact as intervals of its limits."""
+    """The joint in the object frame; its limits have intervals from the observed range to the collision-free one."""
     turns = screw.type == "revolute"
     origin = transforms.apply(to_object, screw.origin)
     axis = to_object[:3, :3] @ screw.axis

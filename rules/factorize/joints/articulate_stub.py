@@ -34,7 +34,7 @@ def parts(
     common: ArticulateOptions,
     options: Options,
 ) -> Parts:
-    """The lowest tenth of the bounding box as base and an equal box as lid, open by a right angle."""
+    """The lowest tenth of the bounding box as base and an equal box as lid, open by 90 degrees."""
     low, high = shape.mesh.vertices.min(axis=0).astype(np.float64), shape.mesh.vertices.max(axis=0).astype(np.float64)
     height = 0.1 * float(high[2] - low[2])
     top = low[2] + height

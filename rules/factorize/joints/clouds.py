@@ -1,4 +1,4 @@
-"""Points with normals, and borders, of what a depth camera saw."""
+"""Points with normals, and surface borders, of a depth image."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, normals, planes, regions, transforms
 
 MOST = 5000
-"""Points of a cloud that take part; more change no estimate, because neighbours share their errors."""
+"""Maximum number of points of a cloud; more change no estimate, because errors of neighbours are correlated."""
 WINDOW_PX = 3
-"""Half width of the window that a normal is fitted to [px]."""
+"""Half width of the window in which a normal is fitted [px]."""
 BAND_PX = 5
-"""Width of the band along a border in which depth may be lost [px]."""
+"""Width of the band along a border in which depth may be missing [px]."""
 FACE = 40
-"""Number of surface points next to a border that tell how its face lies."""
+"""Number of surface points next to a border from which the orientation of its face is estimated."""
 STEP_M = 0.004
-"""Least step of depth behind a border [m]."""
+"""Smallest depth step behind a border [m]."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Cloud:
     """Points of a surface with unit normals, in one frame."""
 
     points: np.ndarray  # (N, 3) [m]
-    normals: np.ndarray  # (N, 3) towards the camera; of a border: out of the surface's edge, along the surface
+    normals: np.ndarray  # (N, 3) towards the camera; for a border: away from the surface's edge, in its plane
 
     def __len__(self) -> int:
         return len(self.points)
@@ -40,32 +40,32 @@ class Cloud:
         return Cloud(transforms.apply(motion, self.points), self.normals @ motion[:3, :3].T)
 
     def thinned(self, count: int) -> Cloud:
-        """At most `count` points, evenly taken."""
+        """At most `count` points, evenly sampled."""
         return self if len(self) <= count else self.some(np.linspace(0, len(self) - 1, count).astype(int))
 
 
 @dataclass(frozen=True)
 class Eye:
-    """The camera of a sight, with the depth image that it took."""
+    """The camera of a sight, with its depth image."""
 
     depth: np.ndarray  # (H, W) image-plane z [m]; 0 where nothing was measured
     k: np.ndarray  # (3, 3) [px]
     world_from_camera: np.ndarray  # (4, 4)
 
     def hides(self, points: np.ndarray, margin: float = 0.012) -> np.ndarray:
-        """Which world points (N, 3) are behind what was measured, by `margin` [m], or out of the picture."""
+        """Which world points (N, 3) are behind the measured depth by `margin` [m], or outside the picture."""
         there, z = self._at(points)
         return np.asarray((there < 0) | ((there > 0) & (there < z - margin)))
 
     def empty(self, points: np.ndarray) -> float:
-        """Share of world points (N, 3) that are in empty space: something was measured behind them."""
+        """Fraction of the world points (N, 3) that are in observed empty space: the measured depth is behind them."""
         there, z = self._at(points)
         told = there > 0
         behind = there > z + STEP_M + 4.0 * planes.depth_sigma(np.maximum(z, 0.0))
         return float(behind[told].mean()) if told.any() else 0.0
 
     def _at(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What was measured at the pixels of world points (N, 3), -1 out of the picture, and their own z [m]."""
+        """Measured depth at the pixels of world points (N, 3), -1 outside the picture, and their own z [m]."""
         local = transforms.apply(transforms.invert(self.world_from_camera), points)
         rows, columns, inside = cameras.nearest_pixels(local, self.k, self.depth.shape)
         there = self.depth[np.where(inside, rows, 0), np.where(inside, columns, 0)]
@@ -74,12 +74,12 @@ class Eye:
 
 @dataclass(frozen=True)
 class Sight:
-    """What was measured of a surface: its points, the borders where it ends, and the noise."""
+    """Measured surface: its points, the borders where it ends, and the noise."""
 
     inner: Cloud
     border: Cloud
     sigma: float  # standard deviation of a point along its normal [m]
-    eye: Eye | None = None  # of a whole sight that was not moved
+    eye: Eye | None = None  # of the whole sight, before any motion
 
     def some(self, points: np.ndarray, borders: np.ndarray) -> Sight:
         """The chosen points and borders."""
@@ -90,17 +90,17 @@ class Sight:
         return Sight(self.inner.moved(motion), self.border.moved(motion), self.sigma)
 
     def thinned(self, points: int, borders: int) -> Sight:
-        """At most so many points and borders."""
+        """At most so many points and borders, evenly sampled."""
         return Sight(self.inner.thinned(points), self.border.thinned(borders), self.sigma)
 
 
 def of_view(seen: Seen, most: int = MOST) -> Sight:
-    """What was measured of one object, in the world frame [m]."""
+    """Measured surface of one object, in the world frame [m]."""
     return of_depth(seen.depth, seen.mask, seen.camera.matrix(), seen.world_from_camera, most)
 
 
 def of_depth(depth: np.ndarray, mask: np.ndarray, k: np.ndarray, world_from_camera: np.ndarray, most: int) -> Sight:
-    """Measured pixels of a mask that lie on a surface: flying pixels have no plane around them.
+    """Measured pixels of a mask that are on a surface; flying pixels have no plane around them and are dropped.
 
     Args:
         depth: (H, W) image-plane z [m]; 0 where nothing was measured.
@@ -120,7 +120,7 @@ def of_depth(depth: np.ndarray, mask: np.ndarray, k: np.ndarray, world_from_came
     behind = ndimage.maximum_filter(depth, 2 * BAND_PX + 1) - z > STEP_M + 2.0 * planes.depth_sigma(z) + slope
     whole = ndimage.binary_opening(regions.without_pinholes(good), np.ones((3, 3), bool))
     ends = good & whole & behind & ~ndimage.binary_erosion(whole, np.ones((3, 3), bool))
-    # The window's plane, not the reading, gives the point: its noise is that of many pixels.
+    # The point is taken from the window's plane, which averages the noise of many pixels.
     flat = np.divide(1.0, fitted.c, out=np.zeros_like(z), where=good)
     points = transforms.apply(world_from_camera, cameras.backproject(flat, k))
     facing = fitted.normals(k) @ world_from_camera[:3, :3].T
@@ -136,8 +136,8 @@ def _edge(
 ) -> np.ndarray:
     """The edge (N, 3) beyond the border pixels `ends` of a surface, in the camera frame [m].
 
-    Depth is lost in a band along a step, on both sides of it. The edge lies in the middle of that band: without it,
-    a face would seem to shrink the more, the more it is seen from the side.
+    Depth is missing in a band on both sides of a step. The edge is in the middle of that band; without this correction,
+    faces would appear smaller the more obliquely they are seen.
     """
     from scipy import ndimage
 
@@ -162,7 +162,7 @@ def _edge(
 
 
 def _border(points: np.ndarray, inner: Cloud, around: int = 10) -> Cloud:
-    """Border points with directions out of the surface's edge, across the edge and along the surface."""
+    """Border points with directions away from the surface's edge, across the edge and in the plane of the surface."""
     from scipy.spatial import KDTree
 
     if len(points) < around or not len(inner):
@@ -170,7 +170,7 @@ def _border(points: np.ndarray, inner: Cloud, around: int = 10) -> Cloud:
     near = points[KDTree(points).query(points, k=around)[1]]
     offsets = near - near.mean(axis=1, keepdims=True)
     values, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", offsets, offsets))
-    # The face that ends here, not the narrow one of its thickness, says what is along the surface.
+    # The plane is that of the face that ends here, not of the narrow face of its thickness.
     nearest = KDTree(inner.points).query(points, k=min(FACE, len(inner)))[1].reshape(len(points), -1)
     facing, body = inner.normals[nearest].mean(axis=1), inner.points[nearest].mean(axis=1)
     across = np.cross(vectors[:, :, 2], facing)

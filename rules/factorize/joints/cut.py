@@ -1,4 +1,4 @@
-"""Cut a closed mesh into links: whole components, or every place goes to the part of the nearest seen point."""
+"""Cut a closed mesh into links: by connected components, or by the label of the nearest seen point."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 CELLS = 44
-"""Cells of the grid along the longest side of the mesh."""
+"""Grid cells along the longest side of the mesh."""
 SPECK = 0.003
-"""Pieces of a link below this share of the mesh's volume go to the other links."""
+"""Pieces of a link below this fraction of the mesh's volume are given to the other links."""
 SURE = 0.9
-"""Least share of a component's seen points that are of one part, if it is that part."""
+"""Smallest fraction of a component's seen points with one label, if the component is that part."""
 SAMPLES = 600
-"""Points on the surface of a component that seen points are near to."""
+"""Points sampled on the surface of a component, to find the seen points near it."""
 
 
 def solids(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[Manifold] | None:
-    """One solid per label 0, 1, ...: the mesh's components if each is of one part, else cut between the seen points.
+    """One solid per label 0, 1, ...: components of the mesh if each has one label, else cut between the points.
 
     Args:
         mesh: Closed, in the frame of `points`.
@@ -62,7 +62,7 @@ def _owners(mesh: Mesh, parts: list[np.ndarray], points: np.ndarray, labels: np.
 
 
 def _nearest(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[Manifold] | None:
-    """One solid per label 0, 1, ..., cut between the seen points; together they are the mesh. See `solids`."""
+    """One solid per label 0, 1, ..., cut between the seen points; their union is the mesh. See `solids`."""
     left = manifolds.solid(mesh)
     least = SPECK * abs(float(left.volume()))
     taken = []
@@ -72,7 +72,7 @@ def _nearest(mesh: Mesh, points: np.ndarray, labels: np.ndarray) -> list[Manifol
         kept = [piece for piece in mine if piece.volume() > least]
         if not kept:
             return None
-        # By the region, not by the pieces: their common faces would leave films.
+        # Cut with the region rather than with other pieces, whose common faces would leave thin films.
         left = _together([left - region, *(piece for piece in mine if piece.volume() <= least)])
         taken.append(_together(kept))
     rest = [piece for piece in left.decompose() if piece.volume() > least]
@@ -86,7 +86,7 @@ def _together(pieces: list[Manifold]) -> Manifold:
 
 
 def _region(mesh: Mesh, mine: np.ndarray, others: np.ndarray) -> Manifold:
-    """The places around the mesh that are nearer to `mine` than to `others`."""
+    """The space around the mesh that is nearer to `mine` than to `others`."""
     import manifold3d
     from scipy.ndimage import gaussian_filter
     from scipy.spatial import KDTree
@@ -99,7 +99,7 @@ def _region(mesh: Mesh, mine: np.ndarray, others: np.ndarray) -> Manifold:
     axes = [low[i] + edge / 2 * np.arange(counts[i]) for i in range(3)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     nearer = np.asarray(KDTree(others).query(grid)[0]) - np.asarray(KDTree(mine).query(grid)[0])
-    # Smooth over a cell, because noise of the points would make the cut ragged.
+    # Smooth over one cell, because noise of the points would make the cut ragged.
     field = gaussian_filter(nearer.reshape(counts), 1.0)
     values, start, scale = field.tolist(), low.tolist(), 2.0 / edge
     last = [int(count) - 1 for count in counts]

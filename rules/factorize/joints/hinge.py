@@ -15,9 +15,9 @@ _CONE = np.cos(np.radians(15.0))
 """Cosine of the largest angle between a face's normal and its slab's."""
 
 SLABS_SHARE = 0.75
-"""Least part of a mesh's surface that faces along the normals of its two slabs: what is thicker or bent is none."""
+"""Smallest fraction of a mesh's area along the normals of its two slabs; thicker or bent shapes have less."""
 THICKEST = 0.4
-"""Greatest thickness of a slab over the side of a square of its size."""
+"""Largest thickness of a slab, as a fraction of the side of a square of its area."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def _by_direction(normals: np.ndarray, areas: np.ndarray) -> tuple[list[np.ndarr
 
 
 def _thin(normal: np.ndarray, points: np.ndarray, areas: np.ndarray) -> bool:
-    """Whether faces that look along a normal are those of one slab."""
+    """Whether the faces along a normal are those of one thin slab."""
     along, size = points @ normal, float(np.sqrt(areas.sum() / 2.0))
     order = np.argsort(along, kind="stable")
     total = np.cumsum(areas[order])

@@ -1,4 +1,4 @@
-"""Links and joints that `scene.yaml` states, where the photograph tells nothing: a closed door, a shut drawer."""
+"""Links and joints stated in `scene.yaml`, where the photograph shows none: a closed door, a shut drawer."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 LEAST_POINTS = 40
-"""Least number of measured pixels in `part_px`."""
+"""Minimum number of measured pixels in `part_px`."""
 PANEL_M = 0.02
-"""Thickness of a door or a lid whose edge is not seen [m]."""
+"""Thickness of a door or a lid whose edge is not visible [m]."""
 OUT_M = 0.04
-"""How far in front of its plane something still belongs to the part [m]: handles."""
+"""Distance in front of its plane within which geometry, such as a handle, belongs to the part [m]."""
 DRAWER = 0.85
-"""Depth of a drawer in parts of the body's depth."""
+"""Depth of a drawer, as a fraction of the body's depth."""
 WIDEST_TURN = np.radians(110.0)
-"""Opening of a hinge without `range` if nothing is in its way [rad]."""
+"""Opening of a hinge without `range` if nothing blocks it [rad]."""
 PULLED = 0.8
-"""Way of a drawer without `range`, in parts of its depth."""
+"""Travel of a drawer without `range`, as a fraction of its depth."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class _Front:
 def parts(
     ctx: Context, shape: Shape, measured: Measurements[Seen], hints: tuple[JointHint, ...], camera: Camera | None
 ) -> Parts:
-    """Cut the shape at the fronts that the hints name."""
+    """Cut the shape at the fronts given by the hints."""
     seen = measured.needed()
     if camera is None or shape.pose is None:
         lack = "the camera of the whole photograph" if camera is None else "the pose of the shape in the world"
@@ -108,7 +108,7 @@ def _front(ctx: Context, seen: Seen, hint: JointHint, corner: np.ndarray, pose: 
 
 
 def _prism(front: _Front, hint: JointHint, shape: Shape) -> Manifold:
-    """What is in front of and behind the front's outline, as deep as the part is taken to be."""
+    """The prism in front of and behind the front's outline, with the assumed depth of the part."""
     import manifold3d
 
     span = shape.mesh.vertices.astype(np.float64) @ front.normal
@@ -176,7 +176,7 @@ def _joint(
 
 
 def _on_front(pixel: np.ndarray, front: _Front, seen: Seen, corner: np.ndarray, pose: Pose) -> np.ndarray:
-    """The point of the front's plane behind a pixel of the whole photograph, object frame (3,)."""
+    """Point on the front's plane at a pixel of the whole photograph, object frame (3,)."""
     to_object = (pose.inverse() @ seen.measured.camera_pose).matrix
     u, v = pixel - corner
     ray = to_object[:3, :3] @ np.array(

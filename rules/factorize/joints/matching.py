@@ -1,4 +1,4 @@
-"""Lay one sight on another rigidly where they show the same surface, from many starts."""
+"""Rigid registration of one sight to another by their common surface, from many starts."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from dextera_build.geometry import registration, transforms
 from .clouds import Cloud, Eye, Sight
 
 PLANAR = np.eye(6)[:, [2, 3, 4]]
-"""Motions on the support: turn about z, shift along x and y."""
+"""Planar motions on the support: rotation about z, translation along x and y."""
 FREE = np.eye(6)
 """All rigid motions: rotation vector, translation."""
 ALIKE = 0.8
-"""Least cosine of two normals of the same surface."""
+"""Smallest cosine between two normals of the same surface."""
 HELD = 1.0
-"""Score of borders that lie on borders, all of them, beside that of all surface points."""
+"""Weight of the fraction of matched borders in the score, relative to that of matched surface points."""
 BORDERS = 2.0
-"""Weight of all borders beside that of all surface points: borders alone hold a flat face in its plane."""
+"""Weight of all borders relative to all surface points; only borders constrain a flat face within its plane."""
 
 
 @dataclass(frozen=True)
 class Pairs:
-    """Points with a plane each that they should lie on."""
+    """Points with their corresponding planes."""
 
     own: np.ndarray  # (N,) index in the source
     partner: np.ndarray  # (N, 3) a point of the plane [m]
@@ -34,7 +34,7 @@ class Pairs:
 
 
 class Target:
-    """The sight that another one is laid on."""
+    """The sight to register to."""
 
     def __init__(self, sight: Sight) -> None:
         from scipy.spatial import KDTree
@@ -46,17 +46,17 @@ class Target:
         )
 
     def surfaces(self, moved: Cloud, gate: float) -> Pairs:
-        """Partners of surface points within `gate` [m]."""
+        """Correspondences of surface points within `gate` [m]."""
         return _pairs(moved, self.sight.inner, self._trees[0], gate)
 
     def borders(self, moved: Cloud, gate: float) -> Pairs:
-        """Partners of border points within `gate` [m]."""
+        """Correspondences of border points within `gate` [m]."""
         return _pairs(moved, self.sight.border, self._trees[1], gate)
 
     def explained(self, moved: Cloud, gate: float) -> np.ndarray:
-        """Which surface points of `moved` lie on this surface within `gate` [m], (N,) bool.
+        """Which surface points of `moved` are on this surface within `gate` [m], (N,) bool.
 
-        The distance along the surface may be larger, because both are sampled.
+        The tangential distance may be larger, because both surfaces are sampled.
         """
         if not len(moved):
             return np.zeros(0, bool)
@@ -69,7 +69,7 @@ class Target:
         return np.asarray((inside & like & (np.abs(offset) < gate)).any(axis=1))
 
     def score(self, moved: Sight) -> float:
-        """How much of `moved` lies on this sight: surface points, and borders on borders."""
+        """Fraction of `moved` on this sight: surface points, and borders on borders."""
         sigma = max(self.sight.sigma, moved.sigma)
         on = float(self.explained(moved.inner, 2.5 * sigma).sum())
         found = self.borders(moved.border, 0.004 + 2.0 * sigma)
@@ -87,12 +87,12 @@ def _pairs(moved: Cloud, cloud: Cloud, tree: Any, gate: float) -> Pairs:
 
 
 def laid(start: np.ndarray, source: Sight, target: Target, gates: Iterable[float], freedom: np.ndarray) -> np.ndarray:
-    """Steps with a shrinking gate that lay surface on surface and border on border; the (4, 4) motion of `source`.
+    """Registration of surfaces and borders with a shrinking gate; returns the (4, 4) motion of `source`.
 
     Args:
         start: (4, 4) first guess.
-        source: What moves.
-        target: What it is laid on.
+        source: The sight to move.
+        target: The sight to register to.
         gates: Largest distance of a pair in each step [m].
         freedom: (6, K) basis of the allowed motions.
     """
@@ -107,7 +107,7 @@ def laid(start: np.ndarray, source: Sight, target: Target, gates: Iterable[float
 
 
 def _step(moved: Sight, on: Pairs, at: Pairs, gate: float, freedom: np.ndarray) -> np.ndarray:
-    """One Gauss-Newton step as a (4, 4) motion; far pairs weigh less (Tukey)."""
+    """One Gauss-Newton step as a (4, 4) motion, with Tukey weights."""
     points = np.concatenate([moved.inner.points[on.own], moved.border.points[at.own]])
     partner, normal = np.concatenate([on.partner, at.partner]), np.concatenate([on.normal, at.normal])
     each = np.concatenate(
@@ -118,7 +118,7 @@ def _step(moved: Sight, on: Pairs, at: Pairs, gate: float, freedom: np.ndarray) 
     weight = each * (1.0 - (offset**2 / gate**2).clip(0, 1)) ** 2
     rows = np.concatenate([np.cross(points - pivot, normal), normal], axis=1) @ freedom
     system = (rows * weight[:, None]).T @ rows
-    # What no pair tells stays.
+    # Unobservable directions are left unchanged.
     system += 1e-6 * weight.sum() * np.diag(np.diag(freedom.T @ np.diag([1e-2] * 3 + [1.0] * 3) @ freedom))
     step = freedom @ np.linalg.solve(system, rows.T @ (weight * offset))
     turn = registration.rotation(step[:3])
@@ -133,11 +133,11 @@ def narrow(sigma: float) -> list[float]:
 WIDE = (0.05, 0.04, 0.03, 0.03, 0.02, 0.02, 0.015, 0.01, 0.008)
 """Gates of the first steps [m]."""
 CLOSE = (0.02, 0.016, 0.012, 0.012, 0.01, 0.01, 0.008)
-"""The same for starts that are near [m]."""
+"""Gates of the first steps for starts that are near [m]."""
 
 
 Worth = Callable[[np.ndarray], float]
-"""How plausible a (4, 4) motion is, a factor on its score."""
+"""Plausibility of a (4, 4) motion, a factor of its score."""
 
 
 def _equal(motion: np.ndarray) -> float:
@@ -153,9 +153,9 @@ def best(
     worth: Worth = _equal,
     close: tuple[np.ndarray, ...] = (),
 ) -> np.ndarray:
-    """The (4, 4) motion that lays most of `source` on `target`; of equal ones that of the earlier start.
+    """The best-scoring (4, 4) registration of `source` to `target`; ties go to the earlier start.
 
-    Starts that are `close` see near pairs only: parts that moved pull less at them.
+    Starts in `close` use near pairs only, which reduces the influence of parts that moved.
     """
     thin = source.thinned(350, 150)
     found = [laid(start, thin, target, WIDE, freedom) for start in starts]
@@ -165,7 +165,7 @@ def best(
     medium = source.thinned(1500, 500)
     gates = narrow(source.sigma)
     fine = [laid(laid(found[k], medium, target, gates, freedom), medium, target, gates, FREE) for k in order]
-    # What is laid on the target should cover it, too: a part that slid along itself does not.
+    # The source should also cover the target; a part that slid along itself does not.
     back, other = Target(medium), target.sight.thinned(1500, 500)
     share = len(medium.inner) / max(1, len(other.inner))
     scores = [
@@ -177,7 +177,7 @@ def best(
 
 
 def _different(order: np.ndarray, motions: list[np.ndarray], source: Sight, keep: int) -> list[int]:
-    """The first `keep` motions that move the source to different places."""
+    """The first `keep` motions with distinct results."""
     corners = source.inner.thinned(8).points
     chosen: list[int] = []
     for k in order:
@@ -191,8 +191,8 @@ def _different(order: np.ndarray, motions: list[np.ndarray], source: Sight, keep
 
 
 def clear(eye: Eye | None, motion: np.ndarray, points: np.ndarray) -> float:
-    """A factor for (4, 4) motions of points (N, 3): where a camera saw nothing, nothing is.
+    """Factor for (4, 4) motions of points (N, 3): no point may be in observed empty space.
 
-    It ends a part to the pixel, where surfaces and borders leave a bar at liberty to slide along itself.
+    It locates the ends of a part to the pixel, where surfaces and borders do not constrain a bar along its axis.
     """
     return 1.0 if eye is None else (1.0 - eye.empty(transforms.apply(motion, points))) ** 4

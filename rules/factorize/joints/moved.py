@@ -1,4 +1,4 @@
-"""The motion of a part between two sights: starts of the search, and tests of its result."""
+"""Motion of a part between two sights: starting poses of the search, and tests of the result."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from .screw import LEAST_TURN, Screw
 from .standing import SOME
 
 LEAST_SHARE = 0.02
-"""Least part of the seen points that a moved part has."""
+"""Smallest fraction of the seen points that belong to a moved part."""
 LEAST_EXPLAINED = 0.2
-"""Least part of a moved part's points, of those that the second sight would show, that it does show."""
+"""Smallest fraction of a moved part's points that the second sight confirms, of those that it would show."""
 TURNS_DEG = (12, 25, 40, 60, 80, 105, 130)
-"""Turns that a search starts with, both ways."""
+"""Rotations that a search starts with, in both directions [deg]."""
 REACH_M = 0.012
-"""Distance of neighbours in a cluster that a search starts from [m]."""
+"""Largest distance of neighbours in a cluster that a search starts from [m]."""
 UNMOVED_M = 0.008
-"""Way along itself that a surface may have gone unnoticed [m]."""
+"""Displacement along itself that a surface may have without being detected [m]."""
 BESIDE_M = 0.02
-"""Distance from a moved part within which points are taken to be of it [m]."""
+"""Points within this distance of a moved part belong to it [m]."""
 LARGEST_RESIDUAL = 1.5
-"""Largest residual of a part that is accepted, in standard deviations of a point."""
+"""Largest accepted residual of a part, in standard deviations of a point."""
 LARGEST_EMPTY = 0.15
-"""Greatest share of a part that may be where the second sight saw nothing."""
+"""Largest accepted fraction of a part in observed empty space of the second sight."""
 LEAST_SURE = 0.5
-"""Least share of a part that the second sight shows where it would be, of what it would show."""
+"""Smallest fraction of a part that the second sight confirms at its new pose, of the points that it would show."""
 
 
 @dataclass(frozen=True)
 class Open:
-    """What would be seen in the other state, too, if it had stayed."""
+    """Points that would be visible in the other state, too, if they had not moved."""
 
     first: Sight
     second: Sight
@@ -48,7 +48,7 @@ class Open:
     def clear(self, part: np.ndarray, shown: np.ndarray) -> Worth:
         """A factor for motions of points (N, 3), see `matching.clear`, judged in both sights.
 
-        Of the second sight's points `shown` (M, 3), those beside the moved part count.
+        Of the second sight's points `shown` (M, 3), those next to the moved part are used.
         """
         from scipy.spatial import KDTree
 
@@ -64,7 +64,7 @@ class Open:
 
     @classmethod
     def of(cls, first: Sight, second: Sight, stayed: np.ndarray) -> Open:
-        """Points that neither camera hides, where `stayed` (4, 4) leads from the first world to the second."""
+        """Points hidden from neither camera, where `stayed` (4, 4) maps the first world to the second."""
         mine, theirs = np.ones(len(first.inner), bool), np.ones(len(second.inner), bool)
         if second.eye is not None:
             mine = ~second.eye.hides(transforms.apply(stayed, first.inner.points))
@@ -74,7 +74,7 @@ class Open:
 
 
 def moved(here: Sight, labels: np.ndarray, motions: list[np.ndarray], sights: Open) -> np.ndarray | None:
-    """The motion of the largest part that no motion so far explains, or None."""
+    """The motion of the largest part that no motion found so far explains, or None."""
     least = max(portions.LEAST_POINTS, int(LEAST_SHARE * len(here.inner)))
     second = sights.second
     rest = portions.inside(here.inner, labels < 0)
@@ -103,15 +103,15 @@ def moved(here: Sight, labels: np.ndarray, motions: list[np.ndarray], sights: Op
 def _laid(
     source: Sight, piece: Cloud, target: Target, around: Cloud, sights: Open, left: np.ndarray
 ) -> np.ndarray | None:
-    """The motion of a piece that lays it on what no motion so far explains in the second sight, or None.
+    """The motion that registers a piece to unexplained points of the second sight, or None.
 
     Args:
-        source: What the second sight would show of the piece if it had stayed.
-        piece: All of it.
-        target: What no motion so far explains in the second sight, and what is near it.
-        around: The part that stayed.
+        source: The points of the piece that the second sight would show if it had not moved.
+        piece: All points of the piece.
+        target: Unexplained points of the second sight, and points near them.
+        around: The part that did not move.
         sights: Both sights.
-        left: (M,) bool, points of the second sight that no motion so far explains.
+        left: (M,) bool, unexplained points of the second sight.
     """
     second = sights.second
     plausible = Plausible(piece, around)
@@ -126,14 +126,14 @@ def _laid(
     enough = (
         explained.sum() >= portions.LEAST_POINTS
         and explained[shown].mean() >= LEAST_EXPLAINED
-        # An edge that is laid somewhere on a face says nothing of the face's motion; other parts may have moved, too.
+        # An edge on a face does not constrain the face's motion along its plane, and other parts may have moved, too.
         and covered.mean() >= 0.7 * LEAST_EXPLAINED
     )
     return motion if enough and plausible.possible(motion, UNMOVED_M) else None
 
 
 def _starts(source: Cloud, target: Cloud, around: Cloud) -> list[np.ndarray]:
-    """Turns about the vertical and two level directions: between clusters of both clouds, and where hinges may be."""
+    """Rotations about three axes, one of them vertical: between clusters of both clouds, and at possible hinges."""
     facing = np.concatenate([source.normals, around.normals])
     level = facing[np.abs(facing[:, 2]) < 0.3][:, :2]
     if len(level) > 30:
@@ -160,7 +160,7 @@ def _starts(source: Cloud, target: Cloud, around: Cloud) -> list[np.ndarray]:
 
 
 def _pivots(source: Cloud, around: Cloud, axes: np.ndarray, which: int) -> list[np.ndarray]:
-    """Points of lines along one of the axes (3, 3) about which the source may turn."""
+    """Points on lines along one of the axes (3, 3) about which the source may rotate."""
     from scipy.spatial import KDTree
 
     local = source.points @ axes.T
@@ -179,18 +179,18 @@ def _pivots(source: Cloud, around: Cloud, axes: np.ndarray, which: int) -> list[
 
 
 def _middles(cloud: Cloud) -> list[np.ndarray]:
-    """Middles of the three largest clusters, and of all."""
+    """Centres of the three largest clusters, and of all points."""
     thin = cloud.thinned(1500)
     large = [thin.points[mine].mean(axis=0) for mine in portions.clusters(thin.points, REACH_M, len(thin) // 10)[:3]]
     return large if len(large) == 1 else [cloud.points.mean(axis=0), *large]
 
 
 def doubt(part: Sight, stayed: Sight, target: Target, screw: Screw) -> str:
-    """Why the joint of a part is not believed; empty if it is.
+    """Reason for rejecting the joint of a part; empty if it is accepted.
 
     Args:
-        part: Points that moved.
-        stayed: Points of the part that stayed, in the same frame.
+        part: Points of the moved part.
+        stayed: Points of the fixed part, in the same frame.
         target: The second sight.
         screw: The joint, in the same frame.
     """

@@ -1,4 +1,4 @@
-"""Program of backend `particulate` of factorize.articulate; it runs in the environment of Particulate.
+"""Program of backend `particulate` of factorize.articulate; runs in the environment of Particulate.
 
 The environment finds the repository's `infer.py`, which is called as its authors describe.
 """
@@ -33,7 +33,7 @@ def articulate(request: Any) -> Any:
         if not options["whole_components"]:
             command.append("--no_strict")
         subprocess.run(command, cwd=clone, check=True)
-        # infer.py goes on after an error, and puts the time into the name of the folder.
+        # infer.py continues after an error, and the name of the folder contains the time.
         made = list(out.glob("urdf_*/model.urdf"))
         if len(made) != 1:
             raise RuntimeError("infer.py wrote no URDF; its output says why")
@@ -43,7 +43,7 @@ def articulate(request: Any) -> Any:
 
 
 def _clone(request: Any, folder: Path) -> None:
-    """A copy of the repository with the weights of PartField where its code looks for them."""
+    """A copy of the repository with the weights of PartField at the expected path."""
     found = importlib.util.find_spec("infer")
     if found is None or found.origin is None:
         raise RuntimeError("the environment does not find `infer.py`; name the clone in a `.pth` file")
@@ -54,7 +54,7 @@ def _clone(request: Any, folder: Path) -> None:
 
 
 def _without_turn(source: Path, target: Path) -> None:
-    """A GLB whose vertices have z up: infer.py leaves out the transforms of the nodes."""
+    """A GLB whose vertices have z up, because infer.py ignores the transforms of the nodes."""
     import numpy as np
     import trimesh
 

@@ -15,7 +15,7 @@ _FRAMES = 5
 
 
 def draw(body: Body, seen: Seen) -> np.ndarray:
-    """Draw the axis in red, the lid's far edge in white, and its edge at the limits in blue; (H, W, 3) uint8."""
+    """Draw the axis in red, the lid's far edge in white, and the edge at the limits in blue; (H, W, 3) uint8."""
     from PIL import Image, ImageDraw
 
     assert body.pose is not None
@@ -38,7 +38,7 @@ def draw(body: Body, seen: Seen) -> np.ndarray:
 
 
 def strip(body: Body) -> np.ndarray:
-    """One row per joint with the object from the lower to the upper limit, the others as photographed; uint8 RGB."""
+    """One row per joint with the object from the lower to the upper limit, other joints as photographed; uint8 RGB."""
     rows = [
         [_posed(body, joint, value) for value in np.linspace(joint.lower, joint.upper, _FRAMES)]
         for joint in body.joints
@@ -48,7 +48,7 @@ def strip(body: Body) -> np.ndarray:
 
 
 def _posed(body: Body, joint: Joint, value: float) -> list[tuple[np.ndarray, Paint]]:
-    """Corners of all faces with one joint at another position, and how they are coloured."""
+    """Corners of all faces with one joint at another position, and the colours of the faces."""
     poses = kinematics.link_poses(body, {joint.name: value})
     links = ((poses[name], link.mesh) for name, link in body.links.items())
     return [(transforms.apply(pose, mesh.vertices)[mesh.faces], mesh.paint) for pose, mesh in links]

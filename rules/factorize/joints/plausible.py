@@ -1,4 +1,4 @@
-"""Which motions a joint can make: a turn about a line where both parts are, or a slide, and rather a small one."""
+"""Plausibility of joint motions: rotations about a line near both parts, or translations, preferably small."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from dextera_build.geometry import transforms
 from .clouds import Cloud
 
 SMALL_TURN = np.radians(2.0)
-"""A smaller turn is a slide."""
+"""Smaller rotations are treated as translations [rad]."""
 PITCH_M = 0.008
-"""Shift along the axis at which a turn is half as plausible [m]."""
+"""Translation along the axis at which a rotation is half as plausible [m]."""
 NEAR_M = 0.015
-"""Distance between an axis and the parts that it joins that needs no excuse [m]: hinges are partly hidden."""
+"""Distance between an axis and its parts without a penalty [m], because hinges are partly hidden."""
 FAR_M = 0.03
-"""Further distance at which an axis is half as plausible [m]."""
+"""Additional distance at which an axis is half as plausible [m]."""
 ASKEW = np.radians(12.0)
-"""Angle from plumb and level at which a direction is half as plausible [rad]."""
+"""Angle from the vertical or horizontal at which a direction is half as plausible [rad]."""
 LARGE = 0.4
-"""Way of the part, in sizes of the object, at which a motion is half as plausible."""
+"""Displacement of the part, in sizes of the object, at which a motion is half as plausible."""
 
 
 class Plausible:
-    """Judges motions of a part relative to the part that stayed.
+    """Judges motions of a part relative to the fixed part.
 
     Args:
-        part: Points that moved.
+        part: Points of the moved part.
         stayed: Points of the other part, in the same frame.
     """
 
@@ -53,11 +53,11 @@ class Plausible:
         return float(factor / (1.0 + (pitch / PITCH_M) ** 2) / (1.0 + (gap / FAR_M) ** 2))
 
     def possible(self, motion: np.ndarray, unmoved_m: float = 0.0) -> bool:
-        """Whether a (4, 4) motion is a slide, or a turn about a line where both parts are.
+        """Whether a (4, 4) motion is a translation, or a rotation about a line near both parts.
 
         Args:
             motion: The motion.
-            unmoved_m: What moved by less counts for the part that stayed [m]: it is missing beside the axis.
+            unmoved_m: Points that move by less are assigned to the fixed part [m], so points near the axis are missing.
         """
         angle = transforms.angle(motion[:3, :3])
         if angle < SMALL_TURN:
@@ -66,7 +66,7 @@ class Plausible:
         return abs(pitch) < 2.0 * PITCH_M and self._gap(axis, origin) < NEAR_M + 0.5 * FAR_M + unmoved_m / angle
 
     def _gap(self, axis: np.ndarray, origin: np.ndarray) -> float:
-        """Distance of both parts from the place on the axis that is nearest to both [m]."""
+        """Distance of both parts from the point of the axis that is nearest to both [m]."""
         along = np.arange(-self._size, self._size, 0.006)
         places = origin + along[:, None] * axis
         distances = np.stack([np.asarray(tree.query(places)[0]) for tree in self._trees])
@@ -74,17 +74,17 @@ class Plausible:
 
 
 def _square(direction: np.ndarray) -> float:
-    """A factor for a unit direction in the world: most joints are plumb or level as things stand."""
+    """Factor for a unit direction in the world: most joint axes are vertical or horizontal."""
     rise = np.arcsin(min(1.0, abs(float(direction[2]))))
     return float(1.0 / (1.0 + (min(rise, np.pi / 2.0 - rise) / ASKEW) ** 2))
 
 
 def axis_of(motion: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Unit axis (3,), its point nearest to `near` (3,) and the shift along it [m] of a (4, 4) motion that turns."""
+    """Unit axis (3,) of a (4, 4) motion, its point nearest to `near` (3,), and the translation along it [m]."""
     rotation, shift = motion[:3, :3], motion[:3, 3]
     skew = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
     axis = skew / max(float(np.linalg.norm(skew)), 1e-12)
     pitch = float(axis @ shift)
-    # Nothing turns along the axis; pinning that direction keeps the system regular.
+    # A rotation moves nothing along its axis; pinning that direction keeps the system regular.
     system = np.eye(3) - rotation + np.outer(axis, axis)
     return axis, np.linalg.solve(system, shift - axis * pitch + axis * (axis @ near)), pitch

@@ -1,4 +1,4 @@
-"""Portions of a sight: points that are chosen by mask or by the number of their part."""
+"""Subsets of a sight, by mask or by label."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import numpy as np
 from .clouds import Cloud, Sight
 
 LEAST_POINTS = 60
-"""Least number of points of a part."""
+"""Minimum number of points of a part."""
 
 APART = 3.0
-"""Distance of two pieces, in distances of neighbouring points."""
+"""Distance that separates two pieces, in distances of neighbouring points."""
 MOST_PIECES = 3
-"""Number of pieces that are tried."""
+"""Maximum number of pieces that are tried."""
 
 
 def filled(here: Sight, labels: np.ndarray) -> np.ndarray:
-    """Points that no motion explains take the part of most of their neighbours."""
+    """Unexplained points take the label of most of their neighbours."""
     from scipy.spatial import KDTree
 
     known = np.flatnonzero(labels >= 0)
@@ -29,7 +29,7 @@ def filled(here: Sight, labels: np.ndarray) -> np.ndarray:
 
 
 def inside(cloud: Cloud, mask: np.ndarray, count: int = 12) -> np.ndarray:
-    """The points of a mask most of whose neighbours are in it, too."""
+    """The points of a mask most of whose neighbours are in the mask, too."""
     from scipy.spatial import KDTree
 
     if not mask.any():
@@ -39,7 +39,7 @@ def inside(cloud: Cloud, mask: np.ndarray, count: int = 12) -> np.ndarray:
 
 
 def near(cloud: Cloud, chosen: np.ndarray, reach: float = 0.01) -> np.ndarray:
-    """Points within `reach` [m] of chosen ones: where a part moved along itself, most of it looks unmoved."""
+    """Points within `reach` [m] of selected ones: most of a part that moved along itself appears unmoved."""
     from scipy.spatial import KDTree
 
     return np.asarray(np.isfinite(KDTree(cloud.points[chosen]).query(cloud.points, distance_upper_bound=reach)[0]))
@@ -51,7 +51,7 @@ def part(here: Sight, labels: np.ndarray, number: int) -> Sight:
 
 
 def with_borders(sight: Sight, chosen: np.ndarray) -> Sight:
-    """Chosen points and the borders whose nearest point is one of them."""
+    """Selected points, and the borders whose nearest point is selected."""
     from scipy.spatial import KDTree
 
     if not len(sight.border):
@@ -61,7 +61,7 @@ def with_borders(sight: Sight, chosen: np.ndarray) -> Sight:
 
 
 def clusters(points: np.ndarray, reach: float, least: int) -> list[np.ndarray]:
-    """Indices of points (N, 3) that neighbours within `reach` [m] connect, at least `least` each, largest first."""
+    """Indices of clusters of points (N, 3) linked within `reach` [m], with at least `least` points, largest first."""
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
 
@@ -72,7 +72,7 @@ def clusters(points: np.ndarray, reach: float, least: int) -> list[np.ndarray]:
 
 
 def pieces(cloud: Cloud, mask: np.ndarray, least: int) -> list[np.ndarray]:
-    """Masks (N,) of what hangs together of a mask (N,), largest first: two parts rarely touch where they are seen."""
+    """Connected pieces of a mask (N,) as masks (N,), largest first: visible parts rarely touch."""
     from scipy.spatial import KDTree
 
     chosen = np.flatnonzero(mask)

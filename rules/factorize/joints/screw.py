@@ -1,4 +1,4 @@
-"""The joint between two parts from the motion of one relative to the other: a turn about a line, or a slide."""
+"""Joint between two parts from their relative motion: a rotation about a line, or a translation."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from .matching import BORDERS, Pairs, Target, narrow
 from .plausible import axis_of
 
 MEASUREMENTS = 40.0
-"""Number of independent measurements that all pairs count as: neighbouring pixels share their errors."""
+"""Effective number of independent measurements of all pairs: errors of neighbouring pixels are correlated."""
 BORDER_M = 0.001
-"""Error of all borders together: a depth camera loses as much at each. It moves the axis of a small turn far [m]."""
+"""Common error of all borders [m]: depth is missing equally at each. It moves the axis of a small rotation far."""
 UPRIGHT = 2.0
-"""Standard deviations within which an axis is taken to be plumb or level."""
+"""Standard deviations within which an axis is made vertical or horizontal."""
 LEAST_TURN = np.radians(3.0)
-"""Smaller turns are told from a slide by the residuals."""
+"""Rotations below this angle are distinguished from a translation by the residuals [rad]."""
 
 
 @dataclass(frozen=True)
 class Screw:
-    """A turn about a line or a slide along a direction, with what the residuals leave open."""
+    """Rotation about a line or translation along a direction, with the uncertainty from the residuals."""
 
     type: Literal["revolute", "prismatic"]
-    origin: np.ndarray  # (3,) on the axis, nearest to the middle of the part [m]
+    origin: np.ndarray  # (3,) on the axis, nearest to the centre of the part [m]
     axis: np.ndarray  # (3,) unit
     amount: float  # positive [rad or m]
     axis_sigma: float  # standard deviation of the direction [rad]
-    origin_sigma: float  # standard deviation of the line's place; 0 of a slide [m]
+    origin_sigma: float  # standard deviation of the line's position; 0 for a translation [m]
     amount_sigma: float  # [rad or m]
     residual: float  # root mean square distance of the pairs [m]
 
@@ -55,23 +55,23 @@ def slid(axis: np.ndarray, distance: float) -> np.ndarray:
 
 
 def fit(part: Sight, target: Target, start: np.ndarray, up: np.ndarray) -> Screw | None:
-    """The turn or the slide that lays `part` on `target`, near the rigid motion `start` (4, 4).
+    """The rotation or translation that registers `part` to `target`, near the rigid motion `start` (4, 4).
 
-    An axis that could as well be plumb or level is taken to be so: most things are built that way, and stand upright.
+    An axis that is vertical or horizontal within its uncertainty is made exactly so, as most joints are.
 
     Args:
-        part: What moved.
-        target: Where it is now.
+        part: The moved part.
+        target: Its surface after the motion.
         start: (4, 4) first guess.
         up: (3,) direction away from the support.
 
     Returns:
-        The better of the two; None if `start` leaves hardly any pair.
+        The better of the two; None if `start` gives too few pairs.
     """
     turn, slide = _revolute(part, target, start), _prismatic(part, target, start)
     if turn is None or slide is None:
         return turn or slide
-    # A slide has two parameters fewer; a small turn about a distant line looks like one.
+    # A translation has two parameters fewer; a small rotation about a distant line resembles one.
     if turn.amount < LEAST_TURN and slide.residual < 1.15 * turn.residual + 1e-4:
         return slide
     upright = _upright(turn, up)
@@ -82,7 +82,7 @@ def fit(part: Sight, target: Target, start: np.ndarray, up: np.ndarray) -> Screw
 
 
 def _upright(turn: Screw, up: np.ndarray) -> np.ndarray | None:
-    """The plumb or level direction that the axis may have; None if it is surely neither."""
+    """The vertical or horizontal direction within the uncertainty of the axis; None if there is none."""
     sine = float(turn.axis @ up)
     if np.arccos(min(1.0, abs(sine))) < UPRIGHT * turn.axis_sigma:
         return np.asarray(up * np.sign(sine))
@@ -93,7 +93,7 @@ def _upright(turn: Screw, up: np.ndarray) -> np.ndarray | None:
 
 
 def _revolute(part: Sight, target: Target, start: np.ndarray, fixed: np.ndarray | None = None) -> Screw | None:
-    """The turn near `start`; about a direction `fixed` (3,) if given, with the axis at liberty to move only."""
+    """The rotation near `start`; if a direction `fixed` (3,) is given, only the position of the axis is free."""
     angle = transforms.angle(start[:3, :3])
     if angle < 1e-3:
         return None
@@ -154,7 +154,7 @@ def _prismatic(part: Sight, target: Target, start: np.ndarray) -> Screw | None:
 def _solve(
     part: Sight, target: Target, motion: Callable[[np.ndarray], np.ndarray], start: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Parameters, their covariance and the residual [m] of the motion that lays `part` on `target`."""
+    """Parameters, their covariance and the residual [m] of the motion that registers `part` to `target`."""
     from scipy.optimize import least_squares
 
     now = start
@@ -174,7 +174,7 @@ def _solve(
 
 
 class _Rows:
-    """Distances of points to their partners' planes, by the parameters of a motion."""
+    """Distances of points to their corresponding planes, as a function of the parameters of a motion."""
 
     def __init__(self, part: Sight, on: Pairs, at: Pairs, motion: Callable[[np.ndarray], np.ndarray]) -> None:
         self.motion = motion

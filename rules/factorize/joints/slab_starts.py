@@ -1,4 +1,4 @@
-"""Where a fit of two hinged slabs starts: each large plane may be the lid."""
+"""Starting parameters for fitting two hinged slabs: each large plane may be the lid."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from ..shapes.families import panels
 from ..shapes.families.planes import largest_plane
 
 MOST = 4000
-"""Points that take part."""
+"""Maximum number of points used."""
 PLANES = 3
-"""Number of planes of which each may be the lid."""
+"""Number of planes that are tried as the lid."""
 NEAR_M = 0.006
 """Largest distance of a plane's points [m]."""
 LEAST_SHARE = 0.06
-"""Least part of the seen points in a plane that may be the lid."""
+"""Smallest fraction of the seen points on a plane that may be the lid."""
 LEAST_TILT = 0.05
-"""Least level component of the lid's normal: a lid that is as level as this tells no hinge (3 deg)."""
+"""Smallest horizontal component of the lid's normal: a more level lid does not determine a hinge (3 deg)."""
 LEAST_M = 0.03
-"""Least length and width of a lid [m]."""
+"""Minimum length and width of a lid [m]."""
 
 
 def starts(points: np.ndarray) -> Iterator[np.ndarray]:
-    """Parameters of `panels` with each large plane as the lid, on either side of the base, hinged at two heights.
+    """Starting parameters of `panels`: each large plane as the lid, on either side of the base, at two heights.
 
     Args:
         points: (N, 3) seen points in the world [m].
@@ -62,7 +62,7 @@ def _planes(points: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
 
 def _start(normal: np.ndarray, lid: np.ndarray, rest: np.ndarray, level: float, side: float) -> np.ndarray | None:
     """Parameters with the lid in a plane, hinged at height `level`, and the base on one side of its hinge."""
-    # y of the body points from the base over the crease.
+    # y of the body points from the base across the crease.
     across = side * np.array([normal[0], normal[1]]) / np.linalg.norm(normal[:2])
     crease = np.array([across[1], -across[0]])
     rise = np.cross(np.array([crease[0], crease[1], 0.0]), normal)

@@ -1,4 +1,4 @@
-"""Two hinged slabs, or a box with a hinged lid, that explain the depth of an object that is known to have a joint."""
+"""Fit two hinged slabs, or a box with a hinged lid, to the depth of an object that is known to have a joint."""
 
 from __future__ import annotations
 
@@ -26,31 +26,32 @@ from .hinge import Hinge
 from .hinge import find as find_crease
 
 SLABS = "panels"
-"""Hypothesis of a shape that is two slabs."""
+"""Name of the hypothesis of two slabs."""
 BETTER = 0.02
-"""Difference of scores from which a body explains a view better than another one."""
+"""Score difference above which one body explains a view better than another."""
 REFLEX = 1.1 * np.pi
-"""Angle between two slabs from which they are neighbouring faces of one body [rad]."""
+"""Angle between two slabs above which they are adjacent faces of one body [rad]."""
 TRIES = 4
 """Number of starts that are refined."""
 STEPS = (5, 25)
 """Steps of each start, and of the best one."""
 VESSEL_M = 0.035
-"""Height of a base from which it may be a box rather than a slab [m]."""
+"""Height of a base above which it may be a box rather than a slab [m]."""
 WALL_M = 0.005
 """Expected thickness of the walls of a box [m]."""
 THICKEST_LID_M = 0.03
-"""Largest thickness of a lid [m]."""
+"""Maximum thickness of a lid [m]."""
 HIDDEN_M = 0.004
-"""Standard deviation of a hinge that is hidden by its lid: how it is built, its outside does not tell [m]."""
+"""Standard deviation of the position of a hinge hidden by its lid [m], which the outside does not show."""
 LARGEST_SIGMA_M = 0.01
-"""A hinge whose place is less certain than this is not told (standard deviation) [m]."""
+"""Largest accepted standard deviation of the position of a hinge [m]."""
 LEAST_SCORE = 0.88
-"""Least score of a body that is taken; see `scoring.judge`."""
+"""Smallest accepted score of a body; see `scoring.judge`."""
 LEAST_MESH = 0.8
-"""Least score of a mesh whose crease counts where no slabs were fitted; a worse one is two slabs by default."""
+"""Smallest score of a mesh whose crease is used where no slabs were fitted; meshes below it are slabs only by
+default."""
 GUESSED_STEPS = 30.0
-"""Standard deviation of a parameter of which the view tells nothing, in its finite-difference steps."""
+"""Standard deviation of a parameter that the view does not determine, in its finite-difference steps."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def of_mesh(shape: Shape) -> Hinge | None:
 
 
 def seen(shape: Shape, measured: Measurements[Seen]) -> Slabs | None:
-    """Slabs that explain the depth about as well as the shape does, or better; None if none do, or without depth."""
+    """Slabs that explain the depth about as well as the shape, or better; None if there are none, or without depth."""
     if measured.for_check() is None or (shape.hypothesis not in HYPOTHESES and of_mesh(shape) is not None):
         return None
     view = measured.needed().upright()
@@ -85,13 +86,13 @@ def seen(shape: Shape, measured: Measurements[Seen]) -> Slabs | None:
     if found is None:
         return None
     rival = _score(shape, evidence)
-    # Somebody said that it has a joint: of equal bodies, slabs are it; but slabs that the mesh has already stay.
+    # The object is known to have a joint, so slabs win ties; slabs that are already in the mesh are kept.
     margin = BETTER if shape.hypothesis == SLABS else -BETTER
     return replace(found, better=found.score > rival + margin) if found.score > rival - BETTER else None
 
 
 def _score(shape: Shape, evidence: Evidence) -> float:
-    """How well a shape explains the view; minus infinity if nobody knows where it is."""
+    """How well a shape explains the view; minus infinity if its pose is unknown."""
     if shape.pose is None:
         return float("-inf")
     pose = shape.pose.matrix.copy()
@@ -101,15 +102,15 @@ def _score(shape: Shape, evidence: Evidence) -> float:
 
 
 def find(evidence: Evidence, seen: Seen, texture_px: int = 1024) -> Slabs | None:
-    """Fit a base and a lid to what was measured, from starts with each large plane as the lid.
+    """Fit a base and a lid to the measurements, starting with each large plane as the lid.
 
     Args:
         evidence: The view.
-        seen: The same, whose colours are painted on the body.
+        seen: The same view, whose colours are painted on the body.
         texture_px: Largest width and height of the texture [px].
 
     Returns:
-        The body; None if none explains the view, or if the view leaves its hinge open.
+        The body; None if no body explains the view, or if the view does not determine its hinge.
     """
     found = _fitted(evidence, list(slab_starts.starts(evidence.points)))
     if found is None:
@@ -149,7 +150,7 @@ def _fitted(evidence: Evidence, starts: list[np.ndarray]) -> tuple[Model, np.nda
 
 
 def _model(start: np.ndarray) -> Model:
-    """The parameters of `panels`, and of a box its walls and floor [m]."""
+    """Parameters of `panels`, and for a box additionally wall and floor thickness [m]."""
     inf, box = np.inf, len(start) > 9
     thin = panels.THINNEST_M
     lower = np.array([-inf, -inf, -inf, 0.02, 0.02, thin, 0.02, thin, 0.08, *[0.001, 0.001] * box])
@@ -176,7 +177,7 @@ def _solid(p: np.ndarray) -> Solid:
 
 
 def _rings(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Outside, base and rim, and cavity, rim and floor, of a box: (2, 4, 3) each."""
+    """Rings of a box: outside (base, rim) and cavity (rim, floor), (2, 4, 3) each."""
 
     def ring(z: float, inset: float) -> np.ndarray:
         x, y = p[3:5] / 2 - inset
@@ -204,7 +205,7 @@ def _doubt(model: Model, evidence: Evidence, p: np.ndarray) -> tuple[float, floa
 
 
 def _place(p: np.ndarray) -> np.ndarray:
-    """A point (3,) of the hinge in the world."""
+    """A point (3,) on the hinge in the world."""
     return np.asarray((upright(p[0], p[1], p[2]) @ [0.0, p[4] / 2, p[5], 1.0])[:3])
 
 

@@ -1,4 +1,4 @@
-"""The part of an object that stayed: its motion on the support between two sights."""
+"""The fixed part of an object: its motion on the support between two sights."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from .clouds import Sight
 from .matching import PLANAR, Target, best, clear
 
 CARRIED = 0.15
-"""Motion of the whole object between two sights, in parts of its size, at which it is half as plausible."""
+"""Motion of the whole object between two sights, as a fraction of its size, at which it is half as plausible."""
 TILT = np.radians(2.0)
 """Angle between two measurements of the support at which a motion on it is half as plausible [rad]."""
 RISE_M = 0.004
-"""Difference of their heights at which it is half as plausible [m]."""
+"""Difference between the heights of the supports at which a motion is half as plausible [m]."""
 SOME = 800
-"""Points that tell whether a part would be in empty space."""
+"""Points used to test whether a part would be in empty space."""
 
 
 def beside(source: Sight) -> list[np.ndarray]:
-    """Small motions on the support (4, 4): shifts by up to 3 cm and turns by up to 5 degrees."""
+    """Small motions on the support (4, 4): translations by up to 3 cm and rotations by up to 5 degrees."""
     middle = source.inner.points.mean(axis=0)
     found = []
     for angle in np.radians([0.0, 5.0, -5.0]):
@@ -33,10 +33,10 @@ def beside(source: Sight) -> list[np.ndarray]:
 
 
 def standing(source: Sight, target: Target) -> np.ndarray:
-    """The (4, 4) motion on the support that lays most of `source` on `target`: that of the part that stayed.
+    """The (4, 4) motion on the support that registers most of `source` to `target`: that of the fixed part.
 
-    It starts with small motions and turns about the middle, and ends with free steps, because the two supports were
-    measured separately.
+    It starts with small motions and rotations about the centre, and ends with unconstrained steps, because the two
+    supports were measured separately.
     """
     middle, other = np.median(source.inner.points, axis=0), np.median(target.sight.inner.points, axis=0)
     shifts = [np.zeros(3), (other - middle) * [1.0, 1.0, 0.0]]
@@ -55,7 +55,7 @@ def standing(source: Sight, target: Target) -> np.ndarray:
 
 
 def settled(part: Sight, target: Target, start: np.ndarray) -> np.ndarray:
-    """The (4, 4) motion on the support, near `start`, of a part that stayed."""
+    """The (4, 4) motion on the support, near `start`, of a fixed part."""
     points, eye = part.inner.thinned(SOME).points, target.sight.eye
     return best(
         [start],
@@ -68,7 +68,7 @@ def settled(part: Sight, target: Target, start: np.ndarray) -> np.ndarray:
 
 
 def level(motion: np.ndarray, points: np.ndarray) -> float:
-    """A factor for (4, 4) motions of points (N, 3) that stay on a support: a lid that was opened does not."""
+    """Factor for (4, 4) motions of points (N, 3) that stay on a support, unlike those of an opened lid."""
     tilt = float(np.arccos(np.clip(motion[2, 2], -1.0, 1.0)))
     rise = float((transforms.apply(motion, points) - points)[:, 2].mean())
     return float(1.0 / (1.0 + (tilt / TILT) ** 2) / (1.0 + (rise / RISE_M) ** 2))

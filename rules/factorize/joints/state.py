@@ -1,4 +1,4 @@
-"""factorize.state: a second capture of the same things, with their joints elsewhere."""
+"""factorize.state: a second capture of the same objects with their joints in other positions."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Context, rule
 
 LEAST_M = 0.004
-"""Height above the support from which something stands on it [m]."""
+"""Height above the support above which a point belongs to an object [m]."""
 LEAST_POINTS = 200
-"""Least number of measured pixels above the support."""
+"""Minimum number of measured pixels above the support."""
 
 
 @rule(version=1)
 def state(ctx: Context, capture: Capture, support: Support) -> State:
-    """Return what was measured of the second capture, in the world of its own support [m]."""
+    """Return the measurements of the second capture, in the world of its own support [m]."""
     if capture.measured is None:
         ctx.fail(
             "the second capture has no depth", hint="add it: joints are found by comparing the depth of both captures"

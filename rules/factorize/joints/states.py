@@ -1,7 +1,8 @@
-"""Parts of an object that was seen in two states: what stayed, and what moved relative to it.
+"""Parts of an object seen in two states: the fixed part, and the parts that moved relative to it.
 
-The largest surface that a motion on the support lays on the second sight is the part that stayed. What remains is laid
-on what remains there, part by part, and each motion is read as a turn about a line or a slide.
+The largest surface that a motion on the support registers to the second sight is the fixed part. The remaining points
+are registered to the remaining points there, part by part, and each motion is decomposed into a rotation about a line
+or a translation.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ from .standing import settled, standing
 class States:
     """An object in two states."""
 
-    labels: np.ndarray  # (N,) part of each seen point: 0 stayed, 1.. moved
+    labels: np.ndarray  # (N,) part of each seen point: 0 fixed, 1.. moved
     screws: tuple[Screw, ...]  # of parts 1.., in the frame of the first sight; `amount` leads to the second state
     stayed: np.ndarray  # (4, 4) motion of part 0 from the first world to the second
-    doubts: tuple[str, ...]  # why the joint of a part is not believed; empty if it is
+    doubts: tuple[str, ...]  # reason for rejecting the joint of a part; empty if it is accepted
 
 
 def find(first: Sight, second: Sight) -> States | None:
-    """Find the parts of `first`, an object, that moved until `second` was seen.
+    """Find the parts of `first`, an object, that moved before `second` was captured.
 
     Args:
         first: The object in the first state.
@@ -60,7 +61,7 @@ def find(first: Sight, second: Sight) -> States | None:
     labels = portions.filled(here, _sole(here, target, motions))
     large = [k for k in range(1, len(motions)) if (labels == k).sum() > portions.LEAST_POINTS]
     if len(large) < len(motions) - 1:
-        # Another motion explains what seemed to be a part.
+        # Another motion explains this candidate part.
         motions = [motions[0], *(motions[k] for k in large)]
         labels = portions.filled(here, _sole(here, target, motions))
     screws, doubts = [], []
@@ -77,7 +78,7 @@ def find(first: Sight, second: Sight) -> States | None:
 
 
 def _labels(here: Sight, target: Target, motions: list[np.ndarray]) -> np.ndarray:
-    """(N,) number of the first motion that lays a point on the target; -1 for none."""
+    """(N,) number of the first motion that maps a point onto the target; -1 for none."""
     labels = np.full(len(here.inner), -1)
     for number, motion in reversed(list(enumerate(motions))):
         labels[target.explained(here.inner.moved(motion), 2.5 * here.sigma)] = number
@@ -85,7 +86,7 @@ def _labels(here: Sight, target: Target, motions: list[np.ndarray]) -> np.ndarra
 
 
 def _sole(here: Sight, target: Target, motions: list[np.ndarray]) -> np.ndarray:
-    """(N,) number of the only motion that lays a point on the target; -1 for none or several: neighbours decide."""
+    """(N,) number of the only motion that maps a point onto the target; -1 for none or several."""
     laid_on = np.stack([target.explained(here.inner.moved(motion), 2.5 * here.sigma) for motion in motions])
     return np.where(laid_on.sum(axis=0) == 1, laid_on.argmax(axis=0), -1)
 
@@ -93,7 +94,7 @@ def _sole(here: Sight, target: Target, motions: list[np.ndarray]) -> np.ndarray:
 def _again(
     first: Sight, here: Sight, target: Target, motions: list[np.ndarray], stayed: np.ndarray
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """All motions once more, each from the points of its own part alone."""
+    """Refine all motions, each from the points of its own part alone."""
     labels = portions.filled(here, _labels(here, target, motions))
     gates = narrow(first.sigma)
     own = [portions.part(here, labels, number) for number in range(len(motions))]
@@ -102,7 +103,7 @@ def _again(
         for motion, part in zip(motions, own, strict=True)
     ]
     if len(own[0].inner) > portions.LEAST_POINTS:
-        # The borders of parts that moved may have held the whole object aside.
+        # The borders of moved parts may have biased the motion of the whole object.
         again[0] = settled(own[0], target, again[0])
     back = transforms.invert(again[0])
     return again[0] @ stayed, [np.eye(4), *(motion @ back for motion in again[1:])]

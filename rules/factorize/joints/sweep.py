@@ -1,4 +1,4 @@
-"""How far a joint goes until its links collide."""
+"""Range of a joint until its links collide."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 STEPS = 16
-"""Number of positions that are tried on each side."""
+"""Number of positions tested on each side."""
 ALLOWED = 0.02
-"""Share of the smaller link's volume that may overlap beyond what overlaps as seen: cuts at the hinge are coarse."""
+"""Allowed overlap beyond the overlap as seen, as a fraction of the smaller link's volume: cuts at the hinge are
+coarse."""
 
 
 def free(
     moving: Manifold, others: list[Manifold], motion: Callable[[float], np.ndarray], start: float, end: float
 ) -> tuple[float, bool]:
-    """The last position from `start` towards `end` without a collision, and whether one stopped it.
+    """The last collision-free position from `start` towards `end`, and whether a collision ended the sweep.
 
     Args:
-        moving: What the joint moves, at position `start`.
-        others: What stays.
+        moving: The moving link, at position `start`.
+        others: The other links.
         motion: Position -> (4, 4) motion of `moving` from `start`.
-        start: Position that was seen [rad or m].
-        end: Where the search ends.
+        start: Observed position [rad or m].
+        end: End of the search [rad or m].
     """
 
     def overlap(position: float) -> float:

@@ -24,14 +24,14 @@ Node = ElementTree.Element
 def read(path: Path) -> tuple[dict[str, Link], tuple[Joint, ...]]:
     """Links and joints in the frame of the root link, with every joint at 0; `base` is the root.
 
-    Links at fixed joints become one with their parent, roots beside the largest one with that, and surfaces are closed
-    where they can be. Limits are widened to hold 0, because that is where the joints stand.
+    Links at fixed joints are merged with their parents, and further roots with the largest one; surfaces are closed
+    where possible. Limits are widened to contain 0, the position of the joints.
 
     Args:
-        path: The URDF; meshes lie beside it, in its unit of length.
+        path: The URDF; its meshes are in the same folder, in its unit of length.
 
     Raises:
-        ValueError: It is no URDF, its joints are no tree, or one is neither revolute, prismatic nor fixed.
+        ValueError: It is no URDF, its joints form no tree, or one is neither revolute, prismatic nor fixed.
         ArtifactError: A mesh cannot be read.
     """
     try:
@@ -86,7 +86,7 @@ def _poses(root: Node, names: list[str]) -> dict[str, np.ndarray]:
 
 
 def _owners(root: Node, placed: dict[str, list[Mesh]]) -> dict[str, str]:
-    """Link -> the link that it becomes part of."""
+    """Link -> the link that it is merged into."""
     parents = {_end(node, "child"): node for node in root.findall("joint")}
     roots = [name for name in placed if name not in parents]
     areas = {

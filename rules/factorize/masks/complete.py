@@ -1,4 +1,4 @@
-"""factorize.complete: the pixels of an object that something nearer hides."""
+"""factorize.complete: pixels of an object that are hidden by a nearer one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class CompleteOptions(Options):
 
 
 class CompleteBackend(Protocol):
-    """What a backend of factorize.complete defines."""
+    """Interface of a backend of factorize.complete."""
 
     def complete(self, ctx: Context, view: ObjectView, options: Any) -> tuple[np.ndarray, np.ndarray]:
         """Colours (H, W, 3) uint8 and mask (H, W) bool of the whole object, in the crop of `view`."""
@@ -32,8 +32,8 @@ class CompleteBackend(Protocol):
 def complete(ctx: Context[CompleteBackend], view: ObjectView, *, options: CompleteOptions | None = None) -> ObjectView:
     """Return the view with colours and mask of the whole object, in the same crop (DEXTERA, section III-A).
 
-    Pixels of the mask keep their colour. Only pixels of `occluder` join it, and they stay marked there, so depth of the
-    nearer thing is never taken for the object's. A view of which little is hidden comes back as it is.
+    Pixels of the mask keep their colour. Only pixels of `occluder` are added to it, and they stay marked there, so that
+    the depth of the nearer object is never used for this one. A view with little occlusion is returned unchanged.
     """
     part = hidden_part(view.mask, view.occluder)
     ctx.metric("hidden outline", 100.0 * part, "%")

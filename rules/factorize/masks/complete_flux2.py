@@ -1,4 +1,4 @@
-"""Backend `flux2` of factorize.complete: FLUX.2 paints what is hidden, and GrabCut cuts the object out of it."""
+"""Backend `flux2` of factorize.complete: FLUX.2 inpaints the occluded region, and GrabCut segments the object in it."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ class Flux2Options(Options):
     """Options of backend `flux2` of factorize.complete."""
 
     prompt: str = "a photograph of {phrase}, whole and unobstructed"
-    """What the model is asked to paint; `{phrase}` is the phrase of the object."""
+    """Prompt of the model; `{phrase}` is the phrase of the object."""
     strength: float = Field(1.0, gt=0.0, le=1.0)
-    """1 paints from noise; less keeps something of what hides the object."""
+    """1 paints from pure noise; lower values keep more of the occluder."""
     steps: int = Field(50, ge=1, le=200)
-    """Steps of the sampling."""
+    """Number of sampling steps."""
     guidance: float = Field(4.0, ge=1.0, le=20.0)
-    """Weight of the prompt."""
+    """Guidance scale of the prompt."""
     longest_px: int = Field(768, ge=64, le=4096)
-    """Longest side that the model paints [px]; the crop is enlarged or reduced to it."""
+    """Longest side of the inpainted crop [px]; the crop is resized to it."""
     rounds: PositiveInt = 5
-    """Rounds in which the colour models are learned."""
+    """GrabCut iterations."""
     seed: NonNegativeInt = 0
     """Seed of the sampling."""
 
 
 def complete(ctx: Context, view: ObjectView, options: Flux2Options) -> tuple[np.ndarray, np.ndarray]:
-    """The occluder's pixels by FLUX.2 (Black Forest Labs, 2025), given the phrase and the object's visible pixels."""
+    """The occluder's pixels inpainted by FLUX.2 (Black Forest Labs, 2025), given phrase and visible pixels."""
     prompt = options.prompt.replace("{phrase}", view.phrase)
     alone = np.where(view.mask[..., None], view.rgb.pixels, np.uint8(255))
     pipeline, hidden = ctx.load(load, "flux2_klein"), view.occluder & ~view.mask
@@ -50,7 +50,7 @@ def complete(ctx: Context, view: ObjectView, options: Flux2Options) -> tuple[np.
 
 
 def self_test(ctx: Context) -> None:
-    """The model paints a corner of a grey picture in one step."""
+    """Check that the model inpaints a corner of a grey picture in one step."""
     taken = np.zeros((64, 64), bool)
     taken[:32, :32] = True
     grey = np.full((64, 64, 3), 128, np.uint8)
@@ -60,14 +60,14 @@ def self_test(ctx: Context) -> None:
 def whole(pixels: np.ndarray, mask: np.ndarray, hidden: np.ndarray, rounds: int) -> np.ndarray:
     """The mask (H, W) bool of the whole object in a completed picture.
 
-    Rother, Kolmogorov, Blake: GrabCut, SIGGRAPH 2004. Visible pixels are the object, the rest is not, and of the hidden
-    ones those are cut out that look like the object and touch it.
+    Rother, Kolmogorov, Blake: GrabCut, SIGGRAPH 2004. Visible pixels are foreground, all others background; hidden
+    pixels that GrabCut assigns to the object and that are connected to it are added.
 
     Args:
         pixels: (H, W, 3) uint8 sRGB, hidden pixels painted.
         mask: (H, W) bool, visible pixels of the object.
         hidden: (H, W) bool, painted pixels.
-        rounds: Rounds in which the colour models are learned.
+        rounds: Number of iterations.
     """
     import cv2
     from scipy import ndimage
@@ -75,8 +75,8 @@ def whole(pixels: np.ndarray, mask: np.ndarray, hidden: np.ndarray, rounds: int)
     if not hidden.any() or (mask | hidden).all():
         return mask
     cv2.setNumThreads(1)
-    cv2.setRNGSeed(0)  # the colour models start from k-means
-    # Learned from what was seen alone: hidden pixels have the colour and the label of the nearest visible one.
+    cv2.setRNGSeed(0)  # the colour models are initialised by k-means
+    # Learned from visible pixels alone: hidden pixels take the colour and the label of the nearest visible one.
     nearest = tuple(ndimage.distance_transform_edt(hidden, return_distances=False, return_indices=True))
     models = np.zeros((1, 65)), np.zeros((1, 65))
     known = np.where(mask, cv2.GC_FGD, cv2.GC_BGD).astype(np.uint8)

@@ -1,8 +1,9 @@
-"""Backend `mirrored` of factorize.complete: what is hidden by symmetry and convexity, from the view alone.
+"""Backend `mirrored` of factorize.complete: completion by symmetry and convexity, from the view alone.
 
-Most things on tables look much the same on both sides of some line in the picture. A line is taken if hardly a pixel
-of the mirrored mask falls where something else is seen; mirrored pixels that fall on the occluder join the mask with
-their colours. Between visible parts, the mask is convex; there colours come from the nearest visible ones.
+Most objects on tables are approximately symmetric about some line in the picture. A line is accepted if hardly any
+pixel of the mirrored mask is at a visible pixel of something else; mirrored pixels on the occluder are added to the
+mask with their colours. Between visible parts the mask is completed to its convex outline, with the colours of the
+nearest visible pixels.
 """
 
 from __future__ import annotations
@@ -28,17 +29,17 @@ class MirroredOptions(Options):
     """Options of backend `mirrored` of factorize.complete."""
 
     astray: Fraction = 0.03
-    """Largest part of the mirrored mask that may fall where something else is seen."""
+    """Largest fraction of the mirrored mask on visible pixels of something else."""
     shared: Fraction = 0.5
-    """Smallest part of the mirrored mask that must fall onto the mask."""
+    """Smallest fraction of the mirrored mask on the mask itself."""
     angles: PositiveInt = 24
-    """Directions of lines that are tried."""
+    """Number of directions of symmetry lines that are tried."""
     longest_px: int = Field(96, ge=16, le=1024)
     """Longest side of the reduced crop in which lines are tried [px]."""
 
 
 def complete(ctx: Context, view: ObjectView, options: MirroredOptions) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels of the occluder that symmetry and convexity give to the object, with their colours."""
+    """Pixels of the occluder assigned to the object by symmetry and convexity, with their colours."""
     hidden = view.occluder & ~view.mask
     if not view.mask.any() or not hidden.any():
         return view.rgb.pixels, view.mask

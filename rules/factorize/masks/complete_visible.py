@@ -1,6 +1,6 @@
-"""Backend `visible` of factorize.complete: what was seen, and nothing else.
+"""Backend `visible` of factorize.complete: visible pixels only, without completion.
 
-The shapes that `primitives` fits take occluder pixels as unknown, and depth there is that of the nearer thing.
+Backend `primitives` of factorize.mesh treats occluder pixels as unknown; depth there is that of the nearer object.
 """
 
 from __future__ import annotations
@@ -14,5 +14,5 @@ BACKEND = Backend(summary="what was seen; completes nothing", profiles=("stub",)
 
 
 def complete(ctx: Context, view: ObjectView, options: Options) -> tuple[np.ndarray, np.ndarray]:
-    """Colours and mask as they were seen."""
+    """The visible colours and mask, unchanged."""
     return view.rgb.pixels, view.mask

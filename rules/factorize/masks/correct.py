@@ -1,4 +1,4 @@
-"""factorize.correct: masks that somebody painted in place of those that were found."""
+"""factorize.correct: replace masks by painted ones."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class CorrectOptions(Options):
     margin_px: NonNegativeInt = 24
     """Margin of the photograph around a mask in the cropped view [px]."""
     smallest_px: PositiveInt = 100
-    """A painted mask must have at least so many pixels [px]."""
+    """Minimum number of pixels of a painted mask [px]."""
 
 
 @rule(version=1, packages=("pillow",))
@@ -45,8 +45,8 @@ def correct(
     """Return the segmentation with the masks of `masks` in place of those of the objects that they are named after.
 
     `masks` holds one `OBJECT.png` per corrected object, of the photograph's size: white is the object. An object
-    without a file stays as it is to the last byte, unless a painted mask takes pixels from it, which is said. Of two
-    painted masks that share a pixel, the earlier object has it.
+    without a file stays identical to the byte, unless a painted mask takes pixels from it, which is logged. A pixel
+    shared by two painted masks belongs to the earlier object.
     """
     options = options or CorrectOptions()
     found = dict(_painted(ctx, masks, objects, photograph.rgb.pixels.shape[:2], options.smallest_px))
@@ -70,7 +70,7 @@ def correct(
     around = cutter.surroundings(labels, [objects.map.fixed])
     items = dict(objects.items)
     for number, name in _numbered(objects):
-        # Without depth, what hides an object is judged by the masks of the others, so all are looked at again.
+        # Without depth, occluders are inferred from the masks of the other objects, so all views are made anew.
         if name in changed or not workspace.taken:
             one = objects.items[name]
             said = Said(one.view.phrase, one.traits, one.view.asset_source)
@@ -105,7 +105,7 @@ def _painted(
 
 
 def _relabelled(objects: Segmentation, found: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The map (H, W) int32 of the objects with the painted masks (H, W) bool; the earlier object has shared pixels."""
+    """The map (H, W) int32 of the objects with painted masks (H, W) bool; the earlier object keeps shared pixels."""
     labels = objects.map.labels.copy()
     numbers = {name: number for number, name in _numbered(objects) if name in found}
     labels[np.isin(labels, list(numbers.values()))] = 0

@@ -1,4 +1,4 @@
-"""Objects cut out of a photograph by their masks: crops, what hides them, and the map of all of them."""
+"""Objects cropped from a photograph by their masks: crops, occluders, and the map of all objects."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from .occlusion import lower_in_the_picture, occluders
 
 @dataclass(frozen=True)
 class Said:
-    """What is known of an object besides its pixels."""
+    """Known properties of an object other than its pixels."""
 
     phrase: str
     """See `Element.phrase`."""
     traits: Traits
     """See `Instance.traits`."""
     source: AssetSource
-    """What its mask was made from."""
+    """Source of its mask."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class Cutter:
 
         Args:
             labels: (H, W) int32; 1, 2, ... are the objects of `said`, in its order.
-            said: Name -> what is known of the object.
-            static: Masks (H, W) bool of things that are no object, for a photograph without depth.
+            said: Name -> known properties of the object.
+            static: Masks (H, W) bool of static elements, for a photograph without depth.
             margin: Margin of the photograph around a mask [px].
         """
         around = self.surroundings(labels, static)
@@ -58,7 +58,7 @@ class Cutter:
         return Segmentation(items=items, names=tuple(said), map=InstanceMap(labels=labels, fixed=around.fixed))
 
     def surroundings(self, labels: np.ndarray, static: list[np.ndarray]) -> Surroundings:
-        """What else is in the picture; see `cut_out`."""
+        """Everything else in the picture; see `cut_out`."""
         if self.depth.taken:
             seen = self.depth.needed()
             raised = relief(seen).raised
@@ -87,12 +87,12 @@ Box = tuple[slice, slice]
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What else is in the picture, from depth or from the masks alone."""
+    """Everything else in the picture, from depth or from the masks alone."""
 
     labels: np.ndarray
     """(H, W) int32 instance labels."""
     fixed: np.ndarray
-    """(H, W) bool, things that are no object."""
+    """(H, W) bool, static elements."""
     raised: np.ndarray | None = None
     """(H, W) bool, measured pixels above the support; None without depth."""
     depth: np.ndarray | None = None
@@ -101,7 +101,7 @@ class Surroundings:
     """Counter-clockwise quarter turns that make the photograph upright."""
 
     def hiding(self, number: int, box: Box) -> np.ndarray:
-        """Pixels of a crop where something nearer may hide object `number`, (h, w) bool."""
+        """Pixels of a crop where something nearer may occlude object `number`, (h, w) bool."""
         if self.raised is None or self.depth is None:
             labels, fixed = (upright.turned(picture, self.turns) for picture in (self.labels, self.fixed))
             lower = upright.turned(lower_in_the_picture(labels, fixed, number), -self.turns)

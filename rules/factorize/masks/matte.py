@@ -25,11 +25,11 @@ COLOUR_SIGMA = 6.0
 FARTHEST = 900.0
 """Cap on the squared colour difference."""
 LEAST_BAY = 0.005
-"""Smallest part of a mask that is worth adding to it where there is no depth."""
+"""Smallest region that is added to a mask where there is no depth, as a fraction of the mask."""
 ALIKE = 0.6
-"""A colour is the object's if it is this many times as far from it as from the support."""
+"""Maximum distance of a colour from the object's colours, as a fraction of its distance from the support's."""
 BESIDE = 4
-"""Distance from a mask at which the support's colours are taken [px]."""
+"""Distance from a mask at which the support's colours are sampled [px]."""
 MOST_CHANGE = 0.4
 """A refined border that changes more than this fraction of the mask is rejected."""
 
@@ -77,9 +77,9 @@ def _over(mask: np.ndarray, relief: Relief) -> np.ndarray:
 
 
 def bays(mask: np.ndarray, others: np.ndarray, relief: Relief, pixels: np.ndarray) -> np.ndarray:
-    """Add what is within the convex outline of a mask in the picture and has its colours, not those of the support.
+    """Add the region inside the convex outline of a mask in the picture that has its colours, not those of the support.
 
-    There is no depth on black and shining surfaces, and the floor of a bowl is hardly higher than the support.
+    Black and specular surfaces have no depth, and the floor of a bowl is hardly higher than the support.
     """
     from scipy import ndimage
     from scipy.spatial import cKDTree

@@ -1,4 +1,4 @@
-"""Lines of symmetry and convex outlines of masks that something nearer hides in part."""
+"""Symmetry lines and convex outlines of partly occluded masks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Line = tuple[float, float, float]
 
 
 def convex(mask: np.ndarray) -> np.ndarray:
-    """The pixels (H, W) bool within the convex outline of a mask."""
+    """The pixels (H, W) bool inside the convex outline of a mask."""
     outline = regions.convex_hull(np.argwhere(mask).astype(np.float64))
     if len(outline) < 3:
         return mask
@@ -19,7 +19,7 @@ def convex(mask: np.ndarray) -> np.ndarray:
 
 
 def mirrored(shape: tuple[int, ...], line: Line) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The pixel that each pixel is the mirror image of: rows, columns (H, W) int, and where it is in the picture."""
+    """Mirror image of each pixel: rows, columns (H, W) int, and whether it is inside the picture."""
     rows, columns = np.indices(shape)
     down, right, offset = line
     distance = 2.0 * (rows * down + columns * right - offset)
@@ -31,14 +31,14 @@ def mirrored(shape: tuple[int, ...], line: Line) -> tuple[np.ndarray, np.ndarray
 def best_line(
     mask: np.ndarray, hidden: np.ndarray, angles: int, astray: float, shared: float, longest_px: int
 ) -> Line | None:
-    """The line about which the visible mask is most nearly its own mirror image, or None.
+    """The line about which the visible mask is most symmetric, or None.
 
     Args:
         mask: (H, W) bool, visible pixels.
-        hidden: (H, W) bool, pixels that may be the object's.
+        hidden: (H, W) bool, occluded pixels that may be the object's.
         angles: Number of directions.
-        astray: Largest part of the mirrored mask that may be neither on `mask` nor on `hidden`.
-        shared: Smallest part of the mirrored mask that must be on `mask`.
+        astray: Largest fraction of the mirrored mask that may be neither on `mask` nor on `hidden`.
+        shared: Smallest fraction of the mirrored mask that must be on `mask`.
         longest_px: Longest side of the reduced picture in which lines are tried [px].
     """
     step = max(1, -(-max(mask.shape) // longest_px))
@@ -51,7 +51,7 @@ def best_line(
         normal = np.array([np.sin(angle), np.cos(angle)])
         along = points @ normal
         low, high = float(along.min()), float(along.max())
-        # A line must cut the visible part off its very edge: nothing is known of what lies farther.
+        # A line must cross the visible part away from its edge: nothing farther is observed.
         for offset in np.arange(low + 0.3 * (high - low), low + 0.7 * (high - low) + 0.5, 1.0):
             away, common = _judge(own, free, points, normal, float(offset))
             cost = away + 0.2 * (1.0 - common)
@@ -63,7 +63,7 @@ def best_line(
 def _judge(
     own: np.ndarray, free: np.ndarray, points: np.ndarray, normal: np.ndarray, offset: float
 ) -> tuple[float, float]:
-    """Parts of the mirrored points (n, 2) that are on neither mask, and that are on the object's own."""
+    """Fractions of the mirrored points (n, 2) that are on neither mask, and that are on the object's own."""
     image = np.round(points - 2.0 * (points @ normal - offset)[:, None] * normal).astype(int)
     inside = (image >= 0).all(axis=1) & (image[:, 0] < own.shape[0]) & (image[:, 1] < own.shape[1])
     rows, columns = image[inside].T

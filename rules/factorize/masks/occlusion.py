@@ -15,7 +15,7 @@ def occluders(mask: np.ndarray, raised: np.ndarray, depth: np.ndarray, step_m: f
         mask: (h, w) bool, the object.
         raised: (h, w) bool, pixels above the support.
         depth: (h, w) [m], 0 if not measured.
-        step_m: Smallest depth difference that counts [m].
+        step_m: Smallest depth difference of an occluder [m].
     """
     reach = nearest_depth(mask & (depth > 0), depth)
     nearer = raised & ~mask & (depth > 0) & (reach > 0) & (depth < reach - step_m)
@@ -25,11 +25,12 @@ def occluders(mask: np.ndarray, raised: np.ndarray, depth: np.ndarray, step_m: f
 def lower_in_the_picture(labels: np.ndarray, fixed: np.ndarray, number: int) -> np.ndarray:
     """Pixels (H, W) bool of things that reach lower in the picture than object `number`, dilated by 1 px.
 
-    A camera that looks down on one support sees the contact of a nearer thing lower. Nothing is measured.
+    In the view of a camera that looks down on one support, nearer objects touch it lower in the picture. No measurement
+    is used.
 
     Args:
         labels: (H, W) int32 instance labels.
-        fixed: (H, W) bool, things that are no object.
+        fixed: (H, W) bool, static elements.
         number: Label of the object.
     """
     mask = labels == number

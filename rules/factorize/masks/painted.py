@@ -1,4 +1,4 @@
-"""A mask that somebody painted, read as untrusted data: white is the object."""
+"""Reading of a painted mask as untrusted data: white is the object."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dextera_build.rule import Context
 MODES = ("1", "L", "LA", "P", "RGB", "RGBA")
 """Pillow's modes of 8 bit pictures, as image editors write them."""
 HALF = 128
-"""Brightness from which a pixel is white."""
+"""Brightness at and above which a pixel is white."""
 
 
 def painted(ctx: Context, data: bytes, name: str, shape: tuple[int, int], smallest: int) -> np.ndarray:
@@ -45,7 +45,7 @@ def _bright(ctx: Context, data: bytes, name: str, shape: tuple[int, int]) -> np.
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             picture = Image.open(io.BytesIO(data), formats=("PNG",))
-        if picture.size != shape[::-1]:  # known from the header, before anything is decoded
+        if picture.size != shape[::-1]:  # from the header, before anything is decoded
             ctx.fail(
                 f"the mask `{name}` is not of the photograph's size",
                 mask=f"{picture.size[0]} x {picture.size[1]} px",
@@ -64,6 +64,6 @@ def _bright(ctx: Context, data: bytes, name: str, shape: tuple[int, int]) -> np.
 
 
 def _on_black(pixels: np.ndarray) -> np.ndarray:
-    """Pixels (H, W) bool of (H, W, 4) uint8 that are bright on a black ground."""
+    """Pixels (H, W) bool of (H, W, 4) uint8 that are bright over a black background."""
     brightness = pixels[..., :3].astype(np.float32).mean(axis=-1) * pixels[..., 3] / 255.0
     return np.asarray(brightness >= HALF)

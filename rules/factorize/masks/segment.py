@@ -35,7 +35,7 @@ class SegmentOptions(Options):
 
 
 class SegmentBackend(Protocol):
-    """What a backend of factorize.segment defines."""
+    """Interface of a backend of factorize.segment."""
 
     def masks(
         self, ctx: Context, photograph: Photograph, measured: Measurements[Workspace], elements: Elements, options: Any
@@ -55,11 +55,11 @@ def segment(
     *,
     options: SegmentOptions | None = None,
 ) -> Segmentation:
-    """Return the mask and the view of every interactive element, and the depth in its crop if there is some.
+    """Return the mask and the view of every interactive element, with the depth in its crop if available.
 
-    Depth is in the world frame of `support`. What hides an object comes from the depth if the backend reads it, else
-    from the picture: of two things on one support, the one whose lowest pixel is lower is nearer. No object has pixels
-    of the robot, where `robot` is not 0, but the robot may hide one.
+    Depth is in the world frame of `support`. Occluders are found from the depth if the backend reads it, else from the
+    picture: of two objects on one support, the one whose lowest pixel is lower is nearer. Pixels of the robot, where
+    `robot` is not 0, are excluded from all masks, but the robot may occlude objects.
     """
     options = options or SegmentOptions()
     wanted = {element.name: element for element in elements.elements if element.interactive}
@@ -106,7 +106,7 @@ def segment(
 
 
 def _warn(ctx: Context, result: Segmentation) -> None:
-    """Say what of the measurements is doubtful."""
+    """Warn about doubtful measurements."""
     for name, one in result.items.items():
         if doubt := sparse(one):
             ctx.warn(f"{name}: {doubt}")
@@ -127,7 +127,7 @@ def _traits(element: Element) -> Traits:
 
 
 def _labels(masks: list[np.ndarray]) -> np.ndarray:
-    """(H, W) int32, 1 for the first of the masks (H, W) bool; of two that share a pixel, the earlier one has it."""
+    """(H, W) int32, 1 for the first of the masks (H, W) bool; a shared pixel belongs to the earlier one."""
     labels = np.zeros(masks[0].shape, np.int32)
     for number in range(len(masks), 0, -1):
         labels[masks[number - 1]] = number

@@ -23,9 +23,9 @@ class GrabcutOptions(Options):
     """Options of backend `grabcut` of factorize.segment."""
 
     rounds: PositiveInt = 5
-    """Alternations of colour model and cut."""
+    """GrabCut iterations."""
     surround: float = Field(0.2, gt=0.0, le=2.0)
-    """Width of the surroundings of a box that the background's colours are learned from, as a fraction of the box."""
+    """Width of the surroundings from which background colours are learned, as a fraction of the element's box."""
     smallest_part: Fraction = 0.05
     """Parts of a mask smaller than this fraction of its largest part are dropped."""
 
@@ -39,8 +39,8 @@ def masks(
 ) -> dict[str, np.ndarray]:
     """Element -> mask (H, W) bool, in the elements' order; static elements too, because they hide things.
 
-    Rother, Kolmogorov, Blake: GrabCut, SIGGRAPH 2004. Where boxes overlap, the more likely of both masks keeps a pixel:
-    the one whose box is smaller, because a small thing is in front of or on a large one more often than behind it.
+    Rother, Kolmogorov, Blake: GrabCut, SIGGRAPH 2004. A pixel in two masks belongs to the one with the smaller box,
+    because small objects are more often in front of or on large ones than behind them.
     """
     boxed = [element for element in elements.elements if element.box is not None]
     if not boxed:
@@ -66,7 +66,7 @@ def masks(
 
 
 def cut(pixels: np.ndarray, box: Box, options: GrabcutOptions) -> np.ndarray:
-    """The mask (H, W) bool of what stands out from its surroundings in a box.
+    """The foreground mask (H, W) bool in a box.
 
     Args:
         pixels: (H, W, 3) uint8 sRGB.
@@ -76,7 +76,7 @@ def cut(pixels: np.ndarray, box: Box, options: GrabcutOptions) -> np.ndarray:
     import cv2
 
     cv2.setNumThreads(1)
-    cv2.setRNGSeed(0)  # the colour models start from k-means
+    cv2.setRNGSeed(0)  # the colour models are initialised by k-means
     area, inner = _around(pixels.shape, box, options.surround)
     labels = np.full(pixels[area].shape[:2], cv2.GC_BGD, np.uint8)
     labels[inner] = cv2.GC_PR_FGD
@@ -100,7 +100,7 @@ def _around(shape: tuple[int, ...], box: Box, surround: float) -> tuple[tuple[sl
 
 
 def _tidied(mask: np.ndarray, smallest: float) -> np.ndarray:
-    """Without specks and pinholes."""
+    """The mask without specks and pinholes."""
     from scipy import ndimage
 
     opened = ndimage.binary_opening(mask, np.ones((3, 3), bool))
@@ -117,7 +117,7 @@ def _tidied(mask: np.ndarray, smallest: float) -> np.ndarray:
 
 
 def _apart(found: dict[str, np.ndarray], boxed: list[Element]) -> dict[str, np.ndarray]:
-    """Give each shared pixel to the element with the smaller box."""
+    """Assign each shared pixel to the element with the smaller box."""
     sizes = {e.name: (e.box[2] - e.box[0]) * (e.box[3] - e.box[1]) for e in boxed if e.box is not None}
     taken: np.ndarray | None = None
     apart: dict[str, np.ndarray] = {}

@@ -1,4 +1,4 @@
-"""Masks by models, from the photograph alone: Grounding DINO finds what a phrase names, SAM 3 cuts it out."""
+"""Masks from the photograph alone: Grounding DINO detects the phrase of an element, SAM 3 segments it."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class Sam3Options(Options):
     """Options of backend `sam3` of factorize.segment."""
 
     box_score: Fraction = 0.25
-    """Boxes with a lower score are no answer to a phrase."""
+    """Minimum score of a box for a phrase."""
     mask_score: Fraction = 0.3
-    """Masks with a lower score are no answer to a phrase."""
+    """Minimum score of a mask for a phrase."""
     mask_probability: Fraction = 0.5
-    """Pixels with a lower probability are not part of a mask."""
+    """Minimum probability of a pixel of a mask."""
     box_overlap: Fraction = 0.3
-    """A mask whose box overlaps the element's box by a lower IoU belongs to something else."""
+    """Minimum IoU of a mask's box with the element's box."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Detector:
 
 @dataclass(frozen=True)
 class Segmenter:
-    """SAM 3 with its tokenizer and the form of its input."""
+    """SAM 3 with its tokenizer and the data type of its input."""
 
     model: Any
     tokenizer: Any
@@ -67,9 +67,8 @@ def masks(
 ) -> dict[str, np.ndarray]:
     """Element -> mask (H, W) bool, in the elements' order; static elements too, because they hide things.
 
-    The box of an element that has none is the best one that Grounding DINO (Liu et al., 2023) gives for its phrase and
-    that no other element has. Of the masks that SAM 3 (Meta, 2025) gives for the phrase, the one whose box fits best is
-    taken.
+    An element without a box gets the best unassigned detection of Grounding DINO (Liu et al., 2023) for its phrase. Of
+    the masks that SAM 3 (Meta, 2025) returns for the phrase, the one whose box has the largest IoU is used.
     """
     pixels = photograph.rgb.pixels
     boxes = _boxes(ctx, pixels, elements, options)
@@ -86,7 +85,7 @@ def masks(
 
 
 def self_test(ctx: Context) -> None:
-    """Both models answer on a grey picture."""
+    """Check that both models answer on a grey picture."""
     grey, options = np.full((64, 64, 3), 128, np.uint8), Sam3Options()
     boxes_of(ctx.load(load_detector, "grounding_dino"), grey, "a mug", options.box_score)
     segmenter = ctx.load(load_segmenter, "sam3")
@@ -94,7 +93,7 @@ def self_test(ctx: Context) -> None:
 
 
 def load_detector(folder: Path, device: str) -> Detector:
-    """Grounding DINO from a folder of weights."""
+    """Load Grounding DINO from a folder of weights."""
     import transformers
     from transformers.models.grounding_dino.image_processing_pil_grounding_dino import GroundingDinoImageProcessorPil
 
@@ -106,7 +105,7 @@ def load_detector(folder: Path, device: str) -> Detector:
 
 
 def load_segmenter(folder: Path, device: str) -> Segmenter:
-    """SAM 3 from a folder of weights."""
+    """Load SAM 3 from a folder of weights."""
     import transformers
 
     library: Any = transformers  # partly typed
@@ -118,7 +117,7 @@ def load_segmenter(folder: Path, device: str) -> Segmenter:
 
 
 def boxes_of(detector: Detector, pixels: np.ndarray, phrase: str, score: float) -> list[Box]:
-    """Boxes of what a phrase names, best first; left, top, right, bottom [px]."""
+    """Boxes detected for a phrase, best first; left, top, right, bottom [px]."""
     import torch
 
     text = f"{phrase.lower().rstrip('.')}."
@@ -138,7 +137,7 @@ def boxes_of(detector: Detector, pixels: np.ndarray, phrase: str, score: float) 
 
 
 def see(segmenter: Segmenter, pixels: np.ndarray) -> Any:
-    """What SAM 3 sees in a picture, for all phrases."""
+    """Output of SAM 3 for a picture and all phrases."""
     import torch
 
     with torch.inference_mode():
@@ -148,7 +147,7 @@ def see(segmenter: Segmenter, pixels: np.ndarray) -> Any:
 def masks_of(
     segmenter: Segmenter, sight: Any, phrase: str, shape: tuple[int, int], options: Sam3Options
 ) -> list[np.ndarray]:
-    """Masks of what a phrase names, best first, (H, W) bool; the score is that of the mask times that of the phrase."""
+    """Masks for a phrase, best first, (H, W) bool; the score is that of the mask times that of the phrase."""
     import torch
 
     length = segmenter.model.config.text_config.max_position_embeddings
@@ -169,7 +168,7 @@ def masks_of(
 
 
 def _boxes(ctx: Context, pixels: np.ndarray, elements: Elements, options: Sam3Options) -> dict[str, Box]:
-    """Element -> box: its own, or the best for its phrase that is free."""
+    """Element -> box: its own, or the best unassigned one for its phrase."""
     boxes = {element.name: element.box for element in elements.elements if element.box is not None}
     unknown = [element for element in elements.elements if element.box is None and _is_thing(element)]
     if unknown:
@@ -186,7 +185,7 @@ def _boxes(ctx: Context, pixels: np.ndarray, elements: Elements, options: Sam3Op
 
 
 _SAME = 0.7
-"""Boxes with a larger IoU are one thing."""
+"""Boxes with a larger IoU are the same object."""
 
 
 def _is_thing(element: Element) -> bool:
@@ -194,7 +193,7 @@ def _is_thing(element: Element) -> bool:
 
 
 def _fitting(answers: list[np.ndarray], box: Box, least: float) -> np.ndarray | None:
-    """The mask whose box fits best; None if none overlaps enough."""
+    """The mask whose box fits best; None if no overlap is large enough."""
     fits = [(box_iou(box_of(mask), box), -place, mask) for place, mask in enumerate(answers) if mask.any()]
     best = max(fits, key=lambda fit: fit[:2], default=None)
     return best[2] if best is not None and best[0] >= least else None

@@ -1,4 +1,4 @@
-"""Proposals that are no body: depth smeared between two surfaces, and too little depth to make anything of."""
+"""Rejection of proposals that are no body: depth smeared between two surfaces, or too little depth."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from dextera_build.geometry import cameras
 from ..shapes import evidence
 
 SOLID = 0.76
-"""Depth cameras smear the depth between two surfaces, where few pixels agree with their neighbours. Of the measured
-pixels inside their outline, bodies had trusted depth on 0.81 to 0.99 in real captures and from 0.77 in drawn ones,
-smears on 0.65 to 0.74. Along the outline, depth is trusted nowhere."""
+"""Smallest fraction of the measured pixels inside the outline of a body with trusted depth. Depth cameras smear depth
+between two surfaces, where few pixels agree with their neighbours: bodies had 0.81 to 0.99 in real captures and from
+0.77 in drawn ones, smears 0.65 to 0.74. Depth along the outline is never trusted."""
 GRAZING = 0.35
-"""A smear lies along the line of sight: median cosine between it and the normals; bodies had 0.45 to 0.98."""
+"""Median cosine between normals and line of sight below which a region is a smear; bodies had 0.45 to 0.98."""
 
 COVERED = 0.8
-"""Objects of real captures have depth on 0.92 to 1.0 of their pixels."""
+"""Fraction of the pixels with depth below which a shape is uncertain; objects of real captures have 0.92 to 1.0."""
 
 
 def why_no_body(instance: Instance) -> str:
-    """Why nothing can be made of an object: `only 103 of its 216 pixels have trusted depth`; empty if it can."""
+    """Why an object cannot be reconstructed: `only 103 of its 216 pixels have trusted depth`; empty if it can."""
     if instance.measured is None:
         return ""
     seen = evidence.gather(Seen(instance.view, instance.measured).upright())
@@ -38,7 +38,7 @@ def why_no_body(instance: Instance) -> str:
 
 
 def _solid(seen: evidence.Evidence) -> float:
-    """Share of the measured pixels inside the outline whose depth is trusted."""
+    """Fraction of the measured pixels inside the outline with trusted depth."""
     from scipy import ndimage
 
     inside = ndimage.binary_erosion(seen.mask, np.ones((3, 3), bool)) & (seen.depth > 0) & seen.known
@@ -46,7 +46,7 @@ def _solid(seen: evidence.Evidence) -> float:
 
 
 def sparse(instance: Instance) -> str:
-    """What is doubtful about the depth of an object: `only 64% of it has depth`; empty if nothing is."""
+    """Warning about the depth of an object: `only 64% of it has depth`; empty if there is none."""
     if instance.measured is None:
         return ""
     share = float((instance.measured.depth.depth > 0)[instance.view.mask].mean())
@@ -54,17 +54,17 @@ def sparse(instance: Instance) -> str:
 
 
 def _is_hidden(seen: evidence.Evidence) -> bool:
-    """Whether the trust is missing because something stands in front, or because nothing was measured at all."""
+    """Whether trusted depth is missing because of an occluder, or because nothing was measured at all."""
     lost = seen.mask & ~seen.core
     return bool((lost & (~seen.known | (seen.depth <= 0))).sum() > 0.5 * lost.sum())
 
 
 SMALL_M, LARGE_M = 0.03, 0.45
-"""Things that hands take from tables; if all are smaller or all are larger, the unit is in doubt [m]."""
+"""Range of sizes of graspable objects [m]; if all objects are smaller or all are larger, the unit is in doubt."""
 
 
 def odd_scale(sizes: Mapping[str, float]) -> str:
-    """What is odd about the sizes of all objects [m]; empty if nothing is."""
+    """Warning about the sizes of all objects [m]; empty if there is none."""
     if max(sizes.values()) < SMALL_M:
         return f"every object is smaller than {1000 * max(sizes.values()):.0f} mm"
     if min(sizes.values()) > LARGE_M:
@@ -73,7 +73,7 @@ def odd_scale(sizes: Mapping[str, float]) -> str:
 
 
 def size(instance: Instance) -> float:
-    """The largest extent of the seen points, without the outermost 2 % [m]; 0 without depth."""
+    """Largest extent of the seen points without the outermost 2 % [m]; 0 without depth."""
     if instance.measured is None:
         return 0.0
     depth, mask = instance.measured.depth.depth, instance.view.mask

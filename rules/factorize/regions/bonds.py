@@ -1,8 +1,8 @@
-"""How likely two groups of patches are one object, by a small network that learned it from drawn scenes.
+"""Probability that two groups of patches are one object, by a small network trained on drawn scenes.
 
-`python -m tests.benchmarks.bonds` draws the scenes, learns, and writes `bond_weights.py`. Bonds join what the rules of
-`grouping` left apart. Across a depth step or a sharp crease they must be surer: what a step separates may be two
-objects of one colour, and what stands upright on a plate may be a thing on a tray.
+`python -m tests.benchmarks.bonds` draws the scenes, trains the network, and writes `bond_weights.py`. Bonds join groups
+that the rules of `grouping` left separate. Across a depth step or a sharp crease the threshold is higher: a step may
+separate two objects of one colour, and an upright part on a plate may be an object on a tray.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from .patches import Surfaces
 from .relations import Contact, Group
 
 LEAST_MEETING = 0.1
-"""Smallest part of a common border without a depth step from which two groups meet."""
+"""Smallest fraction of a common border without a depth step at which two groups meet."""
 SHARPEST_RAD = -0.5
-"""Mean concave turn from which a crease is sharp [rad]."""
+"""Mean concave turn above which a crease is sharp [rad]."""
 USUAL = 4.0
-"""Features farther from their mean than so many deviations are taken as that far."""
+"""Features are clipped to so many standard deviations from their mean."""
 MARGIN_M = 0.003
 """Points this far outside an outline count as inside [m]."""
 NAMES = (
@@ -36,7 +36,7 @@ NAMES = (
 
 @dataclass(frozen=True)
 class _Look:
-    """What features need of one group."""
+    """Properties of one group that features need."""
 
     low_m: float  # 2 % quantile of the height
     points: np.ndarray  # (n, 2) a sample from above
@@ -51,7 +51,7 @@ class _Look:
 
 
 class Bonds:
-    """Scores pairs of groups; equal groups are looked at once."""
+    """Scores of pairs of groups; identical groups are evaluated once."""
 
     def __init__(self, surfaces: Surfaces) -> None:
         self._surfaces = surfaces
@@ -143,7 +143,7 @@ def _look(s: Surfaces, group: Group) -> _Look:
 
 
 def _solidity(small: Group, large: Group, a: _Look, b: _Look) -> tuple[float, float, float]:
-    """Part of the convex outline in the picture that is covered: by both groups, by each alone."""
+    """Covered fraction of the convex outline in the picture: of both groups together, and of each alone."""
     both = regions.convex_hull(np.concatenate([a.corners, b.corners]))
     shares = (
         (len(small.pixels) + len(large.pixels), both),
@@ -170,7 +170,7 @@ def _off(large: Group, points: np.ndarray) -> float:
 
 
 def _inside(outline: np.ndarray, points: np.ndarray) -> float:
-    """Part of the points (n, 2) within a convex outline, or a few millimetres beside it."""
+    """Fraction of the points (n, 2) within a convex outline, with a tolerance of a few millimetres."""
     return float(regions.inside_convex(points, outline, MARGIN_M).mean()) if len(outline) > 2 else 0.0
 
 

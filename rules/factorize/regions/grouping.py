@@ -1,9 +1,9 @@
 """Group patches into objects by how their surfaces meet, always judged for whole groups.
 
 Objects are mostly convex from outside. Patches that meet convexly or smoothly are joined; concave creases and depth
-steps separate them, with six exceptions: slivers, cavities, attached parts, what a network takes for one object, one
-surface visible on both sides of an occluder, and laptops. Cavities and parts are not joined if the network is sure that
-they are two objects.
+steps separate them, with six exceptions: slivers, cavities, attached parts, groups that a network classifies as one
+object, one surface visible on both sides of an occluder, and laptops. Cavities and parts are not joined if the network
+classifies them as two objects with high confidence.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ CAVITY_RAD = -0.06
 ALIKE = 0.3
 """Smallest histogram overlap of one surface on both sides of an occluder, a depth step or a sharp crease."""
 BONDED = 1.0
-"""Log odds from which a pair that meets along a gentle crease is one object."""
+"""Log odds above which a pair that meets along a gentle crease is one object."""
 BONDED_APART = 1.5
-"""The same if a sharp crease or a depth step is between them, and one is minor or both have the same colours."""
+"""The same across a sharp crease or a depth step, if one part is minor or both have the same colours."""
 BONDED_EQUALS = 3.0
-"""The same for other parts of similar size: if they are two objects, both are lost."""
+"""The same for parts of similar size, where a wrong join loses both objects."""
 SAME_COLOUR = 0.8
-"""Histogram overlap from which two parts have the same colours."""
+"""Histogram overlap above which two parts have the same colours."""
 MINOR = 0.3
 """A part with less than this fraction of the other's surface is minor."""
 DOUBTED = -6.0
-"""Log odds below which the network forbids to join a cavity and its body."""
+"""Log odds below which a cavity and its body are not joined."""
 DOUBTED_PART = -2.0
-"""The same for an attached part and its body, which only colours and a small gap speak for."""
+"""The same for an attached part and its body, for which only colours and a small gap are evidence."""
 ATTACHED_M = 0.02
 """Widest gap between parts of one object [m]."""
 
@@ -87,7 +87,7 @@ def join_cavities(parts: Grouping) -> None:
             body = _body_of(parts, number)
             if body is None:
                 break
-            # Pieces of the inner surface that join leave the body still to be found.
+            # Parts of the inner surface that join first leave the body still to be found.
             whole = not _is_cavity(parts, body) and parts.groups[body].area_m2 > 0.2 * cavity.area_m2
             number = parts.join(number, body)
             if whole:
@@ -95,7 +95,7 @@ def join_cavities(parts: Grouping) -> None:
 
 
 def _is_cavity(parts: Grouping, number: int) -> bool:
-    """Whether a group bends inwards; in a flat group the bend is noise."""
+    """Whether a group is concave; in a flat group the bend is noise."""
     surface = parts.groups[number]
     return surface.bend < CAVITY_RAD and surface.flatness_m > 0.6 * relations.noise(parts.surfaces, surface.pixels)
 
@@ -130,7 +130,7 @@ def join_parts(parts: Grouping) -> None:
 
 
 def join_bonded(parts: Grouping) -> None:
-    """Join groups that a network takes for one object, the likeliest pair first, and judge again."""
+    """Join groups that the network classifies as one object, the likeliest pair first, and score again."""
     scores: dict[tuple[int, int], float] = {}
     while True:
         for (a, b), contact in parts.contacts.items():
@@ -144,7 +144,7 @@ def join_bonded(parts: Grouping) -> None:
 
 
 def _bond(parts: Grouping, a: int, b: int) -> float:
-    """Log odds beyond those that joining two groups asks for; across steps and sharp creases, colours must be alike."""
+    """Log odds above the threshold for joining two groups; across steps and sharp creases, colours must be alike."""
     if parts.bonds.gentle(parts.contact(a, b)):
         return parts.odds(a, b) - BONDED
     one, other = parts.groups[a], parts.groups[b]

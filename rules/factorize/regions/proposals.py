@@ -42,7 +42,7 @@ class Proposal:
     hinged: bool
     """Whether two plates meet at a crease, as in a laptop."""
     static: bool
-    """Cut by the image border, too large, or standing on nothing."""
+    """Cut by the image border, too large, or not supported by anything."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ BEND_REACH = 12
 """Distance over which the bend of a surface is measured [px]."""
 
 STEP_M = 0.1
-"""Larger depth steps across a border tell nothing more [m]."""
+"""Larger depth steps across a border carry no further information [m]."""
 
 
 @dataclass(frozen=True)

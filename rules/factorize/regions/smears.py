@@ -1,7 +1,7 @@
-"""Depth smeared between an object and the support behind it, before anything is grouped.
+"""Detection of depth smeared between an object and the support behind it, before grouping.
 
-Stereo cameras fill the band beside an object that one of their eyes does not see with depths between both surfaces.
-Such a surface lies along the lines of sight, and the picture shows the support there.
+Stereo cameras fill the half-occluded band next to an object with depths between both surfaces. Such a surface is
+parallel to the lines of sight, and the picture shows the support there.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ import numpy as np
 from .patches import Surfaces
 
 GRAZING = 0.35
-"""Cosine between a smear's normal and the line of sight; sides of round bodies have it too, but not the colours."""
+"""Cosine between a smear's normal and the line of sight; sides of round bodies share it, but not the colours."""
 NEAR_LAB = 0.25
 """Weight of a distance of one pixel in the comparison of colours [CIE Lab per px]."""
 ALIKE = 0.6
-"""A smear's colour is this many times as near to the support's as to the objects'."""
+"""Maximum distance of a smear's colour from the support's, as a fraction of its distance from the objects'."""
 MOST = 4000
 """Samples of the support and of the objects with which colours are compared."""
 
 
 def smeared(s: Surfaces, support: np.ndarray) -> np.ndarray:
-    """Raised blocks (h, w) bool that look like the support and lie along the lines of sight.
+    """Raised blocks (h, w) bool with the colours of the support and a surface along the lines of sight.
 
     Args:
         s: The crop, its raised pixels included.

@@ -1,6 +1,6 @@
-"""Find the objects that stand on the support, on a level of the furniture, or on one another.
+"""Find the objects that are supported by the support plane, by a level of the furniture, or by one another.
 
-Others hang or reach in from outside.
+All others hang, or extend into the picture from outside.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ FOOT_M = 0.025
 LOOK = 4
 """Distance below an object's lowest pixels at which the ground is sampled [px]."""
 STEEP = 0.9
-"""Sine of the angle at which a line of sight looks down from which an object hides its own foot."""
+"""Sine of the pitch of a line of sight above which an object hides its own foot."""
 MOSTLY = 0.6
-"""Fraction of the surroundings of an object seen from above that belongs to the support."""
+"""Fraction of the surroundings of an object seen from above that must belong to the support."""
 FEW = 0.15
 """Fraction of an object's lower border that must rest on something."""
 DEEPER = 12
-"""Distance below an object's lowest pixels within which it would go on below the support [px]."""
+"""Distance below an object's lowest pixels within which it would continue below the support [px]."""
 SAME_M = 0.04
-"""Largest difference in depth of one thing's pixels above and below the support's level [m]."""
+"""Largest depth difference between pixels of one object above and below the support's level [m]."""
 FAR_M = 0.15
-"""What is seen below an object this far behind it is not what it stands on [m]."""
+"""A surface seen below an object but this far behind it does not support it [m]."""
 LEVEL_M2 = 0.01
 """Minimum visible area of a level of the furniture, such as the board of a shelf [m^2]."""
 LEVEL = 0.97
@@ -39,7 +39,7 @@ LEVEL = 0.97
 
 @dataclass(frozen=True)
 class Ground:
-    """A surface that carries things: the support, or a level of the furniture on it."""
+    """A surface that carries objects: the support, or a level of the furniture on it."""
 
     pixels: np.ndarray
     """(h, w) bool."""
@@ -93,7 +93,7 @@ def _below(parts: Grouping, number: int) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def _levels(parts: Grouping, cut: set[int]) -> Iterator[Ground]:
-    """Level patches of things that are no objects."""
+    """Level patches of static elements."""
     for number in sorted(cut):
         for patch in (parts.patches[member] for member in parts.members[number]):
             if patch.area_m2 >= LEVEL_M2 and abs(float(patch.plane[0][2])) > LEVEL:
@@ -103,7 +103,7 @@ def _levels(parts: Grouping, cut: set[int]) -> Iterator[Ground]:
 
 
 def _stands(parts: Grouping, number: int, grounds: Sequence[Ground]) -> bool:
-    """Whether a group stands on one of the grounds."""
+    """Whether a group is supported by one of the grounds."""
     border = _below(parts, number)
     return any(_stands_on(parts, number, border, ground) for ground in grounds)
 
@@ -126,9 +126,9 @@ def _stands_on(parts: Grouping, number: int, border: tuple[np.ndarray, np.ndarra
 
 
 def _beside(s: Surfaces, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Which columns of a lower border (n,) do not end on the support: the thing goes on, or one sees past below it.
+    """Columns of a lower border (n,) that do not end on the support: the object continues, or the view passes below it.
 
-    The back of a chair behind a table is such a thing.
+    An example is the back of a chair behind a table.
     """
     depth = 1.0 / np.maximum(s.inverse[rows, columns], 1e-6)
     found = np.zeros(len(rows), bool)
@@ -141,7 +141,7 @@ def _beside(s: Surfaces, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
 def _seen_from_above(s: Surfaces, parts: Grouping, number: int) -> bool:
     """Whether a group is seen so steeply that it hides its own foot, with the support all around it.
 
-    Then its borders are those of its top, and what stands cannot be told from what hangs.
+    Its borders are then those of its top, so that standing and hanging objects cannot be distinguished.
     """
     from scipy import ndimage
 

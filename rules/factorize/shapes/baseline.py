@@ -1,4 +1,4 @@
-"""What the baselines of factorize.mesh share: the seen points, and the shape of a body made from them."""
+"""Shared code of the baselines of factorize.mesh: the seen points, and the shape of a body made from them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def shape_of(
     ctx: Context, name: str, measured: Measurements[Seen], common: MeshOptions, body_of: Callable[[Evidence], Solid]
 ) -> Shape:
-    """The shape of the body that `body_of` makes of the seen points (world frame, the object stands on z = 0)."""
+    """The shape of the body returned by `body_of` for the seen points (world frame, the object stands on z = 0)."""
     seen = measured.needed()
     evidence = evidence_of.gather(seen)
     if len(evidence.points) < common.least_points:

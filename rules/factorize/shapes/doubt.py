@@ -1,4 +1,4 @@
-"""What a fit leaves open: covariance of pose, size and volume over the parameters of the best family, and its rival."""
+"""Uncertainty of a fit: covariance of pose, size and volume over the parameters of the best family, and its rival."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from .hypotheses import Finished
 from .refine import INDEPENDENT, Model, curvature
 
 GUESSED = 0.3
-"""Relative standard deviation of a size that the view does not determine: the range in which it was tried."""
+"""Relative standard deviation of a size that the view does not determine: the range of the tried values."""
 UNKNOWN_STEPS = 30.0
-"""Standard deviation of a parameter of which the view tells nothing, in its finite-difference steps."""
+"""Standard deviation of a parameter that the view does not determine, in its finite-difference steps."""
 
 
 @dataclass(frozen=True)
@@ -31,22 +31,22 @@ def of_fit(
 ) -> Doubt:
     """Propagate the fit's covariance to pose, size and volume.
 
-    The residuals count as `INDEPENDENT` measurements, however many pixels there are. A worse fit than their standard
-    deviations say makes all wider.
+    All residuals together have the weight of `INDEPENDENT` measurements, independent of the number of pixels. If they
+    exceed their standard deviations, the covariance is scaled up.
 
     Args:
         model: The family.
         evidence: The view.
         found: Its fitted parameters (P,).
-        finish: Makes the body of parameters.
-        loose: Parameters that `undetermined` found to fit as well when they are much larger or smaller.
+        finish: Makes the body from parameters.
+        loose: Parameters that `undetermined` returned: much larger or smaller values fit as well.
     """
     normal, loss = curvature(model, evidence, found)
-    # A loss of one each is that of depth and outline at their stated deviations.
+    # A loss of one for each is expected at the stated standard deviations.
     worse = max(loss / 2.0, 1.0)
     steps = np.linalg.inv(INDEPENDENT / worse * normal + np.eye(len(found)) / UNKNOWN_STEPS**2)
     for i in loose:
-        # The fit is no worse there, which its curvature at the best place does not tell.
+        # Flat direction: the curvature at the optimum does not show that distant values fit as well.
         steps[i, i] += (GUESSED * found[i] / model.steps[i]) ** 2
     centre = finish(found)
     slopes = np.zeros((8, len(found)))

@@ -12,11 +12,11 @@ from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, regions, transforms
 
 LEAST_POINTS = 150
-"""A body is fitted to at least so many pixels with trusted depth."""
+"""Minimum number of pixels with trusted depth for a fit."""
 REACH_PX = 12.0
 """Extent of the samples on each side of the silhouette [px]."""
 CONTACT_M = 0.018
-"""Maximum depth difference between an object and the surface just below that carries it [m]."""
+"""Maximum depth difference between an object and the surface visible just below it that carries it [m]."""
 LIFTED_M = 0.02
 """Maximum height of the lowest seen border of an object that stands on the support [m]."""
 STEEPEST = 0.3
@@ -120,7 +120,8 @@ def standing_height(mask: np.ndarray, depth: np.ndarray, k: np.ndarray, pose: np
     """Height above the support of the surface under the object [m], 0 unless the view shows otherwise.
 
     Along the lower border of the mask, an object on top of another touches the surface seen below it; an occluded
-    object is behind that surface. A level surface tells its height itself, an edge only that of the object above it.
+    object is behind that surface. A level surface gives its height directly; an edge gives only that of the object
+    above it.
     """
     columns = np.flatnonzero((mask & (depth > 0)).any(axis=0))
     if len(columns) < 8:

@@ -1,4 +1,4 @@
-"""From the mesh file of a generator, in its own unit and pose, to a `Shape`."""
+"""Conversion of a generator's mesh file, in its own unit and pose, to a `Shape`."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ _HOLLOW = 0.1
 def shape_of(ctx: Context, data: bytes, suffix: str, view: ObjectView, made_by: str, texture_px: int) -> Shape:
     """The closed mesh, standing on z = 0 above the middle of its base, without a pose.
 
-    Its unit is the generator's; `align.object` finds scale and turn.
+    Its unit is the generator's; `align.object` finds scale and orientation.
 
     Args:
         ctx: The rule's context.
         data: The file.
         suffix: Its format, `.glb`.
-        view: What the generator was shown.
+        view: The view that was passed to the generator.
         made_by: Name of the generator.
         texture_px: Maximum side of the texture [px].
     """
@@ -56,7 +56,7 @@ def shape_of(ctx: Context, data: bytes, suffix: str, view: ObjectView, made_by: 
 
 
 def _standing(mesh: Mesh, texture_px: int) -> Mesh:
-    """The mesh with the middle of its base in the origin, and with a texture of the allowed size."""
+    """The mesh with the centre of its base at the origin, and with a texture of the allowed size."""
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     shift = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]], np.float32)
     return mesh.model_copy(update={"vertices": mesh.vertices - shift, "texture": _fitting(mesh.texture, texture_px)})

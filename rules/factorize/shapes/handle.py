@@ -1,4 +1,4 @@
-"""A handle on a revolved body: the part of the mask beside the body, as a solid in the vertical plane of the root."""
+"""A handle on a revolved body: the part of the mask next to the body, as a solid in the vertical plane of the root."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ INDEPENDENT = 4.0
 WEDGES = 8
 """Number of convex pieces of a handle's loop."""
 LAYERS = ((1.0, 0.26), (0.86, 0.1), (0.62, 0.0))
-"""Fractions of the half thickness, and of the strap's width by which the outline is inset there: rounded edges."""
+"""Fractions of the half thickness, and of the strap's width by which the outline is inset there, for rounded edges."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def with_handle(body: Finished, evidence: Evidence) -> Finished | None:
 
 
 def _beside(outer: Solid, evidence: Evidence) -> tuple[np.ndarray | None, np.ndarray]:
-    """The largest patch of the mask beside the body, and the body's own silhouette."""
+    """The largest patch of the mask next to the body, and the body's own silhouette."""
     from scipy import ndimage
 
     height, width = evidence.mask.shape
@@ -106,7 +106,7 @@ def _beside(outer: Solid, evidence: Evidence) -> tuple[np.ndarray | None, np.nda
 def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> tuple[_Plane, float] | None:
     """The half plane whose intersection with the rays best matches the seen depth of the handle.
 
-    The second value is the standard deviation of its azimuth [rad], over all that match almost as well.
+    The second value is the standard deviation of its azimuth [rad] over all almost equally good planes.
     """
     from scipy import ndimage
 

@@ -1,6 +1,6 @@
-"""Program of backend `hunyuan3d_2_1` of factorize.mesh; it runs in the environment of Hunyuan3D 2.1.
+"""Program of backend `hunyuan3d_2_1` of factorize.mesh; runs in the environment of Hunyuan3D 2.1.
 
-The environment finds the repository's modules: `hy3dshape` and `hy3dpaint` are on its path.
+The repository's modules `hy3dshape` and `hy3dpaint` are on the path of the environment.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def complete(request: Any) -> Any:
     mesh = _shape(request)(image=picture, num_inference_steps=options["steps"], generator=seeded)[0]
     request.progress(1, 2, "texture")
     made = request.file("made.glb")
-    with tempfile.TemporaryDirectory() as folder:  # the painter writes more files beside the mesh
+    with tempfile.TemporaryDirectory() as folder:  # the painter writes further files next to the mesh
         bare, painted = Path(folder, "bare.glb"), Path(folder, "painted.obj")
         mesh.export(str(bare))
         _paint(request)(mesh_path=str(bare), image_path=picture, output_mesh_path=str(painted), save_glb=False)
@@ -51,7 +51,7 @@ def _paint(request: Any) -> Any:
         config.custom_pipeline = str(root / "hunyuanpaintpbr")
         config.realesrgan_ckpt_path = str(root / "ckpt" / "RealESRGAN_x4plus.pth")
         config.dino_ckpt_path = str(request.weights["dinov2_giant"])
-        # The painter asks the hub for its weights; they are here.
+        # The painter would download its weights from the hub; local ones are used.
         weights = str(request.weights["hunyuan3d_2_1"])
         hub: Any = importlib.import_module("huggingface_hub")
         hub.snapshot_download = lambda *given, **more: weights

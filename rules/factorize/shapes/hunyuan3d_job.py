@@ -17,7 +17,7 @@ from dextera_build.errors import MachineError, RuleError
 from dextera_build.rule import JobState, Response
 
 ADDRESS = "DXB_HUNYUAN_URL"
-"""Variable with the service's address, if it is another one."""
+"""Environment variable with another address of the service."""
 REGION = "DXB_HUNYUAN_REGION"
 _DEFAULT_ADDRESS, _DEFAULT_REGION = "https://ai3d.tencentcloudapi.com", "ap-guangzhou"
 _STATES: Mapping[str, Literal["waits", "runs", "done", "failed"]] = {
@@ -32,9 +32,9 @@ _STATUS = (
     (("ResourceNotFound",), 404),
     (("InternalError", "ServiceUnavailable"), 503),
 )
-"""First part of an error's code -> the HTTP status that means the same; the API answers with 200 even then."""
+"""First part of an error's code -> the equivalent HTTP status; the API answers with 200 even for errors."""
 _OF_NETWORK = ("ClientNetworkError", "ServerNetworkError")
-"""Codes that the SDK makes from a connection that broke, and from another status than 200."""
+"""Codes that the SDK uses for a broken connection and for HTTP statuses other than 200."""
 _LARGEST = 512 << 20
 """Maximum size of a GLB [bytes]."""
 
@@ -45,20 +45,20 @@ class HunyuanJob:
     Args:
         parameters: Parameters of SubmitHunyuanTo3DProJob, without the picture.
         picture: PNG; sides of 128 to 5000 px, 6 MB at most.
-        secret: Name -> secret; `TENCENTCLOUD_SECRET_ID` and `TENCENTCLOUD_SECRET_KEY` are asked for.
+        secret: Name -> secret; called with `TENCENTCLOUD_SECRET_ID` and `TENCENTCLOUD_SECRET_KEY`.
     """
 
     def __init__(self, parameters: Mapping[str, object], picture: bytes, secret: Callable[[str], str]) -> None:
         self._parameters, self._picture, self._secret = parameters, picture, secret
 
     def submit(self, timeout_s: float) -> str | Response:
-        """Hand in the picture; the name of the job is valid for 24 hours."""
+        """Submit the picture; the job's name is valid for 24 hours."""
         image = base64.b64encode(self._picture).decode()
         told = self._asked("SubmitHunyuanTo3DProJob", {**self._parameters, "ImageBase64": image}, timeout_s)
         return told if isinstance(told, Response) else str(told.get("JobId") or "")
 
     def poll(self, name: str, timeout_s: float) -> JobState | Response:
-        """How far the job is."""
+        """Progress of the job."""
         told = self._query(name, timeout_s)
         if isinstance(told, Response):
             return told
@@ -68,7 +68,7 @@ class HunyuanJob:
         return JobState(state, " ".join(str(told.get(part) or "") for part in ("ErrorCode", "ErrorMessage")).strip())
 
     def fetch(self, name: str, timeout_s: float) -> bytes | Response:
-        """The GLB of a job that is done; its address is valid for 24 hours."""
+        """The GLB of a finished job; its address is valid for 24 hours."""
         told = self._query(name, timeout_s)
         if isinstance(told, Response):
             return told
@@ -81,7 +81,7 @@ class HunyuanJob:
         return _downloaded(files["GLB"], timeout_s)
 
     def cancel(self, name: str, timeout_s: float) -> bool:
-        """The service has no way to end a job."""
+        """Does nothing: the service cannot cancel a job."""
         return False
 
     def _query(self, name: str, timeout_s: float) -> dict[str, Any] | Response:
@@ -96,9 +96,9 @@ class HunyuanJob:
             found: dict[str, Any] = dict(client.call_json(action, dict(parameters))["Response"])
         except TencentCloudSDKException as error:
             return _refusal(str(error.get_code()), str(error.get_message()))
-        except (ValueError, KeyError, TypeError) as error:  # as from a proxy
+        except (ValueError, KeyError, TypeError) as error:  # e.g. from a proxy
             raise OSError(f"the answer is none of the API: {type(error).__name__}") from None
-        if fault := found.get("Error"):  # the SDK overlooks it where the content type says more than `application/json`
+        if fault := found.get("Error"):  # the SDK misses this if the content type has more than `application/json`
             return _refusal(str(fault.get("Code")), str(fault.get("Message")))
         return found
 

@@ -18,7 +18,7 @@ from .families.profile import FACETS, Layout, Profile
 from .refine import Model
 
 TURNED_COST = 0.02
-"""Complexity of a vessel that does not stand, besides its own."""
+"""Additional complexity of a vessel that does not stand upright."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class Candidate:
     model: Model
     finish: Callable[[np.ndarray], Finished]
     sizes: dict[int, str] = field(default_factory=dict)
-    """Parameter -> name of the length that the view may leave undetermined."""
+    """Parameter -> name of the length that the view may not determine."""
     finer: Callable[[np.ndarray], Candidate] | None = None
-    """Makes the same body with more parameters, started from the fitted ones."""
+    """Makes the same body with more parameters, initialised with the fitted ones."""
     settled: Callable[[np.ndarray], Model] | None = None
     """Makes the body without parameters that only help the fit; its single start is refined last."""
 

@@ -26,7 +26,7 @@ class MeshOptions(Options):
 
 
 class MeshBackend(Protocol):
-    """What a backend of factorize.mesh defines."""
+    """Interface of a backend of factorize.mesh."""
 
     def complete(
         self, ctx: Context, view: ObjectView, measured: Measurements[Seen], common: MeshOptions, options: Any
@@ -51,8 +51,8 @@ def mesh(
 ) -> Shape:
     """Return a closed, textured mesh of the object, origin at the centre of the base, z up as it stands.
 
-    A backend that reads `measured` returns metres, and its result is labelled `rgbd`; the scale of any other is found
-    by `align.object`.
+    The result of a backend that reads `measured` is in metres and labelled `rgbd`; for any other, `align.object` finds
+    the scale.
     """
     options = options or MeshOptions()
     depth = of_view(ctx, view, measured)

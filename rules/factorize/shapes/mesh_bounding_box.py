@@ -27,13 +27,13 @@ BACKEND = Backend(
 )
 
 THINNEST_M = 0.002
-"""Least edge of a box [m]."""
+"""Minimum edge of a box [m]."""
 
 
 def complete(
     ctx: Context, view: ObjectView, measured: Measurements[Seen], common: MeshOptions, options: Options
 ) -> Shape:
-    """Return the box that stands on the support and holds the middle 98 % of the points along each of its edges."""
+    """Return the box that stands on the support and contains the middle 98 % of the points along each of its edges."""
     return baseline.shape_of(ctx, "bounding_box", measured, common, _box)
 
 

@@ -1,4 +1,4 @@
-"""Textured meshes from the photograph alone, by Hunyuan3D 2.1 in an environment of its own."""
+"""Textured meshes from the photograph alone, by Hunyuan3D 2.1 in its own environment."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class Hunyuan3d21Options(Options):
     """Options of backend `hunyuan3d_2_1` of factorize.mesh."""
 
     steps: int = Field(25, ge=5, le=100)
-    """Steps of the sampling of the shape."""
+    """Sampling steps for the shape."""
     views: int = Field(4, ge=1, le=9)
-    """Views that the texture is painted from; more of them need more memory."""
+    """Number of views for the texture; more views need more memory."""
     view_px: int = Field(512, ge=512, le=768)
     """Side of a view [px]."""
     seed: NonNegativeInt = 0
@@ -53,6 +53,6 @@ def complete(
     common: MeshOptions,
     options: Hunyuan3d21Options,
 ) -> Shape:
-    """The mesh that Hunyuan3D 2.1 (Tencent, 2025) makes of the cut-out object. Nothing measured is used."""
+    """The mesh that Hunyuan3D 2.1 (Tencent, 2025) generates from the cut-out object. No measurement is used."""
     made = ctx.outside("complete", File, image=view.rgb, mask=view.mask)
     return shape_of(ctx, made.data, ".glb", view, "hunyuan3d_2_1", common.texture_px)

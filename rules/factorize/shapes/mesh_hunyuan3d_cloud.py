@@ -30,7 +30,7 @@ SERVICE = "hunyuan3d"
 _MARGIN = 0.1
 """White border around the object, as a fraction of its longer side."""
 _SIDES = (256, 1024)
-"""Smallest and largest side of the picture that is sent [px]; the service takes 128 to 5000."""
+"""Minimum and maximum side of the uploaded picture [px]; the service takes 128 to 5000."""
 
 
 class Hunyuan3dCloudOptions(Options):
@@ -41,9 +41,9 @@ class Hunyuan3dCloudOptions(Options):
     kind: Literal["Normal", "Geometry"] = "Normal"
     """With or without a texture, the API's `GenerateType`."""
     faces: Annotated[int, Field(ge=3000, le=1_500_000)] | None = 40_000
-    """Number of faces; none leaves it to the service, which makes about 500,000 for fewer credits."""
+    """Number of faces; None leaves it to the service, which makes about 500,000 for fewer credits."""
     pbr: bool = False
-    """Also have maps of metalness and roughness made, for more credits; only the colours are used."""
+    """Also generate metalness and roughness maps, for more credits; only the colours are used."""
 
 
 def complete(
@@ -53,13 +53,13 @@ def complete(
     common: MeshOptions,
     options: Hunyuan3dCloudOptions,
 ) -> Shape:
-    """Return the mesh that the service makes of the object on a white ground. Nothing measured is used."""
+    """Return the mesh that the service generates from the object on a white background. No measurement is used."""
     if not view.mask.any():
         ctx.fail("the mask is empty", hint="drop the element, or look at its mask")
     pixels = cut_out(view)
     faces = {} if options.faces is None else {"FaceCount": options.faces}
     parameters = {"Model": options.model, "GenerateType": options.kind, "EnablePBR": options.pbr, **faces}
-    # Pixels, not a file, so that another version of the encoder makes no other request.
+    # Pixels, not a file, so that another version of the encoder does not change the request.
     request = {"model": options.model, "parameters": parameters, "pixels": pixels.tobytes(), "shape": [*pixels.shape]}
     body = ctx.job(
         SERVICE,
@@ -74,7 +74,7 @@ def complete(
 
 
 def cut_out(view: ObjectView) -> np.ndarray:
-    """The object's pixels in the middle of a white square, (S, S, 3) uint8 sRGB."""
+    """The object's pixels centred on a white square, (S, S, 3) uint8 sRGB."""
     from PIL import Image
 
     rows, columns = np.flatnonzero(view.mask.any(axis=1)), np.flatnonzero(view.mask.any(axis=0))
@@ -99,7 +99,7 @@ def _png(pixels: np.ndarray) -> bytes:
 
 
 def _refuse_other_files(body: bytes) -> None:
-    """Raise `ValueError` for a body that is no binary glTF 2.0 (section 4.4), or not all of it."""
+    """Raise `ValueError` unless the body is a complete binary glTF 2.0 (section 4.4)."""
     if body[:4] != b"glTF" or int.from_bytes(body[4:8], "little") != 2:
         raise ValueError("the file is not a binary glTF 2.0")
     if int.from_bytes(body[8:12], "little") != len(body):

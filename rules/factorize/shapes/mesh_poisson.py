@@ -28,9 +28,9 @@ BACKEND = Backend(
 )
 
 ROOM = 2.0
-"""Edge of the octree by that of the points' bounding cube; the surface is open where it leaves the octree."""
+"""Edge of the octree relative to that of the points' bounding cube; the surface is open where it leaves the octree."""
 LONGEST_HOLE = 100
-"""Most edges of a hole that is closed."""
+"""Maximum number of edges of a hole that is closed."""
 UNDERSIDE_M = 0.004
 """Spacing of the points of the underside [m]."""
 
@@ -45,7 +45,7 @@ class PoissonOptions(Options):
 def complete(
     ctx: Context, view: ObjectView, measured: Measurements[Seen], common: MeshOptions, options: PoissonOptions
 ) -> Shape:
-    """Return the surface through the seen points and their projections onto the support, which make its underside."""
+    """Return the surface through the seen points and their projections onto the support, which form the underside."""
     return baseline.shape_of(ctx, "poisson", measured, common, lambda evidence: _surface(ctx, evidence, options.depth))
 
 
@@ -60,7 +60,7 @@ def _surface(ctx: Context, evidence: Evidence, depth: int) -> Solid:
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.concatenate([points, feet])))
     down = np.broadcast_to([0.0, 0.0, -1.0], feet.shape)
     cloud.normals = o3d.utility.Vector3dVector(np.concatenate([normals, down]))
-    # One thread, as the order of sums would change the surface.
+    # One thread, because the order of summation changes the surface.
     mesh, _ = o3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, scale=ROOM, n_threads=1)
     closed = repair.repaired(np.asarray(mesh.vertices), np.asarray(mesh.triangles), None, LONGEST_HOLE)
     inside = solids.intersection(Solid(closed.vertices, closed.faces.astype(np.int64)), hull(evidence))

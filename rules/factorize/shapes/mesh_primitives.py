@@ -1,4 +1,4 @@
-"""Closed meshes from one view without learned weights: fit families of simple bodies and keep the best."""
+"""Closed meshes from one view without learned weights: fits families of simple bodies and keeps the best."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class PrimitivesOptions(Options):
     refine_steps: NonNegativeInt = 14
     """Maximum least-squares steps per hypothesis; the best one gets three times as many."""
     explained: float = Field(0.85, le=1.0)
-    """Score of a body from which slow families that describe nearly everything are not tried."""
+    """Score of a body at which slow, general families are not tried."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def complete(
 
 
 def _fits(ctx: Context, evidence: evidence_of.Evidence, options: PrimitivesOptions) -> list[_Fitted]:
-    """The best body of each family; a family that cannot be fitted to such a view is left out with a warning."""
+    """The best body of each family; a family that cannot be fitted to the view is left out with a warning."""
     fitted: list[_Fitted] = []
     names = [name for name in HYPOTHESES if name in options.hypotheses]
     if not names:
@@ -132,7 +132,7 @@ def _fits(ctx: Context, evidence: evidence_of.Evidence, options: PrimitivesOptio
 
 
 def _stand_in(ctx: Context, evidence: evidence_of.Evidence, seen: Seen, common: MeshOptions, why: str) -> Shape:
-    """The hull of what was seen, with a warning, so that one bad view does not cost the scene."""
+    """The convex hull of the seen points, with a warning, so that one poor view does not fail the whole scene."""
     body = standing_hull(evidence)
     if body is None:
         ctx.fail(
@@ -154,7 +154,7 @@ def _fitted(candidate: Candidate, evidence: evidence_of.Evidence, steps: int) ->
 
 
 def _rival(best: _Fitted, fitted: list[_Fitted]) -> Rival | None:
-    """The second-best hypothesis; the search's own bodies are compared, without details and handles."""
+    """The second-best hypothesis; bodies are compared as the search found them, without details and handles."""
     others = [found for found in fitted if found is not best]
     if not others:
         return None
@@ -170,10 +170,10 @@ def _rival(best: _Fitted, fitted: list[_Fitted]) -> Rival | None:
 
 @dataclass(frozen=True)
 class _Left:
-    """What the view leaves open."""
+    """Uncertainty that the view leaves."""
 
     loose: tuple[str, ...]
-    """Sizes that it does not determine."""
+    """Sizes that the view does not determine."""
     doubt: doubt.Doubt
 
 
@@ -198,7 +198,7 @@ def _finished(best: _Fitted, evidence: evidence_of.Evidence, steps: int) -> tupl
     body, mark = choices[winner], judged[winner]
     if candidate.model.name in HANDLED:
         handled = with_handle(body, evidence)
-        # A strap that reaches below the base is something else that the mask holds.
+        # A strap that extends below the base belongs to something else in the mask.
         if handled is not None and handled.solid.vertices[:, 2].min() > -1e-6:
             again = judge(handled.solid.moved(handled.pose), evidence, cost)
             if again.score > mark.score:

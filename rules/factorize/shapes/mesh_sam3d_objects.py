@@ -1,4 +1,4 @@
-"""Meshes from the photograph alone, by SAM 3D Objects in an environment of its own."""
+"""Meshes from the photograph alone, by SAM 3D Objects in its own environment."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Sam3dObjectsOptions(Options):
     """Options of backend `sam3d_objects` of factorize.mesh."""
 
     faces: int = Field(40_000, ge=1000, le=80_000)
-    """Number of faces that the mesh is reduced to; each has a patch of the texture."""
+    """Number of faces that the mesh is reduced to; each has its own patch of the texture."""
     seed: NonNegativeInt = 0
     """Seed of the sampling."""
 
@@ -49,7 +49,7 @@ def complete(
     common: MeshOptions,
     options: Sam3dObjectsOptions,
 ) -> Shape:
-    """The mesh that SAM 3D Objects (Meta, 2025) makes of the masked picture. Nothing measured is used.
+    """The mesh that SAM 3D Objects (Meta, 2025) generates from the masked picture. No measurement is used.
 
     The model conditions on points that MoGe estimates from the picture.
     """

@@ -1,4 +1,4 @@
-"""Textured meshes from the photograph alone, by TRELLIS.2 in an environment of its own."""
+"""Textured meshes from the photograph alone, by TRELLIS.2 in its own environment."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ class Trellis2Options(Options):
     """Options of backend `trellis2` of factorize.mesh."""
 
     resolution: Literal["512", "1024_cascade", "1536_cascade"] = "1024_cascade"
-    """Resolution of the voxels, the pipeline's `pipeline_type`."""
+    """Voxel resolution, the pipeline's `pipeline_type`."""
     faces: int = Field(40_000, ge=1000, le=1_000_000)
     """Number of faces that the mesh is reduced to."""
     texture_px: int = Field(1024, ge=256, le=4096)
-    """Side of the texture that the program bakes [px]."""
+    """Side of the baked texture [px]."""
     seed: NonNegativeInt = 0
     """Seed of the sampling."""
 
@@ -53,6 +53,6 @@ def complete(
     common: MeshOptions,
     options: Trellis2Options,
 ) -> Shape:
-    """The mesh that TRELLIS.2 (Xiang et al., 2025) makes of the cut-out object. Nothing measured is used."""
+    """The mesh that TRELLIS.2 (Xiang et al., 2025) generates from the cut-out object. No measurement is used."""
     made = ctx.outside("complete", File, image=view.rgb, mask=view.mask)
     return shape_of(ctx, made.data, ".glb", view, "trellis2", common.texture_px)

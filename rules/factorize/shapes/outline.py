@@ -1,4 +1,4 @@
-"""How well a mesh of unknown pose explains the outline of an object in a photograph."""
+"""Agreement between a mesh of unknown pose and the outline of an object in a photograph."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from dextera_build.geometry import raycast
 from dextera_build.geometry.raycast import Surface
 
 _SIDE = 64
-"""Outlines are compared on a grid of so many cells."""
+"""Number of cells per side of the grid on which outlines are compared."""
 _TURNS = 36
 _ELEVATIONS = np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 75.0])
 _FAR = 4.0
-"""Distance of the camera, in radii of the mesh: perspective as of an object on a table."""
+"""Distance of the camera in radii of the mesh: perspective typical for an object on a table."""
 _SAMPLES = 4000
 
 
 @dataclass(frozen=True)
 class Explained:
-    """The view of a mesh whose outline is most like the seen one."""
+    """The view of a mesh whose outline is most similar to the seen one."""
 
     iou: float
     """Intersection over union of the two outlines, each scaled to its own extent; occluded cells are left out."""
@@ -37,7 +37,7 @@ def explain(vertices: np.ndarray, faces: np.ndarray, mask: np.ndarray, occluder:
         vertices: (V, 3), z up.
         faces: (F, 3) int.
         mask: (H, W) bool, the object's visible pixels; not empty.
-        occluder: (H, W) bool, pixels of which nothing is known.
+        occluder: (H, W) bool, pixels that may belong to the object.
     """
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     radius = float(np.linalg.norm(vertices - centre, axis=1).max())
@@ -64,7 +64,7 @@ def _rays(eye: np.ndarray) -> np.ndarray:
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     down = np.cross(forward, right)
-    half = 1.0 / np.sqrt(_FAR**2 - 1.0)  # tangent of the angle under which the unit sphere appears
+    half = 1.0 / np.sqrt(_FAR**2 - 1.0)  # tangent of the angular radius of the unit sphere
     steps = half * (2.0 * (np.arange(2 * _SIDE) + 0.5) / (2 * _SIDE) - 1.0)
     directions = forward + steps[None, :, None] * right + steps[:, None, None] * down
     return np.concatenate([np.broadcast_to(eye, directions.shape), directions], axis=-1)
@@ -93,7 +93,7 @@ def _unseen(surface: Surface, eye: np.ndarray) -> float:
     corners = surface.vertices[surface.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(normals, axis=1)
-    # Evenly spaced in area, so that the sample is the same every time.
+    # Evenly spaced in area, so that the sample is deterministic.
     steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES * areas.sum()
     face = np.searchsorted(np.cumsum(areas), steps).clip(0, len(areas) - 1)
     points = corners[face].mean(axis=1)

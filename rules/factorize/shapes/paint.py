@@ -140,7 +140,7 @@ class _Photograph:
         surface = raycast.Surface(self.body.vertices, self.body.faces)
         rays = np.concatenate([np.broadcast_to(self.eye, sight.shape), sight], axis=1)
         first = raycast.cast([surface], rays).depth
-        # A point mirrored off the body into empty space is hit too late or too early.
+        # A mirrored point off the body is hit too late or too early.
         facing = self.facing(points, normals) > 0.0
         return np.asarray(facing & (np.abs(first - 1.0) * length < 0.0015 + 0.002 * length))
 

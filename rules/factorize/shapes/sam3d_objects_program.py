@@ -1,6 +1,6 @@
-"""Program of backend `sam3d_objects` of factorize.mesh; it runs in the environment of SAM 3D Objects.
+"""Program of backend `sam3d_objects` of factorize.mesh; runs in the environment of SAM 3D Objects.
 
-The environment finds the repository's `notebook/inference.py`, and torch.hub's folder holds DINOv2.
+The repository's `notebook/inference.py` is on the path of the environment, and torch.hub's folder holds DINOv2.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _loaded: list[Any] = []
 
 
 def complete(request: Any) -> Any:
-    """A PLY of the object in the masked picture, z up, with colours at the vertices."""
+    """A PLY of the object in the masked picture, z up, with vertex colours."""
     import numpy as np
 
     pixels = np.asarray(cutout.rgba(request))
@@ -47,7 +47,7 @@ def _inference(request: Any) -> Any:
         os.environ.setdefault("CONDA_PREFIX", os.environ.get("CUDA_HOME", sys.prefix))
         hub: Any = importlib.import_module("huggingface_hub")
         points = str(Path(str(request.weights["moge_vitl"]), "model.pt"))
-        hub.hf_hub_download = lambda *given, **more: points  # MoGe asks the hub for its weights; they are here
+        hub.hf_hub_download = lambda *given, **more: points  # MoGe asks the hub for its weights
         importlib.import_module("torch").hub.download_url_to_file = _no_download
         config = Path(str(request.weights["sam3d_objects"]), "checkpoints", "pipeline.yaml")
         _loaded.append(importlib.import_module("inference").Inference(str(config), compile=False))

@@ -18,7 +18,7 @@ from .scoring import Judgement
 
 
 def lifted(body: Finished, base: float) -> Finished:
-    """Move a body whose zero is the surface under it to the world frame of the support."""
+    """Move a body with z = 0 on the supporting surface to the world frame of the support."""
     pose = body.pose.copy()
     pose[2, 3] += base
     return replace(body, pose=pose)
@@ -38,9 +38,9 @@ def shaped(
     """The textured shape of a body in the world frame.
 
     Args:
-        name: Hypothesis that won.
+        name: The best hypothesis.
         body: The body.
-        judged: How well it explains the view.
+        judged: Its scores for the view.
         scores: Hypothesis -> score.
         seen: The view, whose colours are painted on it.
         texture_px: See `paint`.

@@ -1,4 +1,4 @@
-"""A body for a view that shows too little to fit one: the convex hull of the seen points, down to what it stands on."""
+"""A body for a view with too little information for a fit: the convex hull of the seen points down to the ground."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from .evidence import Evidence
 from .hypotheses import Finished
 
 FEWEST = 12
-"""Fewer points tell no shape."""
+"""Minimum number of points."""
 THIN_M = 0.004
-"""Smallest extent that is left as it is [m]."""
+"""Smaller extents are enlarged to this [m]."""
 
 
 def standing_hull(evidence: Evidence) -> Finished | None:
-    """The hull of the points and of their feet on the surface below; None if there are fewer than 12.
+    """The hull of the points and of their projections onto the surface below; None if there are fewer than 12.
 
-    It is closed, has a volume and rests where it is, whatever the points are. The outermost 2 % are pulled in.
+    It is closed, has a volume and rests in place for any points. The outermost 2 % are clamped.
     """
     points = evidence.points if len(evidence.points) >= FEWEST else _measured(evidence)
     if len(points) < FEWEST:

@@ -1,4 +1,4 @@
-"""Program of backend `trellis2` of factorize.mesh; it runs in the environment of TRELLIS.2."""
+"""Program of backend `trellis2` of factorize.mesh; runs in the environment of TRELLIS.2."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import dxb_backend  # type: ignore[import-not-found]
 
 _CUBE = [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]]
 _RASTERISED = 16_777_216
-"""Largest number of faces that nvdiffrast takes."""
+"""Maximum number of faces that nvdiffrast accepts."""
 _loaded: list[Any] = []
 
 

@@ -21,7 +21,7 @@ SETTINGS = ("chunk", "width", "heads", "style_layers", "encoder_layers", "decode
 
 
 class ActBackend(Protocol):
-    """What a backend of learn.act defines."""
+    """Interface of a backend of learn.act."""
 
     def train(self, ctx: Context, data: Demonstrations, common: ActOptions, options: Any) -> Trained:
         """Train, or resume an interrupted training."""

@@ -16,8 +16,8 @@ class ActOptions(Options):
     inputs: tuple[str, ...] = ("joints", "objects", "displacement", "goal")
     """Input channels of the deployable observation; add `rgb` if a film is given."""
     objects: Literal["task", "all"] = "task"
-    """Objects with poses and joints in the input: the task's object only, or all. Irrelevant objects can only mislead a
-    policy trained on a hundred episodes."""
+    """Objects with poses and joints in the input: the task's object only, or all. Irrelevant objects can only
+    mislead a policy trained on a hundred episodes."""
     chunk: int = Field(20, ge=1, le=200)
     """Steps predicted at once."""
     width: int = Field(96, ge=8)
@@ -45,7 +45,7 @@ class ActOptions(Options):
     jitter: float = Field(0.0, ge=0.0)
     """Noise added to inputs in training, in their standard deviations."""
     shift: int = Field(0, ge=0)
-    """Maximum random shift of images in training [px]; with a fixed camera it loses positions."""
+    """Maximum random shift of images in training [px]; with a fixed camera, shifts lose position information."""
     held_out: float = Field(0.1, ge=0.0, lt=1.0)
     """Fraction of the episodes held out for validation."""
     every: int = Field(1, ge=1)

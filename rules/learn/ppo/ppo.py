@@ -17,7 +17,7 @@ from .reinforcement import contract_of, limb_of
 
 
 class PpoBackend(Protocol):
-    """What a backend of learn.ppo defines."""
+    """Interface of a backend of learn.ppo."""
 
     def heading(self, ctx: Context, bundle: TaskBundle, options: Any) -> float | None:
         """Initial push direction of the task's link about the vertical in the base [rad]; None for a lift."""

@@ -17,7 +17,7 @@ class PpoOptions(Options):
     inputs: tuple[str, ...] = ("joints", "previous_action", "objects", "displacement", "goal")
     """Input channels of the deployable observation; `joints` and `previous_action` are required."""
     groups: tuple[Group, ...] = ("arm",)
-    """Groups of controlled joints; all others stay as in `grip`."""
+    """Groups of controlled joints; all others are fixed as in `grip`."""
     control: Literal["palm", "joints"] = "palm"
     """Control of the arm: by steps of the palm with fixed orientation, or joint by joint."""
     step_m: float = Field(0.15, gt=0.0)

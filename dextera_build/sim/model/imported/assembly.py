@@ -1,4 +1,4 @@
-"""A robot model put together from descriptions: bodies as they are, with our drives, frames and names."""
+"""A robot model assembled from descriptions: bodies of the files, with drives, frames and names of the options."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from dextera_build.sim.model.imported.source import Source
 from dextera_build.sim.model.robot_meshes import COLLISION, SEEN, VISUAL
 
 STIFFNESS = 12.0
-"""Stiffness of a joint whose file states none: its largest torque is reached 1/12 rad from the target [1/rad]."""
+"""Stiffness of a joint if the file states none: its maximum torque is reached 1/12 rad from the target [1/rad]."""
 OUT_M = 0.003
-"""By how much what touches must stand out from what is seen, to be drawn [m]."""
+"""Minimum distance by which collision geometry must protrude from visual geometry to be drawn [m]."""
 DAMPING = 0.1
-"""Damping of a joint whose file states none, per stiffness [s]."""
+"""Damping of a joint if the file states none, per stiffness [s]."""
 
 
 @dataclass(frozen=True)
 class Placed:
-    """A description and where its root is.
+    """A description and the pose of its root.
 
     Args:
-        source: What was read.
+        source: The description.
         root: Body whose subtree is used.
-        prefix: Begins its names.
-        parent: Link on which it hangs, with prefix; empty for the world.
+        prefix: Prefix of its names.
+        parent: Link that it is mounted on, with prefix; empty for the world.
         place: T_parent_root, position [m].
         turn: The same, quaternion w x y z.
-        drawn: Meshes that touch and are seen, although their links have others that are only seen.
+        drawn: Collision meshes that are also visible, although their links have separate visual meshes.
     """
 
     source: Source
@@ -49,15 +49,15 @@ class Placed:
 
 @dataclass(frozen=True)
 class Drive:
-    """A joint as the model has it; all numbers in rad, N m or m, N.
+    """A joint of the model; all values in rad, N m or m, N.
 
     Args:
-        name: With prefix.
+        name: Name with prefix.
         lower: Lower limit.
         upper: Upper limit.
         effort: Largest torque or force.
-        stiffness: Of its position actuator.
-        damping: Of its position actuator.
+        stiffness: Stiffness of its position actuator.
+        damping: Damping of its position actuator.
     """
 
     name: str
@@ -79,16 +79,16 @@ class Frame:
 
 @dataclass
 class Plan:
-    """Everything that the files do not say.
+    """Everything that is not in the files.
 
     Args:
         drives: Actuated joints, in order.
         followers: Joint -> leader, ratio and offset.
         fixed: Joint -> position at which it is fixed.
         frames: Role -> frame.
-        apart: Pairs of links that never touch.
-        home: Joint -> position, to find links that touch there.
-        drawn: Meshes that are seen although they touch.
+        apart: Pairs of links excluded from contact.
+        home: Joint -> position, at which links in contact are found.
+        drawn: Collision meshes that are visible.
     """
 
     drives: list[Drive]
@@ -121,7 +121,7 @@ def attached(parts: Sequence[Placed], name: str) -> Any:
         root.pos, root.quat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
         root.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
         parent = spec.worldbody if not part.parent else spec.body(part.parent)
-        # MuJoCo needs a prefix to tell classes and meshes apart; names of links and joints are those of the file.
+        # MuJoCo needs a prefix to distinguish classes and meshes; names of links and joints are those of the file.
         own = own_prefix(number)
         parent.add_frame(pos=part.place, quat=part.turn).attach_body(root, own, "")
         assets |= files
@@ -140,7 +140,7 @@ def own_prefix(number: int) -> str:
 
 
 def _strip(spec: Any) -> None:
-    """Remove what a robot model has of its own, or not at all."""
+    """Remove elements that a robot model defines itself or must not have."""
     for kind in ("sensors", "actuators", "keys", "tendons", "equalities", "excludes", "pairs", "skins", "cameras"):
         for each in list(getattr(spec, kind)):
             spec.delete(each)
@@ -149,10 +149,10 @@ def _strip(spec: Any) -> None:
 
 
 def finished(spec: Any, plan: Plan) -> tuple[Folder, list[tuple[str, str]]]:
-    """Add drives and frames; return the folder and the pairs of links that touched at home, which no longer do.
+    """Add drives and frames; return the folder and the pairs of links in contact at home, which no longer collide.
 
     Raises:
-        RuleError: MuJoCo does not take the whole.
+        RuleError: MuJoCo rejects the model.
     """
     for name, position in plan.fixed.items():
         _fix(spec, name, position)
@@ -173,7 +173,7 @@ def finished(spec: Any, plan: Plan) -> tuple[Folder, list[tuple[str, str]]]:
     for role, frame in plan.frames.items():
         spec.body(frame.link).add_site(name=role, pos=frame.place, quat=frame.turn, size=[0.005, 0, 0], group=4)
     _set_groups(spec, plan.drawn)
-    # A base that is fixed to the world is no parent to MuJoCo, which would let it touch the first link.
+    # MuJoCo does not treat a base that is fixed to the world as a parent, and would let it touch the first link.
     pairs = {tuple(sorted((body.name, child.name))) for body in spec.bodies[1:] for child in body.bodies}
     pairs |= {tuple(sorted(pair)) for pair in plan.apart}
     for one, other in sorted(pairs):
@@ -194,7 +194,7 @@ def compiled(spec: Any) -> Any:
     """The `mujoco.MjModel` of a spec.
 
     Raises:
-        RuleError: MuJoCo does not take it.
+        RuleError: MuJoCo rejects it.
     """
     try:
         return spec.compile()
@@ -241,8 +241,8 @@ def _add_drive(spec: Any, drive: Drive) -> None:
 def _set_groups(spec: Any, named: set[str]) -> None:
     """Groups and contacts of geometry as in other robot models: visual and collision, visual only, collision only.
 
-    A collision geometry is hidden where a visual one covers it. A mesh that extends beyond the visual geometry of its
-    link, such as a fingertip, is drawn.
+    Collision geometry is hidden where visual geometry covers it. A collision mesh that extends beyond the visual
+    geometry of its link, such as a fingertip, is drawn.
     """
     model = compiled(spec)
     for body in spec.bodies[1:]:
@@ -259,7 +259,7 @@ def _set_groups(spec: Any, named: set[str]) -> None:
             geom.group = VISUAL if not touches else SEEN if drawn else COLLISION
             if touches:
                 geom.contype = geom.conaffinity = 1
-                # A friction that somebody stated is that of a skin: with priority, the larger one of a contact counts.
+                # A stated friction is that of a skin: with priority, the larger one of a contact applies.
                 geom.priority = int(geom.friction[0] != 1.0)
 
 

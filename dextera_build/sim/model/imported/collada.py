@@ -1,6 +1,6 @@
 """Triangles of COLLADA files (https://www.khronos.org/files/collada_spec_1_5.pdf), which URDF models often have.
 
-Colours are left out. `up_axis` is ignored, as ROS does; the unit counts.
+Colours are ignored. `up_axis` is ignored, as in ROS; the unit is applied.
 """
 
 from __future__ import annotations

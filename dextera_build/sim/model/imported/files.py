@@ -1,4 +1,4 @@
-"""Files that a robot's description names: meshes by relative paths and by `package://`."""
+"""Resolution of files named in a robot's description: meshes by relative paths and by `package://`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from dextera_build.errors import RuleError, listing
 from dextera_build.sim.model.imported import collada
 
 MESHES = (".stl", ".obj", ".dae")
-"""Forms of meshes that are read."""
+"""Mesh formats that are read."""
 MOST_TEXELS = 1 << 26
-"""Most texels of a texture, and most cells of a height field."""
+"""Maximum number of texels of a texture, and of cells of a height field."""
 
 
 def wrong(message: str, hint: str | None = None, **facts: object) -> RuleError:
@@ -25,7 +25,7 @@ def wrong(message: str, hint: str | None = None, **facts: object) -> RuleError:
 
 
 def found(name: str, beside: str, files: Mapping[str, bytes]) -> str:
-    """The path among `files` that a description means.
+    """The path in `files` that a description refers to.
 
     Args:
         name: `package://robot/meshes/a.stl`, `../meshes/a.stl`.
@@ -33,7 +33,7 @@ def found(name: str, beside: str, files: Mapping[str, bytes]) -> str:
         files: Path -> content.
 
     Raises:
-        RuleError: There is none, or several.
+        RuleError: There is no such file, or several.
     """
     plain = re.sub(r"^(package|model|file)://", "", name.strip()).replace("\\", "/")
     near = posixpath.normpath(posixpath.join(posixpath.dirname(beside), plain))
@@ -41,7 +41,7 @@ def found(name: str, beside: str, files: Mapping[str, bytes]) -> str:
     for path in (near, whole):
         if path in files:
             return path
-    # A package may be anywhere in the folder, and the folder may be part of a package.
+    # A package may be anywhere in the folder, and the folder may be a part of a package.
     parts = whole.removeprefix("../").split("/")
     for start in range(len(parts)):
         tail = "/".join(part for part in parts[start:] if part != "..")
@@ -63,10 +63,10 @@ def found(name: str, beside: str, files: Mapping[str, bytes]) -> str:
 
 
 def mesh(path: str, data: bytes) -> tuple[str, bytes]:
-    """A mesh as MuJoCo reads it: the file's name with the suffix of its form, and its bytes.
+    """A mesh for MuJoCo: the file's name with the suffix of its format, and its bytes.
 
     Raises:
-        RuleError: It is of another form, or damaged.
+        RuleError: It has another format, or is damaged.
     """
     stem, suffix = posixpath.splitext(posixpath.basename(path))
     form = suffix.lower()
@@ -80,7 +80,7 @@ def mesh(path: str, data: bytes) -> tuple[str, bytes]:
 
 
 def picture(path: str, data: bytes) -> tuple[str, bytes]:
-    """A texture as MuJoCo reads it: its file's name, and its bytes.
+    """A texture for MuJoCo: its file's name, and its bytes.
 
     Raises:
         ArtifactError: A PNG has more than `MOST_TEXELS`.
@@ -96,7 +96,7 @@ def _is_binary(data: bytes) -> bool:
 
 
 def _obj_of_text(path: str, data: bytes) -> bytes:
-    """An STL of text as OBJ."""
+    """An ASCII STL as OBJ."""
     rows = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", data)
     try:
         points = np.array(rows, dtype=np.float64).reshape(-1, 3, 3)

@@ -1,4 +1,4 @@
-"""MJCF with its includes in place, before MuJoCo reads it: from the input alone, and bounded in what it expands to.
+"""MJCF with its includes expanded, before MuJoCo reads it: from input files only, with bounded size.
 
 MuJoCo reads includes, attached models and meshes from anywhere on the disk, and unrolls `replicate` and its like while
 it parses.
@@ -16,14 +16,14 @@ from dextera_build.errors import listing
 from dextera_build.sim.model.imported.files import MOST_TEXELS, wrong
 
 MOST_BODIES = 1_000
-"""Most links of a robot; those that are known have up to 200, and checks of pairs take time quadratic in them."""
+"""Maximum number of links of a robot; known robots have up to 200, and pairwise checks take quadratic time."""
 MOST_ELEMENTS = 20_000
-"""Most elements of a model, after `replicate`, `composite`, `flexcomp` and `attach`."""
+"""Maximum number of elements of a model, after `replicate`, `composite`, `flexcomp` and `attach`."""
 _FINEST = 500
-"""Largest parameter of a mesh that MuJoCo makes itself."""
+"""Maximum parameter of a mesh that MuJoCo generates."""
 _DEEPEST = 200
 _LEFT_OUT = ("size", "custom", "sensor")
-"""Sections that no robot model keeps, and that can reserve any amount of memory."""
+"""Sections that no robot model needs, and that can reserve any amount of memory."""
 
 
 def written(path: str, files: Mapping[str, bytes]) -> dict[str, bytes]:
@@ -53,7 +53,7 @@ class _Flat:
         self.models: dict[str, ET.Element | None] = {}
         """Path -> root element; None while it is being read."""
         self.counts: dict[str, tuple[int, int]] = {}
-        """Path -> bodies and elements that MuJoCo makes of it."""
+        """Path -> bodies and elements that MuJoCo creates from it."""
 
     def model(self, path: str) -> None:
         """Read a model with its includes, and the models that it attaches."""
@@ -73,7 +73,7 @@ class _Flat:
         self.models[path], self.counts[path] = root, self._count(root)
 
     def _count(self, element: ET.Element) -> tuple[int, int]:
-        """Bodies and elements that MuJoCo makes of an element."""
+        """Bodies and elements that MuJoCo creates from an element."""
         counts = [self._count(each) for each in element]
         bodies = sum(each[0] for each in counts) + (element.tag == "body")
         elements = sum(each[1] for each in counts) + 1
@@ -125,7 +125,7 @@ class _Flat:
 
 
 def _check(path: str, element: ET.Element) -> None:
-    """Refuse an element that reads a file while it is parsed, or is made of too many numbers."""
+    """Raise for an element that reads a file while it is parsed, or that has too many numbers."""
     tag = element.tag
     if tag in ("flexcomp", "hfield") and element.get("file"):
         raise wrong(f"`{path}` has a <{tag}> made of a file", hint="leave it out: it is no part of a robot")
@@ -141,7 +141,7 @@ def _check(path: str, element: ET.Element) -> None:
 
 
 def _product(text: str) -> int:
-    """The product of the numbers in an attribute; what is no number counts as 1, and MuJoCo refuses it."""
+    """The product of the numbers in an attribute; other words count as 1, and MuJoCo rejects them."""
     found = []
     for word in text.split():
         try:

@@ -1,4 +1,4 @@
-"""Roles of a robot's links, guessed from how they hang together and what they are called."""
+"""Roles of a robot's links, guessed from the kinematic tree and from names."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _FINGERS = {
 }
 """Finger -> names of its links."""
 FEWEST = 5
-"""Joints of a chain that is an arm; fingers have up to four."""
+"""Minimum number of joints of an arm's chain; fingers have up to four."""
 
 
 @dataclass
 class Guess:
-    """What a recipe may begin with."""
+    """Initial values for a recipe."""
 
     hand: list[str] = field(default_factory=list)
     """Links at which hands begin."""
@@ -77,7 +77,7 @@ def _named(body: Any, root: str) -> str:
 
 
 def _branches(body: Any) -> list[Any]:
-    """Bodies below that begin a chain with joints, the fixed ones between left out."""
+    """Descendants that begin a chain with joints, with fixed bodies in between skipped."""
     found = []
     for each in body.bodies:
         if not _count(each):
@@ -91,12 +91,12 @@ def _branches(body: Any) -> list[Any]:
 
 
 def _count(body: Any) -> int:
-    """Joints of a body and all below."""
+    """Number of joints of a body and all its descendants."""
     return len(list(body.joints)) + sum(_count(each) for each in body.bodies)
 
 
 def _chain(body: Any) -> int:
-    """Joints from a body to where it branches or ends."""
+    """Joints from a body to the next branch or the end."""
     count = 0
     while True:
         count += len(list(body.joints))
@@ -107,7 +107,7 @@ def _chain(body: Any) -> int:
 
 
 def _palm(body: Any) -> Any | None:
-    """The first body on which two chains with joints hang; None if the chain does not branch."""
+    """The first body with two chains with joints; None if the chain does not branch."""
     while True:
         inner = [each for each in body.bodies if _count(each)]
         if len(inner) > 1:
@@ -118,7 +118,7 @@ def _palm(body: Any) -> Any | None:
 
 
 def _last(body: Any) -> Any:
-    """The last body of a chain; a fixed body at its end counts."""
+    """The last body of a chain, including a fixed body at its end."""
     while True:
         inner = sorted(body.bodies, key=_count, reverse=True)
         if not inner:
@@ -127,7 +127,7 @@ def _last(body: Any) -> Any:
 
 
 def _flange(top: Any) -> str | None:
-    """A link that is called so."""
+    """A link with the name of a flange."""
     waiting = [top]
     for body in waiting:
         if _FLANGES.search(body.name):

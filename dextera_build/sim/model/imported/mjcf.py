@@ -1,4 +1,4 @@
-"""MJCF of others as a source of robots: its bodies, joints and meshes, and what its actuators say."""
+"""Third-party MJCF as a source of robots: its bodies, joints, meshes and actuators."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def read(path: str, files: Mapping[str, bytes], whole: bool = False) -> Source:
     """Read the MJCF `path`.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         files: Path -> content.
         whole: Put everything that is fixed to the world into one body, `WHOLE`.
 
     Raises:
-        RuleError: MuJoCo does not load it, a mesh is missing, or it holds what no robot has.
+        RuleError: MuJoCo cannot load it, a mesh is missing, or it contains elements that no robot has.
     """
     spec = _loaded(path, files)
     found = Source(spec)
@@ -62,14 +62,14 @@ def read(path: str, files: Mapping[str, bytes], whole: bool = False) -> Source:
     for kind, count in (("tendons", len(spec.tendons)), ("flexes", len(spec.flexes)), ("skins", len(skins))):
         if count:
             found.dropped.append(f"{count} {kind}")
-    # Degrees, Euler angles and defaults of the file are resolved, so that its bodies go with those of other files.
+    # Degrees, Euler angles and defaults of the file are resolved, so that its bodies can be combined with other files.
     text = precise(spec.to_xml(), spec.compile())
     found.spec = mujoco.MjSpec.from_string(_only_bodies(text, whole), assets=dict(spec.assets))
     return found
 
 
 def _loaded(path: str, files: Mapping[str, bytes]) -> Any:
-    """The `mujoco.MjSpec` of a file; MuJoCo reads attached models from the disk alone."""
+    """The `mujoco.MjSpec` of a file; MuJoCo reads attached models from the disk only."""
     with tempfile.TemporaryDirectory() as folder:
         for name, text in flat.written(path, files).items():
             place = Path(folder, name)
@@ -106,12 +106,12 @@ def _fix_bases(spec: Any, found: Source) -> None:
         found.dropped.append(f"free joint of `{joint.parent.name}`, which is fixed now")
         spec.delete(joint)
     if loose:
-        for key in list(spec.keys):  # of another size now
+        for key in list(spec.keys):  # the size has changed
             spec.delete(key)
 
 
 def _name_all(spec: Any) -> None:
-    """Give bodies, joints and meshes without a name one, so that all can be told apart."""
+    """Name bodies, joints and meshes without a name, so that all can be identified."""
     for kind, elements in (("body", spec.bodies), ("joint", spec.joints)):
         taken = {each.name for each in elements}
         for number, each in enumerate(elements):
@@ -131,7 +131,7 @@ def _take_files(spec: Any, path: str, files: Mapping[str, bytes]) -> None:
     assets: dict[str, bytes] = {}
 
     def taken(named: str, below: str, asset: str) -> str:
-        """Name of the asset for a file, which begins with `asset`; empty if no file is named."""
+        """Name of the asset for a file, starting with `asset`; empty if no file is named."""
         if not named:
             return ""
         named = posixpath.join(below, posixpath.basename(named) if spec.strippath else named)
@@ -154,7 +154,7 @@ def _take_files(spec: Any, path: str, files: Mapping[str, bytes]) -> None:
 
 
 def _state_inertias(spec: Any, model: Any) -> None:
-    """Write the inertia that MuJoCo computes by the file's own settings, which do not go with its bodies."""
+    """Write the inertia that MuJoCo computes with the file's own settings, which are not copied with its bodies."""
     for body in spec.bodies[1:]:
         known = model.body(body.name)
         body.explicitinertial, body.fullinertia = True, [np.nan] * 6
@@ -186,7 +186,7 @@ def _read_drives(spec: Any, model: Any, found: Source) -> None:
 
 
 def _read_couplings(spec: Any, found: Source) -> None:
-    """Joints that follow others by a linear equality; anything that closes a loop is refused."""
+    """Joints that follow others by a linear equality; raises for anything that closes a loop."""
     for each in spec.equalities:
         if each.type == mujoco.mjtEq.mjEQ_JOINT and each.name2:
             offset, ratio, *curved = (float(value) for value in each.data[:5])

@@ -1,4 +1,4 @@
-"""MJCF with all digits."""
+"""MJCF with full precision."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from dextera_build.geometry import poses, transforms
 
 
 def precise(text: str, model: Any) -> str:
-    """MJCF whose bodies, axes, limits and inertias have all digits; MuJoCo writes six.
+    """MJCF with bodies, axes, limits and inertias in full precision; MuJoCo writes six digits.
 
     Args:
-        text: What `MjSpec.to_xml` returned; bodies and joints have names.
+        text: Output of `MjSpec.to_xml`; bodies and joints have names.
         model: The compiled model.
     """
     root = ET.fromstring(text)
@@ -25,9 +25,9 @@ def precise(text: str, model: Any) -> str:
 
 
 def _below(element: ET.Element, frame: np.ndarray, model: Any) -> None:
-    """Rewrite what is in a body, or in a `<frame>` whose pose in its body is `frame` (4, 4).
+    """Rewrite the content of a body, or of a `<frame>` whose pose in its body is `frame` (4, 4).
 
-    The rounded pose of a frame stays: what is inside is written relative to it.
+    The rounded pose of a frame is kept; its content is written relative to it.
     """
     for part in element:
         if part.tag == "frame":

@@ -1,4 +1,4 @@
-"""What reading a robot's description gives, whatever its form."""
+"""Result of reading a robot's description in any format."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 @dataclass
 class Source:
-    """A description that was read."""
+    """A robot's description."""
 
     spec: Any
     """The `mujoco.MjSpec`; its meshes are among `spec.assets`."""
@@ -23,4 +23,4 @@ class Source:
     home: dict[str, float] = field(default_factory=dict)
     """Joint -> position in its first keyframe [rad or m]."""
     dropped: list[str] = field(default_factory=list)
-    """What a robot model has no place for."""
+    """Elements that a robot model cannot represent."""

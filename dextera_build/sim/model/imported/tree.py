@@ -13,7 +13,7 @@ def children_of(links: Mapping[str, ET.Element], joints: Mapping[str, ET.Element
     """Link -> its joints and their children.
 
     Raises:
-        RuleError: An end of a joint is no link, or they are no tree.
+        RuleError: An end of a joint is no link, or the links form no tree.
     """
     children: dict[str, list[tuple[str, str]]] = {name: [] for name in links}
     above: dict[str, str] = {}

@@ -19,7 +19,7 @@ from dextera_build.sim.model.imported.flat import MOST_BODIES, MOST_ELEMENTS
 from dextera_build.sim.model.imported.source import Source
 
 MOST_MESHES = 2_000
-"""Most pairs of a mesh and a scale."""
+"""Maximum number of pairs of a mesh and a scale."""
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
 
 
@@ -80,7 +80,7 @@ class _Reader:
         return self._found
 
     def _check_masses(self, children: Mapping[str, list[tuple[str, str]]]) -> None:
-        """Refuse moving links without mass, counting the links that are fixed to them."""
+        """Raise for moving links without mass, counting the links fixed to them."""
         for name, joint in self._joints.items():
             if joint.get("type") == "fixed":
                 continue
@@ -214,7 +214,7 @@ class _Reader:
 
 
 def check_inertia(link: str, mass: float, moments: np.ndarray) -> None:
-    """Refuse moments of inertia that no body has.
+    """Raise for moments of inertia that no rigid body has.
 
     Raises:
         RuleError: Mass or a moment is not positive, or one moment exceeds the sum of the others.

@@ -1,4 +1,4 @@
-"""Bodies of stacked cross-sections about an axis that lies: bottles, tools and cans that fell over, pens, fruit."""
+"""Bodies of stacked cross-sections about a lying axis: bottles, tools and cans that fell over, pens, fruit."""
 
 from __future__ import annotations
 
@@ -111,6 +111,6 @@ def _start(evidence: Evidence, yaw: float, pitch: float) -> np.ndarray:
     facing = float(evidence.forward @ across)
     near_side = float(np.quantile(v * np.sign(facing or 1.0), 0.05))
     middle = np.sign(facing or 1.0) * (near_side + float(np.median(half)))
-    # Looked at along its axis, it is as long as was seen.
+    # Seen along its axis, the length is the seen depth.
     centre = along * (low + high) / 2 + across * middle
     return np.array([*centre, yaw, pitch, 0.0, length / max(np.cos(pitch), 0.5), 1.0, *half])

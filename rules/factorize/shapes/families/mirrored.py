@@ -1,11 +1,11 @@
 """Free-form bodies: the seen surface, mirrored at a vertical plane of symmetry.
 
-The seen surface and the outline of the mask are known: the body is the largest mirror-symmetric solid behind the
-surface and within the outline. Three assumptions fill in the rest. The plane, and so the whole back, is upright, within
-some 60 degrees of facing the camera, and placed to explain the view best at a depth not far from the width. Hidden
-space that could be full is full, down to the surface under the object. Missing depth continues the nearest seen
-surface. A body without such a plane, or with one along the line of sight, comes out too short or too bulky; a cavity
-is only as deep as it was seen, and has the wrong back.
+The body is the largest mirror-symmetric solid behind the seen surface and inside the outline of the mask. Three
+assumptions complete it. The plane of symmetry is upright, within some 60 degrees of facing the camera, and placed to
+explain the view best at a depth similar to the width. Hidden space that may be occupied is occupied, down to the
+surface under the object. Missing depth continues the nearest seen surface. A body without such a plane, or with one
+along the line of sight, becomes too short or too bulky; a cavity is only as deep as its visible part, and its back is
+wrong.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from .front import Front, front_of
 COST = 0.2
 """Complexity. The copied front always fits; with this cost the body wins only if every parametric family fits badly."""
 YAWS_DEG = (0.0, -20.0, 20.0, -40.0, 40.0)
-"""Yaws of the plane to try, from facing the camera."""
+"""Yaws of the plane that are tried, relative to facing the camera [deg]."""
 RATIOS = (0.4, 0.6, 0.9, 1.4, 2.1)
-"""Ratios of depth to width to try."""
+"""Ratios of depth to width that are tried."""
 CLIMBED = 3
-"""Number of the best of these from which a better plane is searched."""
+"""Number of the best of these from which a local search starts."""
 CLIMBS = ((12.0, 1.25), (6.0, 1.12), (3.0, 1.06))
-"""Steps of that search: yaw [deg] and factor of the ratio."""
+"""Steps of the local search: yaw [deg] and factor of the ratio."""
 STEEPEST_DEG = 62.0
 """Maximum yaw of a plane."""
 UNLIKELY = 0.04
@@ -90,7 +90,7 @@ def _thinned(evidence: Evidence) -> Evidence:
 
 
 def _best_plane(front: Front, evidence: Evidence) -> np.ndarray | None:
-    """The likeliest plane: the best of a coarse grid, and what is better nearby; None if no plane leaves a body."""
+    """The likeliest plane: best of a coarse grid with local search; None if no plane leaves a body."""
     marks: dict[tuple[float, float], float] = {}
 
     def mark(yaw_deg: float, ratio: float) -> float:
@@ -108,7 +108,7 @@ def _best_plane(front: Front, evidence: Evidence) -> np.ndarray | None:
 
 
 def _climbed(mark: Callable[[float, float], float], yaw_deg: float, ratio: float) -> tuple[float, float]:
-    """Yaw [deg] and ratio at which no step to a neighbour improves the mark."""
+    """Yaw [deg] and ratio at a local optimum of the score."""
     here = yaw_deg, ratio
     for turn, factor in CLIMBS:
         while True:

@@ -5,9 +5,9 @@ from __future__ import annotations
 TURNED = ("revolved_hollow", "open_box")
 """Vessels that are also fitted lying and leaning."""
 TURNED_PREFIX = "tilted_"
-"""Before the name of a vessel that does not stand."""
+"""Prefix of the name of a vessel that does not stand upright."""
 GENERAL = ("superquadric", "lying", *(TURNED_PREFIX + name for name in TURNED), "mirrored")
-"""Families that take long to fit and describe nearly everything a little: tried where the others explain too little."""
+"""Slow families that describe almost any body roughly; tried only if the others explain too little."""
 HYPOTHESES = (
     "box",
     "tilted_box",

@@ -1,4 +1,4 @@
-"""Rectangular vessels: a box open at the top, with rounded corners and slanted walls: baskets, trays, bins, cartons."""
+"""Rectangular vessels: boxes open at the top with rounded corners and slanted walls: baskets, trays, bins, cartons."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from .profile import FLOOR_M, THINNEST_M
 ARC = 4
 """Corners of the outline at each rounded corner."""
 RIM_M = 0.012
-"""Depth below the highest points within which points are on the rim [m]."""
+"""Points within this depth below the highest points are on the rim [m]."""
 INWARDS_M = 0.012
-"""Minimum depth below the rim, and distance from its outline, of points that show the inside [m]."""
+"""Minimum depth below the rim, and distance from its outline, of points on the inside [m]."""
 FACING = 0.4
-"""Minimum component of a normal towards the middle, of a point of the lining; which may be near the outline."""
+"""Minimum inward component of the normal of a point on the inside, which may be near the outline."""
 LEAST_PART = 0.04
-"""Smallest fraction of the points that shows an inside."""
+"""Smallest fraction of the points on the inside."""
 SLOPES = (0.0, 0.2)
-"""Slopes of the walls to try: level over height."""
+"""Slopes of the walls that are tried: horizontal over vertical."""
 
 
 def open_box(evidence: Evidence, wall_m: float) -> Model | None:
-    """x, y, yaw, width, depth, height, slope, corner radius, wall, floor; None unless an inside is seen.
+    """x, y, yaw, width, depth, height, slope, corner radius, wall, floor; None unless the inside is visible.
 
-    Width and depth [m] are those of the rim, the slope is how far the walls lean outwards per height, the wall's
-    thickness is level, the floor is the height of the cavity's floor.
+    Width and depth [m] are those of the rim, the slope is the outward lean of the walls per height, the wall's
+    thickness is measured horizontally, the floor is the height of the cavity's floor.
     """
     seen = inside(evidence)
     if seen.mean() < LEAST_PART:
@@ -58,14 +58,14 @@ def open_box(evidence: Evidence, wall_m: float) -> Model | None:
         lower=np.array([-inf] * 3 + [4 * SMALLEST_M] * 2 + [SMALLEST_M, -0.15, 0.001, THINNEST_M, THINNEST_M]),
         upper=np.array([inf] * 3 + [LARGEST_M] * 3 + [0.8, 2 * widest, widest, 0.9 * height]),
         expected=np.array([0.0] * 3 + [*first[3:6], 0.0, 0.01, wall_m, wall_m]),
-        # Of a floor that is hidden, the wall's thickness is the best guess; what is seen outweighs it.
+        # For a hidden floor, the wall's thickness is the best guess; visible points outweigh it.
         spread=np.array([inf] * 3 + [0.1] * 3 + [0.4, 0.02, 0.004, 4 * FLOOR_M]),
         cost=0.01,
     )
 
 
 def inside(evidence: Evidence) -> np.ndarray:
-    """Points (N,) bool of a cavity: below the rim, and well within its outline as seen from above or facing inwards."""
+    """Points (N,) bool of a cavity: below the rim, and well inside its outline in plan or facing inwards."""
     import cv2
 
     height = evidence.height
@@ -77,7 +77,7 @@ def inside(evidence: Evidence) -> np.ndarray:
     lengths = np.maximum(np.linalg.norm(edges, axis=1), 1e-9)
     normals = np.stack([-edges[:, 1], edges[:, 0]], axis=-1) / lengths[:, None]
     offsets = (normals * outline).sum(axis=1)
-    # OpenCV's orientation is that of its own axes: the middle of the outline is inside.
+    # OpenCV's orientation follows its own axes: the centre of the outline is inside.
     sign = np.sign((normals @ outline.mean(axis=0) - offsets).mean())
     clear = sign * (evidence.points[:, :2] @ normals.T - offsets)
     below = evidence.points[:, 2] < height - INWARDS_M
@@ -97,7 +97,7 @@ def open_box_body(p: np.ndarray) -> Solid:
 def rings(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rings of the outside, base and rim, and of the cavity, rim and floor: each (2, 4 ARC, 3).
 
-    All have their edges in the same directions, so that walls between them are flat.
+    The edges of all rings are parallel, so that the walls between them are planar.
     """
     half, height, slope, radius = p[3:5] / 2, p[5], p[6], p[7]
 
@@ -114,8 +114,8 @@ def nested(
     """Rings of the outside, base and rim, and of the cavity, rim and floor: each (2, N, 3).
 
     Args:
-        ring: Outline (N, 3) at a height and so far inside of the outside [m].
-        height: Of the rim [m].
+        ring: Function that returns the outline (N, 3) at a height and an inset from the outside [m].
+        height: Height of the rim [m].
         wall: Thickness of the walls [m].
         floor: Height of the cavity's floor [m], at most nine tenths of the rim's.
     """

@@ -1,9 +1,9 @@
-"""Superquadrics in any pose: rounded boxes, cylinders, ellipsoids and what is between them, with a linear taper.
+"""Superquadrics in any pose, with a linear taper: rounded boxes, cylinders, ellipsoids and intermediate shapes.
 
 The starts follow Solina and Bajcsy, "Recovery of parametric models from range images: the case for superquadrics with
-global deformations" (PAMI 1990): Levenberg-Marquardt on the radial distance. Points off the body are weighed down as in
-Liu et al., "Robust and accurate superquadric recovery" (CVPR 2022). Their preference for the smallest body would make a
-shell of a thing that is seen from one side; a likely depth is held instead. `refine` then fits depth and silhouette.
+global deformations" (PAMI 1990): Levenberg-Marquardt on the radial distance. Outliers are downweighted as in Liu et
+al., "Robust and accurate superquadric recovery" (CVPR 2022). Their preference for the smallest body would reduce an
+object seen from one side to a shell; a prior on the depth is used instead. `refine` then fits depth and silhouette.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ STEPS = 25
 GAP_M = 0.004
 """Standard deviation of the height of the lowest point above the surface under the object [m]."""
 ROUND = (0.15, 1.7)
-"""Range of the exponents: nearly a box, beyond an ellipsoid."""
+"""Range of the exponents: from nearly a box to beyond an ellipsoid."""
 DEEP = 0.7
-"""Depth along the line of sight, at least, over the median size, of a start: its back is unseen."""
+"""Minimum depth of a start along the line of sight, as a fraction of the median size: its back is unseen."""
 HELD = 0.05
-"""Weight of the log of the start's sizes, over that of all points together."""
+"""Weight of the prior on the log sizes, relative to all points together."""
 PART = 0.07
-"""Distance at which a point counts half in a radial fit, over the largest size."""
+"""Distance at which a point has half its weight in a radial fit, as a fraction of the largest size."""
 COST = 0.02
 """Complexity."""
 
@@ -108,7 +108,7 @@ def _implicit(points: np.ndarray, exponents: np.ndarray) -> np.ndarray:
 
 
 def _frames(evidence: Evidence) -> list[np.ndarray]:
-    """Orientations to start from: each axis of the points' spread upright or along, as seen from above and in space."""
+    """Initial orientations: each principal axis of the points upright or horizontal, in plan and in space."""
     points = evidence.points
     flat = np.linalg.eigh(np.cov(points[:, :2].T))[1]
     level = np.eye(3)
@@ -120,7 +120,7 @@ def _frames(evidence: Evidence) -> list[np.ndarray]:
 
 
 def _starts(evidence: Evidence, number: int, frame: np.ndarray) -> list[np.ndarray]:
-    """Parameters from a box that is as deep as it is likely to be, and those fitted from there to the points alone."""
+    """Parameters from a box of likely depth, and those fitted from there to the points alone."""
     points = evidence.points[:: max(1, len(evidence.points) // SAMPLES)] @ frame
     low, high = np.quantile(points, [0.02, 0.98], axis=0)
     sight = frame.T @ (np.median(evidence.points, axis=0) - evidence.eye)
@@ -132,7 +132,7 @@ def _starts(evidence: Evidence, number: int, frame: np.ndarray) -> list[np.ndarr
 def _start(found: np.ndarray, number: int, frame: np.ndarray) -> np.ndarray:
     centre, half = frame @ found[:3], np.exp(found[3:6])
     p = np.array([number, 0.0, 0.0, 0.0, centre[0], centre[1], 0.0, *half, *found[6:8], 0.0])
-    # What is below the surface under the object was never seen, and it may float less than the points do.
+    # Nothing below the supporting surface is visible, and the body may float less than the points do.
     p[6] = max(0.0, centre[2] + float((body(p, AROUND, ALONG).vertices @ frame[2]).min()))
     return p
 
@@ -159,7 +159,7 @@ def _descended(points: np.ndarray, start: np.ndarray, near_m: float) -> np.ndarr
 
 
 def _residuals(points: np.ndarray, p: np.ndarray, start: np.ndarray, near_m: float) -> np.ndarray:
-    """Radial distance of points to the surface over `near_m`, and what holds the sizes that no point tells."""
+    """Radial distances of points to the surface over `near_m`, and the prior on undetermined sizes."""
     own, half = points - p[:3], np.exp(p[3:6])
     root = np.sqrt(_implicit(own / half, p[6:8]))
     distance = np.linalg.norm(own, axis=1) * (1.0 - 1.0 / np.maximum(root, 1e-6)) / near_m

@@ -13,7 +13,7 @@ from .box import LARGEST_M, SMALLEST_M
 from .planes import largest_plane
 
 DEEP = 0.4
-"""Depth along the line of sight, at least, over the median size, of a start: cartons are flat."""
+"""Minimum depth of a start along the line of sight, as a fraction of the median size: cartons are flat."""
 LEAST_PART = 0.15
 """Smallest fraction of the points on a face that defines a direction."""
 
@@ -95,13 +95,13 @@ def _upright_frame(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def deepened(low: np.ndarray, high: np.ndarray, sight: np.ndarray, part: float) -> tuple[np.ndarray, np.ndarray]:
-    """Ends (3,) of a box around seen points, grown away from the camera along the axis that shows least.
+    """Ends (3,) of a box around seen points, extended away from the camera along the axis with the least extent.
 
     Args:
         low: Low ends of the points [m].
         high: High ends.
         sight: Line of sight (3,) in the axes of the box.
-        part: Its depth there, at least, over its median size.
+        part: Minimum depth along that axis, as a fraction of the median size.
     """
     size = high - low
     thin = int(np.argmin(size))

@@ -15,14 +15,14 @@ from .tilted import turned_by
 LEAST_RAD = 0.25
 """Minimum angle between the axis and the vertical; vessels nearer to it are fitted standing."""
 ALIKE_RAD = 0.3
-"""Axes nearer to each other are one."""
+"""Axes closer together than this angle are merged [rad]."""
 OWN = 3
-"""Number of further parameters, before those of the standing body."""
+"""Number of additional parameters, which precede those of the standing body."""
 
 
 @dataclass(frozen=True)
 class Turned:
-    """The view in a world in which the body stands, and a model there, in terms of the world of the view."""
+    """The view in a world in which the body stands, and a model there, expressed in the original world."""
 
     evidence: Evidence
     world_from_turned: np.ndarray  # (4, 4)
@@ -56,7 +56,7 @@ def turned(evidence: Evidence) -> list[Turned]:
 
 
 def _axes(evidence: Evidence) -> list[np.ndarray]:
-    """Unit directions (3,) towards the camera: of a cylinder's axis, of the mean normal of what is seen."""
+    """Unit directions (3,) towards the camera: of a cylinder's axis, and of the mean normal of the seen points."""
     normals = evidence.normals
     across = np.linalg.eigh(normals.T @ normals)[1][:, 0]
     towards = evidence.eye - np.median(evidence.points, axis=0)
