@@ -15,8 +15,18 @@ from pathlib import Path
 from dextera_build.cli.main import main
 from tests.interrupts import hear_interrupts
 
-OF_A_PROCESS = {"DXB_FAILPOINT"}
-"""Variables that are read once in a process."""
+
+def of_python() -> dict[str, str]:
+    """Variables that Python reads when it starts."""
+    return {name: value for name, value in os.environ.items() if name.startswith("PYTHON")}
+
+
+STARTED_WITH = of_python()
+
+
+def is_read_by_commands(variable: str) -> bool:
+    """Whether every command reads a variable anew, and not the process once."""
+    return variable.startswith("DXB_") and variable != "DXB_FAILPOINT"
 
 
 @dataclass(frozen=True)
@@ -82,7 +92,7 @@ class Space:
 
     def dxb(self, *words: str, env: Mapping[str, str] | None = None, timeout_s: float = 300.0) -> Answer:
         """One command; in this process unless it needs another: Python takes longer to start than most commands."""
-        if all(name.startswith("DXB_") and name not in OF_A_PROCESS for name in env or ()):
+        if of_python() == STARTED_WITH and all(is_read_by_commands(name) for name in env or ()):
             return self._called(words, self.environment(**(env or {})))
         return self.run(*words, env=env, timeout_s=timeout_s)
 
