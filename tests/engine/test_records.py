@@ -223,7 +223,7 @@ def watch(folder: Path) -> Watch:
 
 
 def saved(store: Store, seen: Watch) -> bool:
-    recipe = snapshot.Recipe("a", 3, "name", "", [str(store.root)])
+    recipe = snapshot.Recipe("a", 3, "", "name", "", [str(store.root)])
     return snapshot.save(store.state, WORDS, seen, [recipe], "scene\tout/scene.xml\n", told=True)
 
 
@@ -273,7 +273,7 @@ def test_any_change_ends_it(store: Store, files: Path, tmp_path: Path, change: s
 def test_an_entry_that_is_gone_ends_it(store: Store, files: Path, tmp_path: Path) -> None:
     entry = tmp_path / "entry"
     entry.write_text("")
-    recipe = snapshot.Recipe("a", 3, "name", "", [str(entry)])
+    recipe = snapshot.Recipe("a", 3, "", "name", "", [str(entry)])
     assert snapshot.save(store.state, WORDS, watch(files), [recipe], "", told=False)
     assert answers(store)
     entry.unlink()

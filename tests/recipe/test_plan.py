@@ -110,7 +110,7 @@ def test_a_value_out_of_bounds_is_refused_where_it_is_written_with_the_bound_and
     assert error.facts == {"given": given}
     assert str(error.where).endswith("recipes/say/wrong.yaml:2:45")
     assert error.hint
-    assert error.hint.startswith("`farthest_m`: Depth beyond this")
+    assert error.hint.startswith("`farthest_m`: Greater depths are sensor noise")
 
 
 def test_a_setting_out_of_bounds_is_refused_with_its_flag(space):
