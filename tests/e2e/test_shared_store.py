@@ -41,9 +41,9 @@ def mark(ctx: Context, text: File) -> File:
 
 
 def test_two_projects_in_one_store_never_see_the_files_of_one_another(pair: tuple[Space, Space]) -> None:
-    paths = [Path(made.dxb("build", "g").out.strip().partition("\t")[2]) for made in pair]
+    paths = [Path(made.run("build", "g").out.strip().partition("\t")[2]) for made in pair]
     assert [path.read_text() for path in paths] == ["hello!", "hello?"]
-    assert all("up to date" in made.dxb("build", "g").err for made in pair)
+    assert all("up to date" in made.run("build", "g").err for made in pair)
     projects = [Project.find(made.root) for made in pair]
     assert [project.get("g:a").data for project in projects] == [b"hello!", b"hello?"]
     assert [runs.find(project, None)[0] for project in projects] == ["0001", "0002"]

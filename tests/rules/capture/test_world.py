@@ -161,7 +161,7 @@ def test_the_same_description_gives_the_same_digest(world: World, tmp_path: Path
     ("path", "value", "message"),
     [
         ("objects.mug.at_m", (2.0, 0.0), "`mug` does not stand on the table"),
-        ("objects.mug.at_m", (0.3, 0.1), "`mug` and `carton` run into each other"),
+        ("objects.mug.at_m", (0.3, 0.1), "`carton` and `mug` run into each other"),
         ("camera.target_m", (0.0, 0.6, 0.05), "is not wholly in the picture"),
         ("camera.target_m", (0.0, -0.8, 0.0), "the camera looks straight up or down"),
         ("objects.laptop.opening_deg", 140.0, "`laptop` stands beyond its hinge's limits"),

@@ -22,7 +22,7 @@ def at(x: float, y: float, z: float = 0.0) -> np.ndarray:
 def snowman() -> list[tuple[Mesh, np.ndarray]]:
     """Two spheres of one colour on one another that run into each other."""
     balls = []
-    for radius, z in ((0.06, 0.055), (0.05, 0.11)):
+    for radius, z in ((0.06, 0.055), (0.04, 0.11)):
         ball = trimesh.creation.icosphere(3, radius)
         mesh = Mesh(
             vertices=ball.vertices.astype(np.float32), faces=ball.faces.astype(np.int32), colour=(0.2, 0.5, 0.2)
