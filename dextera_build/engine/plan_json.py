@@ -62,8 +62,6 @@ class _Table:
 class _Writer:
     def __init__(self) -> None:
         self._rules, self._files, self._places = _Table(), _Table(), _Table()
-        self._kept: list[RuleFacts] = []
-        """Alive, so that no two have one identity."""
 
     def plan(self, plan: Plan) -> str:
         graph = plan.graph
@@ -117,8 +115,7 @@ class _Writer:
         return self._places.number(place, [place.file, place.line, place.column])
 
     def _rule(self, rule: RuleFacts) -> int:
-        self._kept.append(rule)
-        number = self._rules.number(id(rule), None)
+        number = self._rules.number(id(rule), None)  # the plan keeps all rules alive
         if self._rules.rows[number] is None:
             code = {file: self._file(definitions) for file, definitions in rule.code.items()}
             retries = [rule.retries.most, list(rule.retries.on), rule.retries.wait_s]

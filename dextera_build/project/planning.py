@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -58,18 +58,21 @@ class Planning:
     def __init__(self, project: Project, recipe: str, added: Added, names: Bindings, *, reads: bool) -> None:
         self._project, self._recipe, self._added, self._names, self._reads = project, recipe, added, names, reads
         self._recalled: Kept | None = None
+        self._has_looked = False
+        """Whether the next `plan` need not look for the plan of an earlier command."""
 
     def recall(self, watch: Watch | None = None) -> bool:
         """Take the plan of an earlier command if planning would give it again; the next `plan` returns it."""
         self._recalled = self._kept.find(watch, reads=self._reads) if self._kept is not None else None
+        self._has_looked = True
         return self._recalled is not None
 
     def plan(self, *, incomplete: bool = False, watch: Watch | None = None) -> Kept:
         """The plan and its warnings; see `Session.plan`."""
-        if self._recalled is None:
+        if not self._has_looked:
             self.recall(watch)
-        found, self._recalled = self._recalled or self.resolve(incomplete=incomplete, watch=watch), None
-        return found
+        found, self._recalled, self._has_looked = self._recalled, None, False
+        return found or self.resolve(incomplete=incomplete, watch=watch)
 
     def resolve(self, *, incomplete: bool = False, watch: Watch | None = None) -> Kept:
         """The plan, resolved anew and kept for later commands."""
@@ -91,13 +94,13 @@ class Planning:
         with project.library.code.kept_in(Store(project.cache, make=False).state):
             made = plan(self._recipe, project.recipe, project.library, project.root, request)
         project.forget_recipes()
-        found = Kept(made, list(project.library.warnings.values()))
+        found, looked_at = Kept(made, list(project.library.warnings.values())), project.looked_at()
         if watch is not None:
-            self._note(watch, made)
+            _note(watch, made, looked_at)
         if self._kept is not None and is_lasting(made) and not project.looked_for_gpus:
             own.started_ns = min(own.started_ns, project.library.since_ns)
             note_packages(own, doubts=True)
-            self._note(own, made)
+            _note(own, made, looked_at)
             self._kept.keep(found, own)
         return found
 
@@ -113,20 +116,20 @@ class Planning:
         request = (str(project.root), self._recipe, self._added, project.profile, project.model_folders, self._names)
         return Plans(Store(project.cache, make=False).state, request)
 
-    def _note(self, watch: Watch, plan: Plan) -> None:
-        """Add what planning read: recipes, code, configuration, and folders in which new files may appear."""
-        from dextera_build.code.modules import was_read
 
-        recipes = {str(path) for path in plan.recipes}
-        for path in (*recipes, *self._project.looked_at()):
-            if os.path.isdir(path):
-                watch.folder(path)
-            else:
-                watch.file(path)
-            watch.doubt(path, was_read=path in recipes or was_read(path))
-        for path, kind in plan.kinds.items():
-            if not kind:
-                watch.file(path)
+def _note(watch: Watch, plan: Plan, looked_at: Iterable[str]) -> None:
+    """Add what planning read: recipes, code, configuration, and folders in which new files may appear."""
+    from dextera_build.code.modules import was_read
+    from dextera_build.recipe.kept import note_absent
+
+    recipes = {str(path) for path in plan.recipes}
+    for path in (*recipes, *looked_at):
+        if os.path.isdir(path):
+            watch.folder(path)
+        else:
+            watch.file(path)
+        watch.doubt(path, was_read=path in recipes or was_read(path))
+    note_absent(plan, watch)
 
 
 def no_recipe(project: Project, name: str) -> UsageError:

@@ -60,17 +60,19 @@ class Plans:
         """
         with suppress(ValueError, IndexError, TypeError, KeyError, AttributeError):  # none, or malformed
             rows = (self._state.get(_KIND, self._name) or b"").decode(errors="surrogateescape").split(seen.MARK)
-            warnings, kinds, plan = rows[seen.end(rows) :]
-            known = json.loads(kinds)
+            warnings, text = rows[seen.end(rows) :]
             if watch is not None:
                 seen.note(rows, watch)
-                for path in (path for path in known if not known[path]):
-                    watch.file(path)
             if reads:
                 _read_sources(rows)
-            # Compared last, so that no change goes undetected.
-            if seen.still(rows) and all(kind_of(path) == kind for path, kind in known.items()):
-                return Kept(read(plan), json.loads(warnings))
+            # Compared last, so that no change goes undetected; and so are the kinds of inputs.
+            if not seen.still(rows):
+                return None
+            plan = read(text)
+            if watch is not None:
+                note_absent(plan, watch)
+            if all(kind_of(path) == kind for path, kind in plan.kinds.items()):
+                return Kept(plan, json.loads(warnings))
         return None
 
     def keep(self, kept: Kept, watch: Watch) -> None:
@@ -82,7 +84,7 @@ class Plans:
         """
         rows = seen.texts(watch, time.time_ns())
         if watch.settled() and not any(seen.MARK in text for text in rows):
-            rows += [json.dumps(kept.warnings), json.dumps(dict(kept.plan.kinds)), write(kept.plan)]
+            rows += [json.dumps(kept.warnings), write(kept.plan)]
             row = seen.MARK.join(rows).encode(errors="surrogateescape")
             self._state.put_newest(_KIND, self._name, row, most=_MOST)
 
@@ -93,6 +95,13 @@ def is_lasting(plan: Plan) -> bool:
     return not plan.absent and not any(
         rule.missing or rule.passed or rule.program or rule.gpus or rule.gpu_gb for rule in rules
     )
+
+
+def note_absent(plan: Plan, watch: Watch) -> None:
+    """Add the paths that inputs might name, and where nothing was."""
+    for path, kind in plan.kinds.items():
+        if not kind:
+            watch.file(path)
 
 
 def _read_sources(rows: list[str]) -> None:

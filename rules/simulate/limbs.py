@@ -57,7 +57,7 @@ class LimbOptions(Options):
     palm: str = ""
     """Role of the palm's frame; empty: `<limb>_palm`, or `palm`."""
     tips: tuple[str, ...] = ()
-    """Roles of the fingertips' frames; empty: all that start with `<limb>_tip_`, or `tip_`."""
+    """Roles of the fingertip frames; empty: every role that starts with `<limb>_tip_` or `tip_`."""
     tool: str = ""
     """Role of the frame that carries the hand; empty: `<limb>_flange`, or `flange`."""
     gripper: GripperOptions | None = None

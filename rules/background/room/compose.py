@@ -22,7 +22,7 @@ class ComposeBackend(Protocol):
         ...
 
 
-# Gaussians that are trained differ as all that is trained; those that are only placed do not.
+# Trained Gaussians differ between processors, as all trained parameters do; Gaussians that are only placed do not.
 @rule(
     version=1,
     packages=("numpy", "pillow"),
