@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Self, TypedDict, Unpack
 
-from dextera_build.build import build as building
-from dextera_build.build.lock import Locking
+from dextera_build.building import build as building
+from dextera_build.building.lock import Locking
 from dextera_build.errors import UsageError, did_you_mean, listing
 from dextera_build.project import project as settings_of
 from dextera_build.project.planning import Added

@@ -10,9 +10,7 @@ from typing import Any
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
-from dextera_build.build import examples
-from dextera_build.build.called import as_called, others, running
-from dextera_build.build.runner import ProjectReads, outside, parted
+from dextera_build.building import examples
 from dextera_build.code.companions import of_rules
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.code.machine import Machine
@@ -26,6 +24,8 @@ from dextera_build.recipe.backends import Wish, choose
 from dextera_build.recipe.calls import facts_of
 from dextera_build.rule import Context, Outcome
 from dextera_build.rule.pretrained import Pretrained
+from dextera_build.running.called import as_called, others, running
+from dextera_build.running.runner import ProjectReads, outside, parted
 from dextera_build.store.store import Store
 
 _MODELS = "models"

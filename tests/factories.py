@@ -12,8 +12,8 @@ from dextera_build.artifacts.object import Asset, Body, Collision, Inertial, Joi
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Background, SupportBox
 from dextera_build.artifacts.splats import Splats
+from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.geometry import cameras, transforms
-from dextera_build.geometry.gaussians import Gaussians
 
 BOX_FACES = np.array(
     [

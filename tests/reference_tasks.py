@@ -33,7 +33,7 @@ WORLD: dict[str, Any] = {
     "lamps": ({"direction": (0.3, 0.5, -1.0), "strength": 0.6, "shadow": True},),
     "robot": STAND,
 }
-"""Options of `capture.world`."""
+"""Options of `reference.world`."""
 ROBOT = """
 <mujoco>
   <worldbody>

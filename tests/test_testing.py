@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from dextera_build.artifacts.base import File
-from dextera_build.build.runner import run_task
 from dextera_build.errors import RuleError
 from dextera_build.rule import Context
+from dextera_build.running.runner import run_task
 from dextera_build.store.store import Store
 from dextera_build.testing import RuleRunner
 

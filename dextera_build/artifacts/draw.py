@@ -52,7 +52,7 @@ class Sensor(Artifact):
     seed: int
     """Seed of the noise."""
     noise: float
-    """Factor on the noise of `capture.reference`."""
+    """Factor on the noise of `reference.photograph`."""
     dropout: float
     """Fraction of the depth that is lost in patches, 0..1."""
 

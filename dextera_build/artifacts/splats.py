@@ -15,9 +15,10 @@ from dextera_build.artifacts.formats import frame_comments, frame_of, module, su
 from dextera_build.artifacts.image import Image, png
 from dextera_build.artifacts.pose import Pose, Similarity, check_frame
 from dextera_build.errors import ArtifactError
-from dextera_build.geometry import gaussians, ply, splatting
-from dextera_build.geometry.gaussians import Gaussians
-from dextera_build.geometry.spherical_harmonics import COUNTS
+from dextera_build.gaussians import arrays, splatting
+from dextera_build.gaussians.arrays import Gaussians
+from dextera_build.gaussians.spherical_harmonics import COUNTS
+from dextera_build.geometry import ply
 
 _PLACE = ("x", "y", "z")
 _SCALES = ("scale_0", "scale_1", "scale_2")
@@ -127,7 +128,7 @@ class Splats(Artifact):
         """
         check_frame(self.name(), self.frame, motion)
         scale = motion.scale if isinstance(motion, Similarity) else 1.0
-        return Splats.of(gaussians.moved(self.gaussians, motion.matrix, scale), motion.parent)
+        return Splats.of(arrays.moved(self.gaussians, motion.matrix, scale), motion.parent)
 
     def ply(self) -> bytes:
         """The PLY of the authors' code: logits of opacities, logarithms of scales, `f_rest` channel by channel.

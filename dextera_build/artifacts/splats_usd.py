@@ -10,9 +10,9 @@ import numpy as np
 from dextera_build.artifacts import stage_files
 from dextera_build.artifacts.formats import suffix_among, unreadable
 from dextera_build.artifacts.splats import Splats
+from dextera_build.gaussians.arrays import Gaussians, moved
+from dextera_build.gaussians.spherical_harmonics import COUNTS
 from dextera_build.geometry import transforms
-from dextera_build.geometry.gaussians import Gaussians, moved
-from dextera_build.geometry.spherical_harmonics import COUNTS
 
 _FRAME = "frame"
 """Name in the prim's custom data."""

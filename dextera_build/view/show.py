@@ -20,7 +20,8 @@ from dextera_build.artifacts.scene_description import Box, Geom, SceneDescriptio
 from dextera_build.artifacts.splats import Splats
 from dextera_build.artifacts.view import Instance, ObjectView, Segmentation
 from dextera_build.errors import UsageError
-from dextera_build.geometry import cameras, convex, gaussians, kinematics, quaternions, transforms
+from dextera_build.gaussians import arrays
+from dextera_build.geometry import cameras, convex, kinematics, quaternions, transforms
 from dextera_build.view.figure import textured
 
 PIECE_COLOURS = ((230, 85, 60), (60, 140, 220), (90, 180, 90), (235, 170, 50), (150, 105, 200), (90, 190, 190))
@@ -189,11 +190,11 @@ def _(cloud: PointCloud, server: Any, name: str) -> Any:
 def _(splats: Splats, server: Any, name: str) -> Any:
     """The Gaussians, in the colours that they show towards the start of the view, far above."""
     made = splats.gaussians
-    colours = gaussians.colours(made, np.array([0.0, 0.0, 1e6])).clip(0, 1).astype(np.float32)
+    colours = arrays.colours(made, np.array([0.0, 0.0, 1e6])).clip(0, 1).astype(np.float32)
     return server.scene.add_gaussian_splats(
         name,
         centers=splats.means,
-        covariances=gaussians.covariances(made).astype(np.float32),
+        covariances=arrays.covariances(made).astype(np.float32),
         rgbs=colours,
         opacities=splats.opacities[:, None],
     )

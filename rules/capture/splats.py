@@ -7,7 +7,7 @@ from typing import Literal
 from dextera_build.artifacts import splats_usd
 from dextera_build.artifacts.base import File
 from dextera_build.artifacts.splats import Splats
-from dextera_build.geometry import splatting
+from dextera_build.gaussians import splatting
 from dextera_build.rule import Context, Options, rule
 
 

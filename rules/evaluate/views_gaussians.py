@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene import Scene
-from dextera_build.learning.gaussian_fit.camera import Camera as Eye
+from dextera_build.gaussians.fit.camera import Camera as Eye
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import model as models
 from dextera_build.sim.render import composition
@@ -34,8 +34,8 @@ def draw(
     import torch
     import warp as wp
 
-    from dextera_build.learning.gaussian_fit.parameters import opened
-    from dextera_build.learning.rasteriser.raster import Parameters, Rasteriser
+    from dextera_build.gaussians.fit.parameters import opened
+    from dextera_build.gaussians.rasteriser.raster import Parameters, Rasteriser
 
     if room is None:
         ctx.fail("there are no Gaussians to draw", hint="give `room`, the output of background.compose")

@@ -34,9 +34,9 @@ from dextera_build.artifacts.trajectory import Trajectory
 from dextera_build.artifacts.video import Video, encoder
 from dextera_build.artifacts.view import InstanceMap, ObjectView
 from dextera_build.artifacts.views import Views, encoded
+from dextera_build.gaussians.arrays import Gaussians
+from dextera_build.gaussians.spherical_harmonics import flat
 from dextera_build.geometry import cameras
-from dextera_build.geometry.gaussians import Gaussians
-from dextera_build.geometry.spherical_harmonics import flat
 from dextera_build.sim.model.description import describe
 from tests import factories, object_views, tabletops
 

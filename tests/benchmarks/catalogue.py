@@ -1,4 +1,4 @@
-"""The foreign meshes that `make meshes` fetches: entries of `capture.catalogue`, by name."""
+"""The foreign meshes that `make meshes` fetches: entries of `reference.catalogue`, by name."""
 
 from __future__ import annotations
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.geometry import splatting
-from dextera_build.geometry.gaussians import Gaussians
-from dextera_build.learning.gaussian_fit.camera import Camera
+from dextera_build.gaussians import splatting
+from dextera_build.gaussians.arrays import Gaussians
+from dextera_build.gaussians.fit.camera import Camera
 
 SIZE = (480, 640)
 K = np.array([[500.0, 0, 319.5], [0, 500.0, 239.5], [0, 0, 1.0]])
@@ -42,7 +42,7 @@ class Passes:
     def __init__(self, given: Gaussians, threads: int) -> None:
         import warp as wp
 
-        from dextera_build.learning.rasteriser.raster import Parameters, Rasteriser
+        from dextera_build.gaussians.rasteriser.raster import Parameters, Rasteriser
 
         self.maker = Rasteriser(threads=threads)
         logits = np.log(given.opacities) - np.log1p(-given.opacities)

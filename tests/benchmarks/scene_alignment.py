@@ -76,7 +76,7 @@ def textured(runner: RuleRunner, meshes: Path) -> list[raycast.Surface]:
     }
     files = [path for entry in entries.values() for part in entry["parts"] for path in (part["file"], part["texture"])]
     folder = Folder(files={path: (meshes / path).read_bytes() for path in files})
-    found = runner.run("capture.catalogue", folder=folder, options={"entries": entries})
+    found = runner.run("reference.catalogue", folder=folder, options={"entries": entries})
     surfaces = []
     for thing in found.items.values():
         mesh = next(iter(thing.parts.values())).mesh

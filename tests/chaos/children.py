@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from dextera_build.build.runner import run_task
 from dextera_build.cli.main import main
+from dextera_build.running.runner import run_task
 from dextera_build.store import failpoints
 from dextera_build.workers import pool
 from tests.engine.inline import InlineExecutor

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.build.export import Out
-from dextera_build.build.runner import run_task
+from dextera_build.building.export import Out
 from dextera_build.engine.run import RunResult
 from dextera_build.errors import StoreError
 from dextera_build.project.project import Project
+from dextera_build.running.runner import run_task
 from dextera_build.runs.events import NodeFinished, NodeLog, NodeProgress
 from dextera_build.runs.log import EventLog, read
 from dextera_build.session import Session

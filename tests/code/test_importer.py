@@ -92,7 +92,7 @@ def run(project: Path, sources: dict[str, str], variables: dict[str, str] | None
         **more,
     }
     program = (
-        "import json, sys\nfrom dextera_build.build.worker_entry import run_task\n"
+        "import json, sys\nfrom dextera_build.running.worker_entry import run_task\n"
         "from dextera_build.errors import DxbError\nfrom dextera_build.store.store import opened\n"
         "task = json.loads(sys.argv[1])\n"
         "try:\n    print(opened(task['store']).blobs.get(run_task(task, lambda *said: None)['output']).decode())\n"

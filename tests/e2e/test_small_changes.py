@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.build.export import TABLE
+from dextera_build.building.export import TABLE
 from tests.e2e.space import Answer, Space
 
 RECIPE = """

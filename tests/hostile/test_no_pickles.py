@@ -32,7 +32,7 @@ MODULES = {
 """Whoever imports one of these may run what it reads; `pandas` has `read_pickle`, and nothing here needs it."""
 OWN = {
     # Warp's own, of kernels that stand in this package.
-    "dextera_build/learning/rasteriser/raster.py": "names load_module",
+    "dextera_build/gaussians/rasteriser/raster.py": "names load_module",
 }
 """Names that mean something else there."""
 CALLS = {"eval", "exec", "compile", "__import__"}

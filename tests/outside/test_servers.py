@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from dextera_build.build import runner
 from dextera_build.errors import RuleError
 from dextera_build.outside import running, servers
 from dextera_build.outside.running import Limits
+from dextera_build.running import runner
 from tests.e2e.space import Space
 from tests.outside.conftest import alive
 from tests.outside.test_program import GREY

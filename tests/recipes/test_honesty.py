@@ -17,11 +17,17 @@ from dextera_build.recipe.plan import Request, plan
 
 ROOT = Path(__file__).parents[2]
 PROJECT = project.find(ROOT)
-STAND_INS = {"simulate.reference", "simulate.perturbed"}
+STAND_INS = {"reference.task", "simulate.perturbed"}
 """Rules whose task is one in a world that stands in for hardware."""
 OF_WORLDS = {
-    *("capture.reference", "capture.reference_views", "capture.truth", "capture.emptied", "capture.moved_camera"),
-    *("capture.aim", "capture.install", "capture.opened", "simulate.reference", "simulate.cell"),
+    *(
+        "reference.photograph",
+        "reference.robot_views",
+        "reference.truth",
+        "reference.background_views",
+        "reference.move_camera",
+    ),
+    *("reference.look_at", "reference.place_robot", "reference.open_joints", "reference.task", "simulate.cell"),
 }
 """Rules that take a world apart from `evaluate.*`: they render it, move its camera, put a robot into it, or make a
 stand-in of it."""
@@ -90,7 +96,7 @@ def test_truth_reaches_pictures_worlds_and_judges_alone(address, tmp_path):
 
 def test_there_is_truth_to_be_kept_apart(tmp_path):
     paths = {call.rule.path for _, call in resolved("benchmark/first_policies", tmp_path).calls()}
-    assert {"capture.world", "capture.truth", "simulate.cell", *STAND_INS} <= paths
+    assert {"reference.world", "reference.truth", "simulate.cell", *STAND_INS} <= paths
 
 
 CHEATS = {

@@ -160,7 +160,14 @@ def test_a_checkpoint_goes_back_to_the_photograph_and_its_staleness_to_the_cause
     assert space.build("task/close_laptop", "--profile", "stub").code == 0
     lineage = space.dxb("show", "task/close_laptop:act", "--lineage", "--profile", "stub")
     assert lineage.code == 0, lineage.err
-    for part in ("capture.reference", "simulate.task", "demonstrate.synthesize", "demonstrate.shards", "seed", "code "):
+    for part in (
+        "reference.photograph",
+        "simulate.task",
+        "demonstrate.synthesize",
+        "demonstrate.shards",
+        "seed",
+        "code ",
+    ):
         assert part in lineage.out, part
     assert "reference/laptop_scene:capture" in lineage.out
     why = space.dxb("why", "task/close_laptop:act", "--profile", "stub", "--set", "sources.seed=1")

@@ -36,7 +36,7 @@ def test_what_is_true_reaches_simulated_cameras_generators_and_evaluation_alone(
             assert stage in ("capture", "evaluate"), name
             met |= known
         if taken(node) & KNOWING:
-            assert stage == "evaluate" or node["rule"] == "capture.reference_views", name
+            assert stage == "evaluate" or node["rule"] == "reference.robot_views", name
     assert met == TRUE
 
 

@@ -49,7 +49,7 @@ def run() -> tuple[Run, FakeStore]:
     bundle, shown = episodes.bundle(), episodes.small(18, STEPS).model_copy(update={"attempts": 20})
     robot = node(store, "robot/three_joints:robot", "simulate.robot", bundle.robot)
     task = node(store, "task", "simulate.task", bundle)
-    other = node(store, "reference", "simulate.reference", bundle.model_copy(update={"kind": "reference"}))
+    other = node(store, "reference", "reference.task", bundle.model_copy(update={"kind": "reference"}))
     sources = node(store, "sources", "demonstrate.operate", shown, {"bundle": task.output or ""})
     pixels = np.zeros((STEPS, 48, 65, 3), np.uint8)
     pixels[:, :, :, 0] = np.linspace(0, 200, STEPS).astype(np.uint8)[:, None, None]

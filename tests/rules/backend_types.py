@@ -3,6 +3,36 @@
 `test_contract.py` checks that none is left out. Nothing imports this file: rules are found, not imported.
 """
 
+import rules.align.canonical.canonical.canonical_geometry
+import rules.align.canonical.canonical.canonical_qwen3_vl
+import rules.align.canonical.canonical.canonical_stub
+import rules.align.follow.follow.follow_deaot
+import rules.align.follow.follow.follow_flow
+import rules.align.follow.follow.follow_sam3_video
+import rules.align.follow.follow.follow_stub
+import rules.align.matches.matches.matches_disk_lightglue
+import rules.align.matches.matches.matches_sift
+import rules.align.matches.matches.matches_stub
+import rules.align.matches.matches.matches_superpoint_lightglue
+import rules.align.matches.matches.matches_xfeat
+import rules.align.object.object.object_bounding_box
+import rules.align.object.object.object_icp
+import rules.align.object.object.object_open3d
+import rules.align.object.object.object_stub
+import rules.simulate.scene.scene.settle
+import rules.simulate.scene.scene.settle_mujoco
+import rules.simulate.scene.scene.settle_stub
+import rules.simulate.scene.scene.steady
+import rules.simulate.scene.scene.steady_mujoco
+import rules.simulate.scene.scene.steady_stub
+import rules.simulate.scene.scene.usd_openusd
+import rules.simulate.scene.scene.usd_stub
+import rules.simulate.task.task.perturbed
+import rules.simulate.task.task.perturbed_mujoco
+import rules.simulate.task.task.perturbed_stub
+import rules.simulate.task.task.task_mujoco
+import rules.simulate.task.task.task_stub
+
 import dextera_build.policy.running
 import rules.align.calibration.camera_motion
 import rules.align.calibration.camera_motion_opencv
@@ -13,26 +43,10 @@ import rules.align.calibration.hand_eye_stub
 import rules.align.calibration.robot_camera
 import rules.align.calibration.robot_camera_icp
 import rules.align.calibration.robot_camera_stub
-import rules.align.canonical
-import rules.align.canonical_geometry
-import rules.align.canonical_qwen3_vl
-import rules.align.canonical_stub
-import rules.align.follow
-import rules.align.follow_deaot
-import rules.align.follow_flow
-import rules.align.follow_sam3_video
-import rules.align.follow_stub
-import rules.align.matches
-import rules.align.matches_disk_lightglue
-import rules.align.matches_sift
-import rules.align.matches_stub
-import rules.align.matches_superpoint_lightglue
-import rules.align.matches_xfeat
-import rules.align.object
-import rules.align.object_bounding_box
-import rules.align.object_icp
-import rules.align.object_open3d
-import rules.align.object_stub
+import rules.align.canonical.canonical
+import rules.align.follow.follow
+import rules.align.matches.matches
+import rules.align.object.object
 import rules.align.scene.scene
 import rules.align.scene.scene_sift
 import rules.align.scene.scene_stub
@@ -62,27 +76,6 @@ import rules.background.static
 import rules.background.static_flux2
 import rules.background.static_planes
 import rules.background.static_stub
-import rules.capture.drawn.draw
-import rules.capture.drawn.draw_mujoco
-import rules.capture.drawn.draw_stub
-import rules.capture.drawn.emptied
-import rules.capture.drawn.emptied_mujoco
-import rules.capture.drawn.emptied_stub
-import rules.capture.drawn.stand
-import rules.capture.drawn.stand_mujoco
-import rules.capture.drawn.stand_stub
-import rules.capture.posed.postures
-import rules.capture.posed.postures_mujoco
-import rules.capture.posed.postures_stub
-import rules.capture.posed.reference_views
-import rules.capture.posed.reference_views_mujoco
-import rules.capture.posed.reference_views_stub
-import rules.capture.reference
-import rules.capture.reference_mujoco
-import rules.capture.reference_stub
-import rules.capture.truth
-import rules.capture.truth_mujoco
-import rules.capture.truth_stub
 import rules.demonstrate.film
 import rules.demonstrate.film_mujoco
 import rules.demonstrate.film_stub
@@ -101,9 +94,9 @@ import rules.demonstrate.synthesize_stub
 import rules.evaluate.expert
 import rules.evaluate.expert_mujoco
 import rules.evaluate.expert_stub
-import rules.evaluate.operated
-import rules.evaluate.operated_mujoco
-import rules.evaluate.operated_stub
+import rules.evaluate.operator_trials
+import rules.evaluate.operator_trials_mujoco
+import rules.evaluate.operator_trials_stub
 import rules.evaluate.overlay
 import rules.evaluate.overlay_mujoco
 import rules.evaluate.overlay_stub
@@ -163,54 +156,67 @@ import rules.learn.ppo.policy
 import rules.learn.ppo.ppo
 import rules.learn.ppo.ppo_sb3
 import rules.learn.ppo.ppo_stub
-import rules.simulate.mesh_robot
-import rules.simulate.mesh_robot_mujoco
-import rules.simulate.mesh_robot_stub
-import rules.simulate.perturbed
-import rules.simulate.perturbed_mujoco
-import rules.simulate.perturbed_stub
-import rules.simulate.published
-import rules.simulate.published_installed
-import rules.simulate.published_stub
-import rules.simulate.reference
-import rules.simulate.reference_mujoco
-import rules.simulate.reference_stub
-import rules.simulate.settle
-import rules.simulate.settle_mujoco
-import rules.simulate.settle_stub
-import rules.simulate.steady
-import rules.simulate.steady_mujoco
-import rules.simulate.steady_stub
-import rules.simulate.task
-import rules.simulate.task_mujoco
-import rules.simulate.task_stub
-import rules.simulate.usd
-import rules.simulate.usd_openusd
-import rules.simulate.usd_stub
+import rules.reference.drawn.background_views
+import rules.reference.drawn.background_views_mujoco
+import rules.reference.drawn.background_views_stub
+import rules.reference.drawn.draw
+import rules.reference.drawn.draw_mujoco
+import rules.reference.drawn.draw_stub
+import rules.reference.drawn.place_robot_in_view
+import rules.reference.drawn.place_robot_in_view_mujoco
+import rules.reference.drawn.place_robot_in_view_stub
+import rules.reference.photograph
+import rules.reference.photograph_mujoco
+import rules.reference.photograph_stub
+import rules.reference.posed.postures
+import rules.reference.posed.postures_mujoco
+import rules.reference.posed.postures_stub
+import rules.reference.posed.robot_views
+import rules.reference.posed.robot_views_mujoco
+import rules.reference.posed.robot_views_stub
+import rules.reference.task
+import rules.reference.task_mujoco
+import rules.reference.task_stub
+import rules.reference.truth
+import rules.reference.truth_mujoco
+import rules.reference.truth_stub
+import rules.simulate.robots.mesh_robot
+import rules.simulate.robots.mesh_robot_mujoco
+import rules.simulate.robots.mesh_robot_stub
+import rules.simulate.robots.published
+import rules.simulate.robots.published_installed
+import rules.simulate.robots.published_stub
+import rules.simulate.task.task
 
-align_follow_deaot: rules.align.follow.FollowBackend = rules.align.follow_deaot
+align_follow_deaot: rules.align.follow.follow.FollowBackend = rules.align.follow.follow.follow_deaot
 align_hand_eye_opencv: rules.align.calibration.hand_eye.HandEyeBackend = rules.align.calibration.hand_eye_opencv
 align_hand_eye_stub: rules.align.calibration.hand_eye.HandEyeBackend = rules.align.calibration.hand_eye_stub
 motion_opencv: rules.align.calibration.camera_motion.MotionBackend = rules.align.calibration.camera_motion_opencv
 motion_stub: rules.align.calibration.camera_motion.MotionBackend = rules.align.calibration.camera_motion_stub
 robot_camera_icp: rules.align.calibration.robot_camera.RefinementBackend = rules.align.calibration.robot_camera_icp
 robot_camera_stub: rules.align.calibration.robot_camera.RefinementBackend = rules.align.calibration.robot_camera_stub
-posed_mujoco: rules.capture.posed.reference_views.ViewsBackend = rules.capture.posed.reference_views_mujoco
-posed_stub: rules.capture.posed.reference_views.ViewsBackend = rules.capture.posed.reference_views_stub
-align_canonical_geometry: rules.align.canonical.CanonicalBackend = rules.align.canonical_geometry
-align_canonical_qwen3_vl: rules.align.canonical.CanonicalBackend = rules.align.canonical_qwen3_vl
-align_canonical_stub: rules.align.canonical.CanonicalBackend = rules.align.canonical_stub
-align_follow_flow: rules.align.follow.FollowBackend = rules.align.follow_flow
-align_follow_sam3_video: rules.align.follow.FollowBackend = rules.align.follow_sam3_video
-align_follow_stub: rules.align.follow.FollowBackend = rules.align.follow_stub
-align_matches_disk_lightglue: rules.align.matches.MatchesBackend = rules.align.matches_disk_lightglue
-align_matches_sift: rules.align.matches.MatchesBackend = rules.align.matches_sift
-align_matches_stub: rules.align.matches.MatchesBackend = rules.align.matches_stub
-align_matches_xfeat: rules.align.matches.MatchesBackend = rules.align.matches_xfeat
-align_object_bounding_box: rules.align.object.PlacementBackend = rules.align.object_bounding_box
-align_object_icp: rules.align.object.PlacementBackend = rules.align.object_icp
-align_object_open3d: rules.align.object.PlacementBackend = rules.align.object_open3d
-align_object_stub: rules.align.object.PlacementBackend = rules.align.object_stub
+posed_mujoco: rules.reference.posed.robot_views.ViewsBackend = rules.reference.posed.robot_views_mujoco
+posed_stub: rules.reference.posed.robot_views.ViewsBackend = rules.reference.posed.robot_views_stub
+align_canonical_geometry: rules.align.canonical.canonical.CanonicalBackend = (
+    rules.align.canonical.canonical.canonical_geometry
+)
+align_canonical_qwen3_vl: rules.align.canonical.canonical.CanonicalBackend = (
+    rules.align.canonical.canonical.canonical_qwen3_vl
+)
+align_canonical_stub: rules.align.canonical.canonical.CanonicalBackend = rules.align.canonical.canonical.canonical_stub
+align_follow_flow: rules.align.follow.follow.FollowBackend = rules.align.follow.follow.follow_flow
+align_follow_sam3_video: rules.align.follow.follow.FollowBackend = rules.align.follow.follow.follow_sam3_video
+align_follow_stub: rules.align.follow.follow.FollowBackend = rules.align.follow.follow.follow_stub
+align_matches_disk_lightglue: rules.align.matches.matches.MatchesBackend = (
+    rules.align.matches.matches.matches_disk_lightglue
+)
+align_matches_sift: rules.align.matches.matches.MatchesBackend = rules.align.matches.matches.matches_sift
+align_matches_stub: rules.align.matches.matches.MatchesBackend = rules.align.matches.matches.matches_stub
+align_matches_xfeat: rules.align.matches.matches.MatchesBackend = rules.align.matches.matches.matches_xfeat
+align_object_bounding_box: rules.align.object.object.PlacementBackend = rules.align.object.object.object_bounding_box
+align_object_icp: rules.align.object.object.PlacementBackend = rules.align.object.object.object_icp
+align_object_open3d: rules.align.object.object.PlacementBackend = rules.align.object.object.object_open3d
+align_object_stub: rules.align.object.object.PlacementBackend = rules.align.object.object.object_stub
 align_track_foundation_pose: rules.align.track.track.TrackBackend = rules.align.track.track_foundation_pose
 align_track_model: rules.align.track.track.TrackBackend = rules.align.track.track_model
 align_track_stub: rules.align.track.track.TrackBackend = rules.align.track.track_stub
@@ -229,10 +235,10 @@ background_robot_stub: rules.background.robot.RobotBackend = rules.background.ro
 background_static_flux2: rules.background.static.BackgroundBackend = rules.background.static_flux2
 background_static_planes: rules.background.static.BackgroundBackend = rules.background.static_planes
 background_static_stub: rules.background.static.BackgroundBackend = rules.background.static_stub
-capture_reference_mujoco: rules.capture.reference.CameraBackend = rules.capture.reference_mujoco
-capture_reference_stub: rules.capture.reference.CameraBackend = rules.capture.reference_stub
-capture_truth_mujoco: rules.capture.truth.CameraBackend = rules.capture.truth_mujoco
-capture_truth_stub: rules.capture.truth.CameraBackend = rules.capture.truth_stub
+capture_reference_mujoco: rules.reference.photograph.CameraBackend = rules.reference.photograph_mujoco
+capture_reference_stub: rules.reference.photograph.CameraBackend = rules.reference.photograph_stub
+capture_truth_mujoco: rules.reference.truth.CameraBackend = rules.reference.truth_mujoco
+capture_truth_stub: rules.reference.truth.CameraBackend = rules.reference.truth_stub
 demonstrate_film_mujoco: rules.demonstrate.film.FilmBackend = rules.demonstrate.film_mujoco
 demonstrate_film_stub: rules.demonstrate.film.FilmBackend = rules.demonstrate.film_stub
 demonstrate_lerobot_pyarrow: rules.demonstrate.lerobot.LerobotBackend = rules.demonstrate.lerobot_pyarrow
@@ -243,8 +249,8 @@ demonstrate_operate_mujoco: rules.demonstrate.operate.OperateBackend = rules.dem
 demonstrate_operate_stub: rules.demonstrate.operate.OperateBackend = rules.demonstrate.operate_stub
 demonstrate_synthesize_mujoco: rules.demonstrate.synthesize.SynthesizeBackend = rules.demonstrate.synthesize_mujoco
 demonstrate_synthesize_stub: rules.demonstrate.synthesize.SynthesizeBackend = rules.demonstrate.synthesize_stub
-evaluate_operated_mujoco: rules.evaluate.operated.OperatedBackend = rules.evaluate.operated_mujoco
-evaluate_operated_stub: rules.evaluate.operated.OperatedBackend = rules.evaluate.operated_stub
+evaluate_operated_mujoco: rules.evaluate.operator_trials.OperatedBackend = rules.evaluate.operator_trials_mujoco
+evaluate_operated_stub: rules.evaluate.operator_trials.OperatedBackend = rules.evaluate.operator_trials_stub
 evaluate_overlay_mujoco: rules.evaluate.overlay.OverlayBackend = rules.evaluate.overlay_mujoco
 evaluate_overlay_stub: rules.evaluate.overlay.OverlayBackend = rules.evaluate.overlay_stub
 evaluate_replay_mujoco: rules.evaluate.replay.ReplayBackend = rules.evaluate.replay_mujoco
@@ -288,34 +294,46 @@ learn_act_policy: dextera_build.policy.running.Runner = rules.learn.act.policy
 learn_ppo_policy: dextera_build.policy.running.Runner = rules.learn.ppo.policy
 learn_ppo_sb3: rules.learn.ppo.ppo.PpoBackend = rules.learn.ppo.ppo_sb3
 learn_ppo_stub: rules.learn.ppo.ppo.PpoBackend = rules.learn.ppo.ppo_stub
-simulate_mesh_robot_mujoco: rules.simulate.mesh_robot.MeshRobotBackend = rules.simulate.mesh_robot_mujoco
-simulate_mesh_robot_stub: rules.simulate.mesh_robot.MeshRobotBackend = rules.simulate.mesh_robot_stub
-simulate_perturbed_mujoco: rules.simulate.perturbed.PerturbedBackend = rules.simulate.perturbed_mujoco
-simulate_perturbed_stub: rules.simulate.perturbed.PerturbedBackend = rules.simulate.perturbed_stub
-simulate_published_installed: rules.simulate.published.PublishedBackend = rules.simulate.published_installed
-simulate_published_stub: rules.simulate.published.PublishedBackend = rules.simulate.published_stub
-simulate_reference_mujoco: rules.simulate.reference.ReferenceBackend = rules.simulate.reference_mujoco
-simulate_reference_stub: rules.simulate.reference.ReferenceBackend = rules.simulate.reference_stub
-simulate_settle_mujoco: rules.simulate.settle.SettleBackend = rules.simulate.settle_mujoco
-simulate_settle_stub: rules.simulate.settle.SettleBackend = rules.simulate.settle_stub
-simulate_steady_mujoco: rules.simulate.steady.SteadyBackend = rules.simulate.steady_mujoco
-simulate_steady_stub: rules.simulate.steady.SteadyBackend = rules.simulate.steady_stub
-simulate_task_mujoco: rules.simulate.task.TaskBackend = rules.simulate.task_mujoco
-simulate_task_stub: rules.simulate.task.TaskBackend = rules.simulate.task_stub
-simulate_usd_openusd: rules.simulate.usd.UsdBackend = rules.simulate.usd_openusd
-simulate_usd_stub: rules.simulate.usd.UsdBackend = rules.simulate.usd_stub
-capture_draw_mujoco: rules.capture.drawn.draw.FallBackend = rules.capture.drawn.draw_mujoco
-capture_emptied_mujoco: rules.capture.drawn.emptied.CameraBackend = rules.capture.drawn.emptied_mujoco
-capture_emptied_stub: rules.capture.drawn.emptied.CameraBackend = rules.capture.drawn.emptied_stub
-capture_draw_stub: rules.capture.drawn.draw.FallBackend = rules.capture.drawn.draw_stub
-capture_stand_mujoco: rules.capture.drawn.stand.StandBackend = rules.capture.drawn.stand_mujoco
-capture_stand_stub: rules.capture.drawn.stand.StandBackend = rules.capture.drawn.stand_stub
-capture_postures_mujoco: rules.capture.posed.postures.PosturesBackend = rules.capture.posed.postures_mujoco
-capture_postures_stub: rules.capture.posed.postures.PosturesBackend = rules.capture.posed.postures_stub
+simulate_mesh_robot_mujoco: rules.simulate.robots.mesh_robot.MeshRobotBackend = rules.simulate.robots.mesh_robot_mujoco
+simulate_mesh_robot_stub: rules.simulate.robots.mesh_robot.MeshRobotBackend = rules.simulate.robots.mesh_robot_stub
+simulate_perturbed_mujoco: rules.simulate.task.task.perturbed.PerturbedBackend = (
+    rules.simulate.task.task.perturbed_mujoco
+)
+simulate_perturbed_stub: rules.simulate.task.task.perturbed.PerturbedBackend = rules.simulate.task.task.perturbed_stub
+simulate_published_installed: rules.simulate.robots.published.PublishedBackend = (
+    rules.simulate.robots.published_installed
+)
+simulate_published_stub: rules.simulate.robots.published.PublishedBackend = rules.simulate.robots.published_stub
+simulate_reference_mujoco: rules.reference.task.ReferenceBackend = rules.reference.task_mujoco
+simulate_reference_stub: rules.reference.task.ReferenceBackend = rules.reference.task_stub
+simulate_settle_mujoco: rules.simulate.scene.scene.settle.SettleBackend = rules.simulate.scene.scene.settle_mujoco
+simulate_settle_stub: rules.simulate.scene.scene.settle.SettleBackend = rules.simulate.scene.scene.settle_stub
+simulate_steady_mujoco: rules.simulate.scene.scene.steady.SteadyBackend = rules.simulate.scene.scene.steady_mujoco
+simulate_steady_stub: rules.simulate.scene.scene.steady.SteadyBackend = rules.simulate.scene.scene.steady_stub
+simulate_task_mujoco: rules.simulate.task.task.TaskBackend = rules.simulate.task.task.task_mujoco
+simulate_task_stub: rules.simulate.task.task.TaskBackend = rules.simulate.task.task.task_stub
+simulate_usd_openusd: rules.simulate.scene.usd.UsdBackend = rules.simulate.scene.scene.usd_openusd
+simulate_usd_stub: rules.simulate.scene.usd.UsdBackend = rules.simulate.scene.scene.usd_stub
+capture_draw_mujoco: rules.reference.drawn.draw.FallBackend = rules.reference.drawn.draw_mujoco
+capture_emptied_mujoco: rules.reference.drawn.background_views.CameraBackend = (
+    rules.reference.drawn.background_views_mujoco
+)
+capture_emptied_stub: rules.reference.drawn.background_views.CameraBackend = rules.reference.drawn.background_views_stub
+capture_draw_stub: rules.reference.drawn.draw.FallBackend = rules.reference.drawn.draw_stub
+capture_stand_mujoco: rules.reference.drawn.place_robot_in_view.StandBackend = (
+    rules.reference.drawn.place_robot_in_view_mujoco
+)
+capture_stand_stub: rules.reference.drawn.place_robot_in_view.StandBackend = (
+    rules.reference.drawn.place_robot_in_view_stub
+)
+capture_postures_mujoco: rules.reference.posed.postures.PosturesBackend = rules.reference.posed.postures_mujoco
+capture_postures_stub: rules.reference.posed.postures.PosturesBackend = rules.reference.posed.postures_stub
 bounding_box: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_bounding_box
 convex_hull: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_convex_hull
 poisson: rules.factorize.shapes.mesh.MeshBackend = rules.factorize.shapes.mesh_poisson
-align_matches_superpoint: rules.align.matches.MatchesBackend = rules.align.matches_superpoint_lightglue
+align_matches_superpoint: rules.align.matches.matches.MatchesBackend = (
+    rules.align.matches.matches.matches_superpoint_lightglue
+)
 align_scene_sift: rules.align.scene.scene.SceneBackend = rules.align.scene.scene_sift
 align_scene_stub: rules.align.scene.scene.SceneBackend = rules.align.scene.scene_stub
 align_scene_superpoint: rules.align.scene.scene.SceneBackend = rules.align.scene.scene_superpoint_lightglue

@@ -54,8 +54,8 @@ def camera(width: int, distance: float) -> dict[str, Any]:
 def twin(folder: Path, lens: dict[str, Any], noise: dict[str, float]) -> Twin:
     """From a photograph of the world to a task, by the rules of `twin/from_photo`."""
     runner = RuleRunner(folder)
-    world = runner.run("capture.world", options={**WORLD, "camera": lens})
-    shot = factories.shot(runner.run("capture.reference", world=world, options={"depth_noise": noise, "seed": 3}))
+    world = runner.run("reference.world", options={**WORLD, "camera": lens})
+    shot = factories.shot(runner.run("reference.photograph", world=world, options={"depth_noise": noise, "seed": 3}))
     support = runner.run("align.support", **shot)
     elements = runner.run("factorize.parse", **shot, support=support)
     found = runner.run("factorize.segment", **shot, support=support, elements=elements)

@@ -27,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write names to `dxb.lock`, and print every object: name, what parsing calls it, a point, who binds the name."""
-    from dextera_build.build import bind
+    from dextera_build.building import bind
     from dextera_build.cli.consoles import console
     from dextera_build.recipe.bindings import PROPERTIES, Binding
 

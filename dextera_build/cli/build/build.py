@@ -6,8 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from dextera_build.build import build
-from dextera_build.build.build import Order
+from dextera_build.building import build
+from dextera_build.building.build import Order
 from dextera_build.cli import options
 from dextera_build.cli.build.shown import lines, stubs_of, tell
 from dextera_build.cli.consoles import console
@@ -16,8 +16,8 @@ from dextera_build.runs.snapshot import Recipe
 from dextera_build.session import Session, addresses
 
 if TYPE_CHECKING:
-    from dextera_build.build.build import Built
-    from dextera_build.build.lock import Locking
+    from dextera_build.building.build import Built
+    from dextera_build.building.lock import Locking
     from dextera_build.store.signature import Watch
 
 
@@ -46,7 +46,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Build the named recipes, one after the other."""
-    from dextera_build.build.lock import Locking
+    from dextera_build.building.lock import Locking
     from dextera_build.project.project import deciding_files
     from dextera_build.store.signature import Watch
 

@@ -109,7 +109,7 @@ def _resolved(plan: Plan) -> str:
 
 def _repeat(session: Session, node: str) -> str:
     """Run one node on the inputs of its last build, bypassing the cache, and compare within its rule's tolerance."""
-    from dextera_build.build.again import again
+    from dextera_build.building.again import again
 
     recipe = session.recipe
     before, document, key = session.output(node), session.document(node), session.past(node).key

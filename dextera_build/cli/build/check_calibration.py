@@ -6,8 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from dextera_build.build.build import Order
-from dextera_build.build.lock import Locking
+from dextera_build.building.build import Order
+from dextera_build.building.lock import Locking
 from dextera_build.cli import options, table
 from dextera_build.cli.build.build import built
 from dextera_build.errors import UsageError

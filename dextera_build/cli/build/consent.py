@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from dextera_build.build.build import Built
+from dextera_build.building.build import Built
 from dextera_build.calls.consent import CODE
 from dextera_build.project.project import Project
 from dextera_build.project.terms import consents

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from dextera_build.build import fetch
+from dextera_build.building import fetch
 from dextera_build.cli import options, table
 from dextera_build.cli.nodes import Row, planned, row
 from dextera_build.engine import missing

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dextera_build.build.build import Built
+    from dextera_build.building.build import Built
 
 
 def tell(built: Built, *, quiet: bool = False) -> None:

@@ -158,8 +158,8 @@ def _once(args: argparse.Namespace, report: str, because: str) -> int:
 
 
 def _build(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch: Watch) -> tuple[DxbError | None, str]:
-    from dextera_build.build.build import Order, build
-    from dextera_build.build.lock import Locking
+    from dextera_build.building.build import Order, build
+    from dextera_build.building.lock import Locking
     from dextera_build.session import Session
 
     project = None

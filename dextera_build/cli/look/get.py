@@ -30,8 +30,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the files and print their paths, the main one first."""
-    from dextera_build.build import one_file
-    from dextera_build.build.export import stem_of
+    from dextera_build.building import one_file
+    from dextera_build.building.export import stem_of
     from dextera_build.explain import stubs
 
     session, node = options.session(args, args.node, last=True)

@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
             code="DXB-U218",
             hint="`dxb library` lists all; `dxb build twin/laptop_scene` makes some",
         )
-    from dextera_build.build import library as folder
+    from dextera_build.building import library as folder
 
     out = Path(args.out)
     with table.writing(out):

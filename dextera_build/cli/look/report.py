@@ -30,7 +30,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the file and print its path."""
-    from dextera_build.build import places
+    from dextera_build.building import places
     from dextera_build.cli.table import writing
     from dextera_build.explain import runs
     from dextera_build.report.build import build

@@ -13,7 +13,7 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Scene
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.trials import Trials
-from dextera_build.build import fetch
+from dextera_build.building import fetch
 from dextera_build.engine.graph import parse_address
 from dextera_build.errors import DxbError, RuleError, UsageError, listing
 from dextera_build.explain import behind
@@ -203,7 +203,7 @@ def _binder(session: Session, nodes: dict[str, list[str]], photograph: Photograp
     objects: Any = session.artifact(nodes["Segmentation"][-1])
 
     def bind(label: str, name: str) -> str:
-        from dextera_build.build.bind import Naming
+        from dextera_build.building.bind import Naming
         from dextera_build.geometry import pictures
         from dextera_build.recipe.bindings import Binding
 

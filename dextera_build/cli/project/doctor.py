@@ -105,7 +105,7 @@ def _backend(project: Project, found: RuleFile, backend: BackendFile, *, tests: 
     told += [f"needs {', '.join(lacks)}"] if lacks else []
     fine = not lacks
     if fine and tests:
-        from dextera_build.build.self_test import self_test
+        from dextera_build.building.self_test import self_test
 
         folders = os.pathsep.join(map(str, project.model_folders))
         fine, line = self_test(project.root, backend.rule, backend.name, models.pinned(facts.weights), folders)

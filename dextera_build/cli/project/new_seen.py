@@ -24,7 +24,7 @@ def run(args: argparse.Namespace) -> int:
         )
     out = Path(args.out or ("scene.yaml" if args.kind == "scene" else f"masks/{args.object}.png"))
     _refuse_existing(out)
-    from dextera_build.build.photographed import Photographed
+    from dextera_build.building.photographed import Photographed
     from dextera_build.cli.consoles import console
 
     session, node = options.session(args, args.name, makes=True)
@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     if found is None:
         return 1
     if args.kind == "scene":
-        from dextera_build.build import scene_file
+        from dextera_build.building import scene_file
         from dextera_build.explain import library
 
         name = seen.input_of(seen.parse, "scene") or "NAME"

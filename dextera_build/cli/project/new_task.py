@@ -22,7 +22,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             "a task takes the recipe of its twin", code="DXB-U217", hint="`dxb new task twin/laptop_scene`"
         )
-    from dextera_build.build import task_file, values
+    from dextera_build.building import task_file, values
     from dextera_build.cli.consoles import console
 
     session, node = options.session(args, args.name, makes=True)

@@ -6,9 +6,9 @@ import argparse
 import shlex
 import sys
 
-from dextera_build.build import fetch
-from dextera_build.build.build import Order, build
-from dextera_build.build.lock import Locking
+from dextera_build.building import fetch
+from dextera_build.building.build import Order, build
+from dextera_build.building.lock import Locking
 from dextera_build.cli import options, table
 from dextera_build.cli.build.shown import shown, tell
 from dextera_build.cli.consoles import lines

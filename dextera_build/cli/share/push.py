@@ -7,7 +7,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from dextera_build.build import fetch
+from dextera_build.building import fetch
 from dextera_build.cli import options, table
 from dextera_build.cli.consoles import lines
 from dextera_build.engine.dry import plan

@@ -22,9 +22,6 @@ from dextera_build.artifacts.trials import Sighting
 from dextera_build.artifacts.variation import EXACT
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import poses, transforms
-from dextera_build.geometry.tracking.model import Model
-from dextera_build.geometry.tracking.thing import Tracked
-from dextera_build.geometry.tracking.tracker import Tracker
 from dextera_build.policy.cell import Guard
 from dextera_build.policy.observation import Frames, Measurement
 from dextera_build.sim.render.rendering import Eye
@@ -33,6 +30,9 @@ from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.mirror import Hold, Mirror
+from dextera_build.tracking.model import Model
+from dextera_build.tracking.tracked_object import Tracked
+from dextera_build.tracking.tracker import Tracker
 
 NOT_FOUND = "the tracker did not find the object"
 PHOTOGRAPHED = 5

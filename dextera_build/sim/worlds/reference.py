@@ -153,7 +153,7 @@ class _Builder:
             raise RuleError(
                 f"`{body}` is a thing without mass in the reference world",
                 code="DXB-B242",
-                hint="build the world with this version of `capture.world`",
+                hint="build the world with this version of `reference.world`",
             )
         return Placed(body, thing, thing.matter, (self.frame @ thing.pose).matrix)
 

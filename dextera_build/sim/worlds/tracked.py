@@ -28,7 +28,7 @@ def twin_from_truth(bundle: TaskBundle, world: World) -> Pose:
         raise RuleError(
             "the reference world has no robot",
             code="DXB-B240",
-            hint="give `capture.world` option `robot` with the robot's place",
+            hint="give `reference.world` option `robot` with the robot's place",
         )
     return bundle.base_pose @ world.stand.pose().inverse()
 

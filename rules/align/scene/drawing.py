@@ -9,10 +9,11 @@ import numpy as np
 
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.splats import Splats
-from dextera_build.geometry import merging, raycast
+from dextera_build.gaussians import merging
+from dextera_build.gaussians.fit.camera import Camera as Eye
+from dextera_build.geometry import raycast
 from dextera_build.geometry.photo_terms import Drawn
 from dextera_build.geometry.scene_alignment import Render
-from dextera_build.learning.gaussian_fit.camera import Camera as Eye
 
 FINE = 2
 """Rays per pixel and axis: a ray samples one texel, so pixels as large as many texels would alias."""
@@ -79,7 +80,7 @@ class SplatScene:
     """
 
     def __init__(self, splats: Splats, device: str) -> None:
-        from dextera_build.learning.rasteriser.raster import Rasteriser
+        from dextera_build.gaussians.rasteriser.raster import Rasteriser
 
         self._given, self._device = splats.gaussians, device
         self._maker = Rasteriser(device)
@@ -87,7 +88,7 @@ class SplatScene:
 
     def whole(self) -> Render:
         """All Gaussians, from any pose and at any size."""
-        from dextera_build.learning.rasteriser.placing import placed
+        from dextera_build.gaussians.rasteriser.placing import placed
 
         arrays = placed(self._given, self._device)
 
@@ -108,7 +109,7 @@ class SplatScene:
             place: Approximate pose of the cameras.
             views: (3, 3) intrinsics [px] with rows and columns [px], all of one camera.
         """
-        from dextera_build.learning.rasteriser.placing import placed
+        from dextera_build.gaussians.rasteriser.placing import placed
 
         fewer, arrays = self._given, {}
         for k, size in sorted(views, key=lambda view: -view[1][1]):  # valid for a small picture, too

@@ -8,8 +8,8 @@ from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.matches import Matches
 from dextera_build.rule import Backend, Context
 
-from .. import matches_sift
-from ..matches_sift import SiftOptions
+from ..matches import matches_sift
+from ..matches.matches_sift import SiftOptions
 from .fitted import Fitted, Given
 from .fitting import fitted
 

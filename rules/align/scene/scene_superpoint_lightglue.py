@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from dextera_build.rule import Backend, Context
 
-from .. import matches_superpoint_lightglue as superpoint
-from ..matches_superpoint_lightglue import SuperpointLightglueOptions
+from ..matches import matches_superpoint_lightglue as superpoint
+from ..matches.matches_superpoint_lightglue import SuperpointLightglueOptions
 from .fitted import Fitted, Given
 from .fitting import fitted
 

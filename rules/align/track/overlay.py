@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.rgbd_video import RgbdVideo
 from dextera_build.geometry import kinematics, metrics, raycast, transforms
-from dextera_build.geometry.tracking.thing import Tracked
+from dextera_build.tracking.tracked_object import Tracked
 
 COLOURS = {"tracked": (40, 220, 80), "predicted": (255, 190, 40)}
 """Status -> sRGB of the outline."""

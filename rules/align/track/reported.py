@@ -13,7 +13,7 @@ from dextera_build.artifacts.stream import Joints
 from dextera_build.artifacts.track import Track
 from dextera_build.artifacts.tracking import Tracking
 from dextera_build.geometry import poses
-from dextera_build.geometry.tracking.thing import Tracked
+from dextera_build.tracking.tracked_object import Tracked
 
 
 def reported(

@@ -15,8 +15,8 @@ from dextera_build.artifacts.object import Asset, Support
 from dextera_build.artifacts.rgbd_video import RgbdFrame, RgbdVideo
 from dextera_build.artifacts.tracking import Tracking
 from dextera_build.geometry import transforms
-from dextera_build.geometry.tracking.thing import Tracked
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
+from dextera_build.tracking.tracked_object import Tracked
 
 from . import overlay
 from .reported import reported

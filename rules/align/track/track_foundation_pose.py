@@ -9,14 +9,14 @@ from pydantic import PositiveInt
 
 from dextera_build.artifacts.rgbd_video import RgbdFrame
 from dextera_build.geometry import kinematics
-from dextera_build.geometry.tracking import judge, solve
-from dextera_build.geometry.tracking import spread as errors
-from dextera_build.geometry.tracking.colours import Colours
-from dextera_build.geometry.tracking.frame import Frame
-from dextera_build.geometry.tracking.judge import Gate
-from dextera_build.geometry.tracking.model import Model, State
-from dextera_build.geometry.tracking.thing import Tracked
 from dextera_build.rule import Backend, Context, Options
+from dextera_build.tracking import judge, solve
+from dextera_build.tracking import spread as errors
+from dextera_build.tracking.colours import Colours
+from dextera_build.tracking.frame import Frame
+from dextera_build.tracking.judge import Gate
+from dextera_build.tracking.model import Model, State
+from dextera_build.tracking.tracked_object import Tracked
 
 from .symmetry import turns
 

@@ -8,10 +8,10 @@ import numpy as np
 from pydantic import PositiveFloat
 
 from dextera_build.geometry import transforms
-from dextera_build.geometry.tracking.model import Model
-from dextera_build.geometry.tracking.thing import Tracked
-from dextera_build.geometry.tracking.tracker import Tracker, Tuning
 from dextera_build.rule import Backend, Context, Options
+from dextera_build.tracking.model import Model
+from dextera_build.tracking.tracked_object import Tracked
+from dextera_build.tracking.tracker import Tracker, Tuning
 
 if TYPE_CHECKING:
     from .track import Job

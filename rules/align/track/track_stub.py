@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.geometry.tracking.thing import Tracked
 from dextera_build.rule import Backend, Context, Options
+from dextera_build.tracking.tracked_object import Tracked
 
 if TYPE_CHECKING:
     from .track import Job

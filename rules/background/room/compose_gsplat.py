@@ -8,8 +8,8 @@ from torch import Tensor
 from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.views import Views
-from dextera_build.learning.gaussian_fit.camera import Camera
-from dextera_build.learning.gaussian_fit.parameters import Trained
+from dextera_build.gaussians.fit.camera import Camera
+from dextera_build.gaussians.fit.parameters import Trained
 from dextera_build.rule import Backend, Context
 
 from .optimise import optimised

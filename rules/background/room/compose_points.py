@@ -10,8 +10,8 @@ from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.splats import Splats
 from dextera_build.artifacts.views import Views
-from dextera_build.geometry.gaussians import Gaussians
-from dextera_build.geometry.spherical_harmonics import flat
+from dextera_build.gaussians.arrays import Gaussians
+from dextera_build.gaussians.spherical_harmonics import flat
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(

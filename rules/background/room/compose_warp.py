@@ -26,8 +26,8 @@ BACKEND = Backend(
 def compose(ctx: Context, views: Views, background: Background | None, options: OptimiseOptions) -> Room:
     """Fitted Gaussians; on the CPU the result does not depend on the number of cores, on a GPU sums have no order."""
     # Imported here, so that options can be read where Warp is not installed.
-    from dextera_build.learning.rasteriser.autograd import rendered
-    from dextera_build.learning.rasteriser.raster import Rasteriser
+    from dextera_build.gaussians.rasteriser.autograd import rendered
+    from dextera_build.gaussians.rasteriser.raster import Rasteriser
 
     maker = Rasteriser(ctx.device)
     if ctx.device != "cpu":

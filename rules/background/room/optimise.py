@@ -11,11 +11,11 @@ from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.splats import Splats
 from dextera_build.artifacts.views import Views
+from dextera_build.gaussians.fit.camera import Camera as Eye
+from dextera_build.gaussians.fit.fit import Render, Settings, fit
+from dextera_build.gaussians.fit.loss import Target
+from dextera_build.gaussians.fit.parameters import Trained, closed, opened
 from dextera_build.geometry import metrics
-from dextera_build.learning.gaussian_fit.camera import Camera as Eye
-from dextera_build.learning.gaussian_fit.fit import Render, Settings, fit
-from dextera_build.learning.gaussian_fit.loss import Target
-from dextera_build.learning.gaussian_fit.parameters import Trained, closed, opened
 from dextera_build.rule import Context
 
 from .optimise_options import OptimiseOptions

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from dextera_build.gaussians.fit.camera import Camera
 from dextera_build.geometry import cameras, transforms
-from dextera_build.learning.gaussian_fit.camera import Camera
 
 SAME = 0.03
 """A pixel deeper than the least depth around it by this relative difference shows a surface behind, between points."""

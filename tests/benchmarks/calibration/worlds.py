@@ -57,8 +57,8 @@ def run(seed: int, world: World, robot: RobotModel) -> dict[str, tuple[float, fl
     runner = RuleRunner(tempfile.mkdtemp())
     how = {"count": 10, "seed": seed, "errors": ERRORS}
     # Where the joints really are; the capture's own have the encoders' errors.
-    exact = runner.run("capture.postures", world=world, robot=robot, options=how)
-    noisy = runner.run("capture.reference_views", world=world, robot=robot, postures=exact, options=how)
+    exact = runner.run("reference.postures", world=world, robot=robot, options=how)
+    noisy = runner.run("reference.robot_views", world=world, robot=robot, postures=exact, options=how)
     made = biased(robot, ERRORS["arm_shape"], 0.0)
     names = [joint.name for joint in robot.joints]
     stated, real = (
@@ -81,7 +81,7 @@ def run(seed: int, world: World, robot: RobotModel) -> dict[str, tuple[float, fl
 if __name__ == "__main__":
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     runner = RuleRunner(tempfile.mkdtemp())
-    world = runner.run("capture.world", options=options("reference/laptop_scene.yaml", "world"))
+    world = runner.run("reference.world", options=options("reference/laptop_scene.yaml", "world"))
     robot = runner.run("simulate.robot", options=options("robot/kuka_leap.yaml", "robot"))
     rows: dict[str, list[tuple[float, float, float, float]]] = {}
     for seed in range(seeds):

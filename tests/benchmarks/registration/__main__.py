@@ -22,11 +22,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rules.align.object.object.icp_options import IcpOptions
 
 from dextera_build.geometry.registration import Similarity
-from rules.align import object_icp
-from rules.align.icp_options import IcpOptions
-from rules.align.object import ObjectOptions, misfit
+from rules.align.object.object import ObjectOptions, misfit, object_icp
 
 from . import baselines, judged, scenes
 from .scenes import Known

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from rules.align.object.object.icp_options import IcpOptions
+
 from dextera_build.geometry import kinematics, metrics
 from dextera_build.geometry.registration import Similarity
-from rules.align import boxed, starts
-from rules.align.icp_options import IcpOptions
+from rules.align.object.object import boxed, starts
 
 from .scenes import Known
 

@@ -13,6 +13,8 @@ import json
 import sys
 
 import numpy as np
+from rules.align.object.object.icp_options import IcpOptions
+from rules.align.object.object.model_view import ModelView, seen_points
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
@@ -23,9 +25,7 @@ from dextera_build.geometry import kinematics, raycast, registration, solids, tr
 from dextera_build.geometry.registration import Search, Similarity
 from dextera_build.sim.render import sensor
 from dextera_build.statistics import wilson
-from rules.align import polish, spread
-from rules.align.icp_options import IcpOptions
-from rules.align.model_view import ModelView, seen_points
+from rules.align.object.object import polish, spread
 from tests import factories, object_views
 
 from . import scenes

@@ -58,7 +58,7 @@ def things(folder: Path, cache: Path) -> dict[str, tuple[Mesh, ...]]:
     """The parts of every mesh of the catalogue [m], each thing upright at the origin."""
     runner = RuleRunner(cache)
     found: Any = runner.run(
-        "capture.catalogue", folder=Folder.of(folder), options={"entries": catalogue.entries(), "texture_px": 256}
+        "reference.catalogue", folder=Folder.of(folder), options={"entries": catalogue.entries(), "texture_px": 256}
     )
     made = {name: tuple(part.mesh for part in thing.parts.values()) for name, thing in found.items.items()}
     return {name: parts for name, parts in made.items() if SMALLEST < _size(parts) < LARGEST}

@@ -99,7 +99,7 @@ def gicp_tables(run: RuleRunner, scenes: Scenes) -> dict[str, tuple[Table, Table
         placements = Collection[Placement](items=placed)
         support, stood = scenes.get(scene, "twin/support"), scenes.get(scene, "stood")
         truth, photo = scenes.get(scene, "truth"), scenes.get(scene, "photo")
-        errors = run.run("evaluate.placements", world=stood, assets=assets, placements=placements, support=support)
+        errors = run.run("benchmark.pose_errors", world=stood, assets=assets, placements=placements, support=support)
         metrics = run.run(
             "evaluate.objects",
             truth=truth,
@@ -124,7 +124,7 @@ def hydra_tables(run: RuleRunner, scenes: Scenes, *, centroids: bool) -> dict[st
             continue
         made = others.hydra(views, robot, marked, module, centroids=centroids)
         found[scene] = run.run(
-            "evaluate.calibrated",
+            "benchmark.calibration_error",
             world=stood,
             robot=robot,
             views=views,
@@ -172,19 +172,19 @@ def main() -> None:
     }
     for name, tables in extra.items():
         if tables:
-            methods[name] = run.run("evaluate.gather", tables=Collection[Table](items=tables))
+            methods[name] = run.run("benchmark.gather", tables=Collection[Table](items=tables))
     if small:
         metrics = Collection[Table](items={scene: table for scene, (_, table) in small.items()})
-        shapes["True mesh, small_gicp"] = run.run("evaluate.gather", tables=metrics)
+        shapes["True mesh, small_gicp"] = run.run("benchmark.gather", tables=metrics)
     expected = built.artifact("expected")
     goals = run.run(
-        "evaluate.goals",
+        "benchmark.error_limits",
         tables=Collection[Table](items=methods),
         drawn=built.artifact("draws"),
         objects=expected,
         options={"medians": GOALS},
     )
-    compared = run.run("evaluate.compared", tables=Collection[Table](items=shapes), expected=expected)
+    compared = run.run("benchmark.method_table", tables=Collection[Table](items=shapes), expected=expected)
     print(markdown(goals), markdown(compared), sep="\n\n")
     if given.picture:
         picture.save(given.picture, scenes)

@@ -24,10 +24,10 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.rgbd_video import RgbdFrame
 from dextera_build.geometry import convex, metrics, transforms
-from dextera_build.geometry.tracking import motions
-from dextera_build.geometry.tracking.model import Model
-from dextera_build.geometry.tracking.tracker import Tracker
 from dextera_build.statistics import wilson
+from dextera_build.tracking import motions
+from dextera_build.tracking.model import Model
+from dextera_build.tracking.tracker import Tracker
 from tests.benchmarks.tracking import sequences, things
 from tests.benchmarks.tracking.scene import Actor, Sequence, before, frames, standing
 from tests.benchmarks.tracking.scene import Path as Way

@@ -10,9 +10,9 @@ import numpy as np
 
 from dextera_build.artifacts.rgbd_video import RgbdFrame
 from dextera_build.geometry import metrics, transforms
-from dextera_build.geometry.tracking.model import Model, State
-from dextera_build.geometry.tracking.thing import Tracked
-from dextera_build.geometry.tracking.tracker import Tracker
+from dextera_build.tracking.model import Model, State
+from dextera_build.tracking.tracked_object import Tracked
+from dextera_build.tracking.tracker import Tracker
 from tests.benchmarks.tracking.open3d_icp import Icp
 from tests.benchmarks.tracking.scene import CAMERA, Actor, Sequence
 
@@ -79,7 +79,7 @@ def judge(sequence: Sequence, frames: Iterable[tuple[RgbdFrame, np.ndarray]], ic
 def _row(
     sequence: str, name: str, stamp: float, found: Tracked, truth: State, numbers: tuple[float, float, float, float]
 ) -> Row:
-    from dextera_build.geometry.tracking import motions
+    from dextera_build.tracking import motions
 
     seen, add, adds, theirs = numbers
     there = found.pose is not None and found.covariance is not None

@@ -21,10 +21,10 @@ from dextera_build.artifacts.object import Asset, Support
 from dextera_build.artifacts.rgbd_video import RgbdFrame, RgbdVideo
 from dextera_build.artifacts.tracking import Tracking
 from dextera_build.geometry import poses, transforms
-from dextera_build.geometry.tracking import judge
-from dextera_build.geometry.tracking.colours import Colours
-from dextera_build.geometry.tracking.frame import Frame
-from dextera_build.geometry.tracking.model import Model, State
+from dextera_build.tracking import judge
+from dextera_build.tracking.colours import Colours
+from dextera_build.tracking.frame import Frame
+from dextera_build.tracking.model import Model, State
 
 REPO = Path(__file__).parents[3]
 CAPTURE = REPO.parent / "shared" / "captures" / "kitchen_table"

@@ -13,9 +13,9 @@ import numpy as np
 from PIL import Image as Pillow
 
 from dextera_build.geometry import metrics, transforms
-from dextera_build.geometry.tracking.model import Model, State
-from dextera_build.geometry.tracking.thing import Tracked
-from dextera_build.geometry.tracking.tracker import Tracker
+from dextera_build.tracking.model import Model, State
+from dextera_build.tracking.tracked_object import Tracked
+from dextera_build.tracking.tracker import Tracker
 from tests.benchmarks.tracking import things
 from tests.benchmarks.tracking.scene import CAMERA, Actor, Sequence, before, frames, standing
 

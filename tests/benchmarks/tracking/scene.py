@@ -13,8 +13,8 @@ from dextera_build.artifacts.noise import ColourNoise, DepthNoise
 from dextera_build.artifacts.object import Joint
 from dextera_build.artifacts.rgbd_video import RgbdFrame
 from dextera_build.geometry import cameras, kinematics, raycast, transforms
-from dextera_build.geometry.tracking.model import Model
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
+from dextera_build.tracking.model import Model
 
 CAMERA = Camera(width=640, height=480, fx=600.0, fy=600.0, cx=319.5, cy=239.5)
 RATE = 30.0

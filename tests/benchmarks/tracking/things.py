@@ -24,7 +24,7 @@ def foreign(scratch: Path, names: tuple[str, ...]) -> dict[str, Mesh]:
     files = {part[key] for name in names for part in known[name]["parts"] for key in ("file", "texture") if key in part}
     folder = Folder(files={path: (catalogue.FOLDER / path).read_bytes() for path in sorted(files)})
     options = {"entries": {name: known[name] for name in names}}
-    found: Collection[Thing] = RuleRunner(scratch).run("capture.catalogue", folder=folder, options=options)
+    found: Collection[Thing] = RuleRunner(scratch).run("reference.catalogue", folder=folder, options=options)
     return {name: next(iter(thing.parts.values())).mesh for name, thing in found.items.items()}
 
 

@@ -27,10 +27,10 @@ from tests.e2e.space import Space
 RECIPES = Path(__file__).parents[3] / "recipes"
 OF_OWN_FILES = {
     "align.track",
-    "capture.draw",
-    "capture.emptied",
-    "capture.postures",
-    "capture.stand",
+    "reference.draw",
+    "reference.background_views",
+    "reference.postures",
+    "reference.place_robot_in_view",
     "evaluate.views",
     "simulate.perturbed",
 }

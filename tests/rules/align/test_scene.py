@@ -13,7 +13,8 @@ from dextera_build.artifacts.pose import Pose, Similarity
 from dextera_build.artifacts.scene_fit import AlignedScene, SceneFit
 from dextera_build.artifacts.splats import Splats
 from dextera_build.errors import RuleError
-from dextera_build.geometry import metrics, splatting, transforms
+from dextera_build.gaussians import splatting
+from dextera_build.geometry import metrics, transforms
 from dextera_build.testing import RuleRunner
 from tests import factories
 from tests.rules.align import painted
@@ -64,7 +65,7 @@ def test_a_scene_of_unknown_scale_is_aligned(runner: RuleRunner) -> None:
 def test_a_scene_of_one_gaussian_for_each_pixel_is_aligned_as_well(runner: RuleRunner) -> None:
     """In a small picture many of them lie in a pixel: it has to show their mean, not the nearest."""
     own, shot = painted.capture(painted.room(), np.eye(4)), painted.capture(painted.room(), AWAY)
-    splats: Splats = runner.run("capture.lifted", capture=own, options={"scale_factor": FACTOR})
+    splats: Splats = runner.run("reference.pixels_as_splats", capture=own, options={"scale_factor": FACTOR})
     found: SceneFit = runner.run("align.scene", backend="sift", options=SMALL, capture=shot, splats=splats)
     apart, angle, scale = off(found)
     assert apart < 5

@@ -15,7 +15,7 @@ from dextera_build.artifacts.object import Support
 from dextera_build.geometry import planes, raycast, transforms
 from dextera_build.rule import Context
 from dextera_build.testing import RuleRunner
-from rules.align.support import SupportOptions, support
+from rules.align.support.support import SupportOptions, support
 from tests import factories, tabletops
 
 CAPTURES = Path(__file__).parents[4] / "shared" / "captures"

@@ -26,7 +26,7 @@ from rules.background import static_planes
 from rules.background.static import StaticOptions, static
 from rules.evaluate import elsewhere
 from rules.evaluate.posed import PosedViews
-from rules.simulate.scene import scene
+from rules.simulate.scene.scene import scene
 from tests import factories
 
 LENS = factories.camera(640, 480)

@@ -291,7 +291,7 @@ def test_a_real_table_loses_its_object(tmp_path: Path) -> None:
         pytest.skip("needs shared/captures/table_mustard")
     from PIL import Image as Pillow
 
-    from rules.align.support import SupportOptions, support
+    from rules.align.support.support import SupportOptions, support
 
     facts = json.loads((folder / "capture.json").read_text())
     lens = Camera(**{name: facts[name] for name in ("width", "height", "fx", "fy", "cx", "cy")})

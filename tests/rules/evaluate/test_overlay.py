@@ -23,7 +23,7 @@ from rules.background.static import StaticOptions, static
 from rules.evaluate import overlay_mujoco, overlay_stub
 from rules.evaluate.overlay import OverlayOptions, overlay
 from rules.evaluate.panels import outlined
-from rules.simulate.scene import scene
+from rules.simulate.scene.scene import scene
 from tests import factories
 
 LENS, TABLE = factories.camera(), factories.support()

@@ -14,11 +14,12 @@ from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene import Scene
 from dextera_build.artifacts.splats import Splats
 from dextera_build.errors import RuleError
-from dextera_build.geometry import cameras, spherical_harmonics, transforms
-from dextera_build.geometry.gaussians import Gaussians
+from dextera_build.gaussians import spherical_harmonics
+from dextera_build.gaussians.arrays import Gaussians
+from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Context
 from dextera_build.testing import RuleRunner
-from rules.simulate.scene import scene
+from rules.simulate.scene.scene import scene
 from tests import factories
 
 LENS, TABLE = factories.camera(), factories.support()

@@ -157,7 +157,7 @@ def test_starts_may_be_drawn_differently_in_another_world(runner):
 
 def test_outcomes_have_times_and_reasons(runner):
     part = trials((3, 4), excluded={"no start": 2}, world="reference")
-    table = runner.run("evaluate.outcomes", trials=together(part))
+    table = runner.run("evaluate.success_rates", trials=together(part))
     (row,) = rows(table)
     assert (row["task"], row["actor"], row["world"]) == ("KL: CloseLaptop", "ACT", "reference")
     assert (row["trials"], row["successes"], row["success"]) == (4, 3, 75.0)
@@ -179,7 +179,7 @@ def test_outcomes_say_how_often_what_was_measured_was_judged_like_the_truth(runn
         for trial, verdict in zip(part.items, seen, strict=True)
     ]
     tracked = part.model_copy(update={"items": tuple(items)})
-    table = runner.run("evaluate.outcomes", trials=together(trials((1, 2)), tracked))
+    table = runner.run("evaluate.success_rates", trials=together(trials((1, 2)), tracked))
     assert [row["judged alike"] for row in rows(table)] == [None, "2 of 3"]
 
 
@@ -190,7 +190,7 @@ def test_reasons_come_by_frequency_and_a_few(runner):
         for trial, reason in zip(part.items, ["b", "a", "b", "c", "d", "b"], strict=True)
     ]
     table = runner.run(
-        "evaluate.outcomes",
+        "evaluate.success_rates",
         trials=together(part.model_copy(update={"items": tuple(items)})),
         options={"reasons": 2},
     )

@@ -19,15 +19,15 @@ from dextera_build.artifacts.splats import Splats
 from dextera_build.artifacts.table import Table
 from dextera_build.artifacts.view import InstanceMap
 from dextera_build.errors import RuleError
+from dextera_build.gaussians.arrays import Gaussians
+from dextera_build.gaussians.spherical_harmonics import flat
 from dextera_build.geometry import cameras, raycast, transforms
-from dextera_build.geometry.gaussians import Gaussians
-from dextera_build.geometry.spherical_harmonics import flat
 from dextera_build.rule import Context
 from dextera_build.testing import RuleRunner
 from rules.background import static_planes
 from rules.background.static import StaticOptions, static
 from rules.evaluate import elsewhere
-from rules.simulate.scene import scene
+from rules.simulate.scene.scene import scene
 from tests import factories
 
 LENS = factories.camera(320, 240)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.camera import Camera
-from dextera_build.geometry import spherical_harmonics, splatting
-from dextera_build.geometry.gaussians import Gaussians
+from dextera_build.gaussians import spherical_harmonics, splatting
+from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.sim.render import composition
 
 CAMERA = Camera(width=120, height=80, fx=110.0, fy=112.0, cx=58.0, cy=41.0)
@@ -93,9 +93,9 @@ def test_thin_gaussians_tint_what_is_behind_them(bodies: composition.Drawn) -> N
 
 def test_the_rasteriser_composes_alike(bodies: composition.Drawn) -> None:
     wp = pytest.importorskip("warp", reason="warp-lang is not installed: extra `warp`")
-    from dextera_build.learning.gaussian_fit.camera import Camera as Eye
-    from dextera_build.learning.gaussian_fit.parameters import opened
-    from dextera_build.learning.rasteriser.raster import Parameters, Rasteriser
+    from dextera_build.gaussians.fit.camera import Camera as Eye
+    from dextera_build.gaussians.fit.parameters import opened
+    from dextera_build.gaussians.rasteriser.raster import Parameters, Rasteriser
 
     veil = plane(0.6, (0.1, 0.2, 0.9), (-4.0, 50.0), 0.3)
     room = joined(WALL, veil)

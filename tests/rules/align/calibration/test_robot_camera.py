@@ -17,13 +17,13 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import registration, transforms
 from dextera_build.sim.model import forward
 from dextera_build.testing import RuleRunner
-from tests.rules.capture.posed import worlds
+from tests.rules.reference.posed import worlds
 
 
 @cache
 def views(folder: Path, **options: float) -> RobotViews:
     found = RuleRunner(folder).run(
-        "capture.reference_views",
+        "reference.robot_views",
         world=worlds.world(),
         robot=worlds.robot(),
         options={**worlds.SMALL, "count": 6, "errors": options},

@@ -14,16 +14,17 @@ from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.views import Views
 from dextera_build.errors import DxbError, RuleError
-from dextera_build.geometry import cameras, spherical_harmonics
-from dextera_build.geometry.gaussians import Gaussians
-from dextera_build.learning.gaussian_fit.camera import Camera
-from dextera_build.learning.gaussian_fit.fit import Settings, fit
-from dextera_build.learning.gaussian_fit.loss import Target
-from dextera_build.learning.gaussian_fit.parameters import Trained, opened
+from dextera_build.gaussians import spherical_harmonics
+from dextera_build.gaussians.arrays import Gaussians
+from dextera_build.gaussians.fit.camera import Camera
+from dextera_build.gaussians.fit.fit import Settings, fit
+from dextera_build.gaussians.fit.loss import Target
+from dextera_build.gaussians.fit.parameters import Trained, opened
+from dextera_build.geometry import cameras
 from rules.background.room import compose_gsplat
 from rules.background.room.seen_depth import seen_depth
 from rules.background.room.thinned import thinned
-from tests.learning import dense_splats
+from tests.gaussians import dense_splats
 from tests.rules.background.room import tiny_gsplat, world
 from tests.rules.background.room.test_room import SMALL
 from tests.rules.background.room.world import LENS, TABLE

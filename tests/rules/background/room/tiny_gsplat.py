@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tests.learning import dense_splats
+from tests.gaussians import dense_splats
 
 
 def rasterization(

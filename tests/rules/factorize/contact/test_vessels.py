@@ -39,7 +39,7 @@ def foreign(name: str, folder: Path) -> Solid:
     entries = {name: catalogue.entries()[name]}
     paths = [path for part in entries[name]["parts"] for path in (part["file"], part.get("texture")) if path]
     files = Folder(files={path: (catalogue.FOLDER / path).read_bytes() for path in paths})
-    read = RuleRunner(folder).run("capture.catalogue", folder=files, options={"entries": entries}).items[name]
+    read = RuleRunner(folder).run("reference.catalogue", folder=files, options={"entries": entries}).items[name]
     return Solid(read.surface.vertices.astype(np.float64), read.surface.faces.astype(np.int64))
 
 

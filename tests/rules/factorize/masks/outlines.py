@@ -12,7 +12,7 @@ import yaml
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.view import Segmentation
 from dextera_build.testing import RuleRunner
-from rules.evaluate.instances import assign, overlaps
+from rules.benchmark.instances import assign, overlaps
 from tests import factories
 
 CAPTURES = Path(__file__).parents[5] / "shared" / "captures"

@@ -222,7 +222,7 @@ def test_real_clutter_is_split(runner, number):
     folder = real(runner, f"clutter_learn_{number}")
     found = segmented(runner, runner.run("capture.folder", folder=folder))
     truth = runner.run("capture.labels", folder=folder)
-    table = runner.run("evaluate.instances", segmentation=found, truth=truth)
+    table = runner.run("benchmark.instances", segmentation=found, truth=truth)
     assert [row[5] for row in table.rows] == ["found"] * len(table.rows)
     assert np.mean([row[4] for row in table.rows]) > 0.85
 

@@ -32,8 +32,10 @@ def shot(tmp_path_factory) -> tuple[Capture, Truth]:
     halved = {name: value / 2 for name, value in lens.items() if name.endswith("_px")}
     size = {"width_px": lens["width_px"] // 2, "height_px": lens["height_px"] // 2}
     runner = RuleRunner(tmp_path_factory.mktemp("shot"))
-    world = runner.run("capture.world", options={**options, "camera": {**lens, **halved, **size}})
-    return runner.run("capture.reference", world=world, options={"seed": 7}), runner.run("capture.truth", world=world)
+    world = runner.run("reference.world", options={**options, "camera": {**lens, **halved, **size}})
+    return runner.run("reference.photograph", world=world, options={"seed": 7}), runner.run(
+        "reference.truth", world=world
+    )
 
 
 def listed(**boxes: tuple[int, int, int, int]) -> Elements:

@@ -1,0 +1,80 @@
+"""evaluate.success_rates: success rate, interval, time and failure reasons of every set of trials."""
+
+from __future__ import annotations
+
+from pydantic import PositiveInt
+
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.reasons import spelled
+from dextera_build.artifacts.table import Cell, Column, Table
+from dextera_build.artifacts.trials import Trials
+from dextera_build.rule import Context, rule
+
+from .series import Series, SeriesOptions
+
+
+class SuccessRatesOptions(SeriesOptions):
+    """Options of evaluate.success_rates."""
+
+    reasons: PositiveInt = 4
+    """Maximum number of reasons listed, most frequent first."""
+
+
+@rule(version=2, packages=("numpy",))
+def success_rates(ctx: Context, trials: Collection[Trials], *, options: SuccessRatesOptions) -> Table:
+    """Return one row per set of trials: successes [%] with 95 % Wilson interval, mean time [s], failure reasons."""
+    series = Series(ctx, trials, options.robots)
+    rows: list[tuple[Cell, ...]] = []
+    for cell in series.cells:
+        low, high = cell.rate.interval()
+        rows.append(
+            (
+                str(cell.pair),
+                cell.label,
+                cell.world,
+                cell.rate.trials,
+                cell.rate.successes,
+                100 * cell.rate.value,
+                100 * low,
+                100 * high,
+                cell.trials.mean_time_s,
+                _judged(cell.trials),
+                spelled(cell.trials.reasons, options.reasons) or None,
+                spelled(cell.trials.excluded, options.reasons) or None,
+            )
+        )
+    tried = sum(cell.rate.trials for cell in series.cells)
+    done = sum(cell.rate.successes for cell in series.cells)
+    ctx.say(f"{len(rows)} sets of trials, {tried:,} tries, {done:,} succeeded")
+    return Table(
+        title="Outcomes of all trials",
+        columns=(
+            *(Column(name=name) for name in ("task", "actor", "world", "trials", "successes")),
+            Column(name="success", unit="%", digits=1, better="higher"),
+            Column(name="low", unit="%", digits=1),
+            Column(name="high", unit="%", digits=1),
+            Column(name="mean time", unit="s", digits=2, better="lower"),
+            Column(name="judged alike"),
+            Column(name="failures"),
+            Column(name="left out"),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "low, high: 95 % Wilson interval",
+            "mean time: of the successes, from the start to the verdict, the time that success must hold included",
+            "judged alike: trials with a tracker in which the same predicate said of what was measured what it says of"
+            " the truth, which is what counts",
+            "left out: starts that brought no trial, because no start without collisions was found, or because nothing"
+            " succeeded in the twin that could be replayed; they are no failures and do not enter the rate",
+        ),
+    )
+
+
+def _judged(trials: Trials) -> str | None:
+    """`19 of 20`, or None if no trial was judged by measurements."""
+    seen = [
+        trial.sighting.success == trial.success
+        for trial in trials.items
+        if trial.sighting is not None and trial.sighting.success is not None
+    ]
+    return f"{sum(seen)} of {len(seen)}" if seen else None
