@@ -59,8 +59,11 @@ lint: setup ## Check format and style
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 
-type: setup ## Check types
+type: setup ## Check types, and that every backend matches its rule
 	$(BIN)/mypy
+	@mkdir -p build
+	$(BIN)/python .ci/backend_types.py > build/backend_types.py
+	$(BIN)/mypy build/backend_types.py
 
 layers: setup ## Check which module may import which
 	$(BIN)/lint-imports --no-cache

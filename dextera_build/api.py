@@ -197,6 +197,13 @@ class Project(settings_of.Project):
 
 
 def _added(request: RequestArguments) -> Added:
+    if unknown := request.keys() - RequestArguments.__annotations__.keys():
+        raise UsageError(
+            f"no argument is called `{min(unknown)}`",
+            code="DXB-U174",
+            facts={"arguments": listing(RequestArguments.__annotations__)},
+            hint=did_you_mean(min(unknown), RequestArguments.__annotations__) or "`settings` overrides options",
+        )
     return Added(
         {name: os.fspath(path) for name, path in request.get("inputs", {}).items()},
         tuple(f"{name}={_spelled(name, value)}" for name, value in request.get("settings", {}).items()),

@@ -96,6 +96,10 @@ def test_wrong_names_and_values_are_raised(project):
         with pytest.raises(UsageError, match=r"the value of `start\.text` is not plain data"):
             project.build("say/words", settings={"start.text": value})
 
+    for verb in (project.build, project.plan, project.why, project.get):
+        with pytest.raises(UsageError, match="no argument is called `setting`"):
+            verb("say/words:start", setting={"start.text": "x"})
+
 
 def test_plan_and_why(project):
     assert {node.status for node in project.plan("say/words")} == {"stale", "unknown"}

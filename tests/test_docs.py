@@ -7,6 +7,7 @@ import importlib
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -74,7 +75,7 @@ def test_an_example_runs_as_its_page_says(page, tmp_path):
     if page.name == "ci.md":  # it is about two stores, each in its project
         del environment["DXB_CACHE"]
     work = tmp_path / "work"
-    work.mkdir()
+    shutil.copytree(page.parent, work, ignore=shutil.ignore_patterns("*.md")) if page in EXAMPLES else work.mkdir()
     done = subprocess.run(["bash", "-c", script], cwd=work, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
 

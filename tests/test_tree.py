@@ -38,7 +38,10 @@ MEDIAN_FILE_LINES = 130
 FUNCTION_LINES = 60
 MOST_FUNCTION_LINES = 30
 
-RULE_MAY_IMPORT = {"rule", "artifacts", "geometry", "sim", "policy", "learning", "statistics", "errors", "digest"}
+RULE_MAY_IMPORT = {
+    *("rule", "artifacts", "geometry", "gaussians", "tracking", "sim", "policy", "learning", "statistics"),
+    *("errors", "digest"),
+}
 LIGHT = {"numpy", "pydantic", "typing_extensions", "PIL", "yaml", *sys.stdlib_module_names}
 
 
@@ -144,8 +147,13 @@ def test_stages_do_not_import_one_another():
         (name(path), module)
         for path in RULES
         for level, module in imports(path, top_only=False)
-        if level >= len(path.relative_to(REPO / "rules").parts)
+        if level >= len(path.relative_to(REPO / "rules").parts) and not _table_of_errors(path, module)
     ] == []
+
+
+def _table_of_errors(path: Path, module: str) -> bool:
+    """Whether rules of `benchmark` import from `evaluate`, whose tables they pool."""
+    return path.relative_to(REPO / "rules").parts[0] == "benchmark" and module.startswith("evaluate")
 
 
 def loaded(path: Path) -> Iterator[Path]:

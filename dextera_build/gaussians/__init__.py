@@ -1,1 +1,1 @@
-"""TODO gaussians."""
+"""3D Gaussians: arrays, motion, merging, spherical harmonics, rasterisation and their fit to pictures."""

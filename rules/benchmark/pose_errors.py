@@ -38,7 +38,7 @@ def pose_errors(
     *,
     options: PoseErrorsOptions | None = None,
 ) -> Table:
-    """Return the errors of centroid [mm], rotation [deg] and scale [%] of each placed asset of `reference.perfect_asset`.
+    """Return errors of centroid [mm], rotation [deg] and scale [%] of each placed `reference.perfect_asset`.
 
     An asset's mesh has the same corners as one object of the world, from which the true similarity follows. Errors are
     in the camera's frame, because the twin's world has another origin.

@@ -1,4 +1,4 @@
-"""reference.open_joints: a reference world with hinges in other positions, for a second photograph of the same objects."""
+"""reference.open_joints: a world with hinges in other positions, for a second photograph of the same objects."""
 
 from __future__ import annotations
 

@@ -17,19 +17,16 @@ from dextera_build.recipe.plan import Request, plan
 
 ROOT = Path(__file__).parents[2]
 PROJECT = project.find(ROOT)
+JUDGES = ("evaluate.", "benchmark.")
+"""Stages whose rules compare with the truth."""
 STAND_INS = {"reference.task", "simulate.perturbed"}
 """Rules whose task is one in a world that stands in for hardware."""
 OF_WORLDS = {
-    *(
-        "reference.photograph",
-        "reference.robot_views",
-        "reference.truth",
-        "reference.background_views",
-        "reference.move_camera",
-    ),
+    *("reference.photograph", "reference.robot_views", "reference.truth", "reference.background_views"),
+    "reference.move_camera",
     *("reference.look_at", "reference.place_robot", "reference.open_joints", "reference.task", "simulate.cell"),
 }
-"""Rules that take a world apart from `evaluate.*`: they render it, move its camera, put a robot into it, or make a
+"""Rules that take a world apart from those that judge: they render it, move its camera, put a robot into it, or make a
 stand-in of it."""
 RECIPES = [
     *("twin/laptop_scene", "task/close_laptop", "task/lift_blue_mug", "task/lift_mustard_bottle"),
@@ -52,11 +49,11 @@ def dishonest(graph: Graph) -> list[str]:
 
 
 def _may_read(reader: str, source: str) -> bool:
-    judges = reader.startswith("evaluate.")
+    judges = reader.startswith(JUDGES)
     returns = PROJECT.library.find(source).rule.returns
     if returns is World:
         return judges or reader in OF_WORLDS
-    if returns in (Truth, Cell) or source in STAND_INS or source.startswith("evaluate."):
+    if returns in (Truth, Cell) or source in STAND_INS or source.startswith(JUDGES):
         return judges
     return True
 

@@ -17,7 +17,6 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from dextera_build.artifacts.meanings import bounds, meanings
-from dextera_build.code.companions import beside
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.project.project import Project
 from dextera_build.recipe import limits, profiles
@@ -206,29 +205,6 @@ def test_its_backends_have_the_functions_of_its_protocol(found):
             given = list(inspect.signature(getattr(backend.module, name)).parameters)
             assert given == asked
             assert (asked[0], asked[-1]) == ("ctx", "options")
-
-
-def test_mypy_compares_every_backend_with_its_protocol():
-    listed = (Path(__file__).parent / "backend_types.py").read_text()
-    wanted = {
-        f"{_dotted(found, found.file)}.{found.rule.protocol.__name__} = {_dotted(found, backend.file)}\n"
-        for found in RULES
-        for backend in found.backends.values()
-        if found.rule.protocol
-    }
-    runners = {f"Runner = {_dotted(found, beside(found, 'policy').file)}\n" for found in RULES if _is_run(found)}
-    assert len(wanted) > 50
-    assert len(runners) > 1
-    wanted |= runners
-    assert not [line for line in wanted if line not in listed]
-
-
-def _is_run(found: RuleFile) -> bool:
-    return beside(found, "policy").file.is_file()
-
-
-def _dotted(found: RuleFile, file: Path) -> str:
-    return ".".join(("rules", *file.relative_to(found.root.path).with_suffix("").parts))
 
 
 @of_every_rule

@@ -1,4 +1,4 @@
-"""reference.background_views: posed RGB-D views of a reference world without its objects; accepted only by rules of `evaluate`."""
+"""reference.background_views: posed RGB-D views of a world without its objects; accepted only by rules that judge."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LOW_RAD, HIGH_RAD = 0.25, 1.25
 
 
 class BackgroundViewsOptions(Options):
-    """Options of reference.background_views. Differences from the capture are drawn uniformly between minus and plus a limit."""
+    """Options of reference.background_views. Differences from the capture are uniform within plus or minus a limit."""
 
     views: PositiveInt = 5
     """Number of views in addition to the capture's own."""

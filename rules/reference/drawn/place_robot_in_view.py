@@ -1,4 +1,4 @@
-"""reference.place_robot_in_view: place a robot next to the objects of a reference world, visible but without hiding them."""
+"""reference.place_robot_in_view: a robot next to the objects of a reference world, visible but hiding none of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""benchmark.view_captures, reference.pixels_as_splats and benchmark.scene_alignment_error: posed views as captures, a scene of one, errors of fits."""
+"""Errors of scene alignments: posed views as captures, one of them as a scene, fits against the truth."""
 
 from __future__ import annotations
 

@@ -141,7 +141,7 @@ def test_trials_with_a_tracker_have_rows_of_their_own(runner):
         ),
     ],
 )
-@pytest.mark.parametrize("rule", ["success", "outcomes", "paired", "transfer"])
+@pytest.mark.parametrize("rule", ["success", "success_rates", "paired", "transfer"])
 def test_what_cannot_stand_in_one_table_is_refused(runner, rule, parts, message):
     with pytest.raises(RuleError) as caught:
         runner.run(f"evaluate.{rule}", trials=together(*parts))
