@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from dextera_build.artifacts.value import Value
-from dextera_build.geometry import quaternions, registration
+from dextera_build.geometry import lie, quaternions
 
 Place = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -84,7 +84,7 @@ class PushGoal(Value):
     @property
     def turn(self) -> np.ndarray:
         """Target rotation (3, 3); the photographed one if any rotation is accepted."""
-        about = registration.rotation(np.array([0.0, 0.0, self.yaw_rad or 0.0]))
+        about = lie.rotation(np.array([0.0, 0.0, self.yaw_rad or 0.0]))
         return np.asarray(about @ quaternions.to_matrix(np.array(self.upright)))
 
     @property

@@ -12,6 +12,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.pose import Pose
+from dextera_build.geometry import lie, transforms
 
 
 class Lamp(Value):
@@ -100,10 +101,7 @@ class RobotStand(Value):
 
     def pose(self) -> Pose:
         """T_reference_base [m]."""
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        matrix = np.eye(4)
-        matrix[:2, :2] = [[c, -s], [s, c]]
-        matrix[:3, 3] = self.position
+        matrix = transforms.rigid(lie.about_z(self.yaw), np.array(self.position))
         return Pose(parent="reference", child="base", matrix=matrix)
 
 

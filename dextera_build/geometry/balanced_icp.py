@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import registration, robot_covariance, robot_pairs, transforms
+from dextera_build.geometry import least_squares, lie, robot_covariance, robot_pairs, transforms
 from dextera_build.geometry.robot_covariance import Doubts
 from dextera_build.geometry.robot_pairs import Pairs, Surface
 
@@ -66,27 +66,25 @@ def correct(
     }
     groups = {key: np.flatnonzero((pairs.pose == key[0]) & (pairs.part == key[1])) for key in trees}
     middle = pairs.model.mean(axis=0)
-    motion, rounds = np.eye(4), 0
-    while rounds < ITERATIONS:
-        rounds += 1
-        row, off, weight = _linear(
-            motion, pairs, robot_pairs.nearest(motion, pairs, trees, groups), middle, len(names), balanced
-        )
-        step = np.linalg.lstsq(row.T @ (row * weight[:, None]), row.T @ (weight * off), rcond=1e-10)[0]
-        motion = _stepped(step, middle) @ motion
-        if np.abs(step).max() < STILL:
-            break
-    row, off, weight = _linear(
-        motion, pairs, robot_pairs.nearest(motion, pairs, trees, groups), middle, len(names), balanced
-    )
-    information = row.T @ (row * weight[:, None])
+
+    def linear(motion: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        near = robot_pairs.nearest(motion, pairs, trees, groups)
+        return _linear(motion, pairs, near, middle, len(names), balanced)
+
+    def step(motion: np.ndarray, _: int) -> tuple[np.ndarray, np.ndarray]:
+        change = least_squares.normal(*linear(motion)).shortest(1e-10)
+        return change, lie.motion(change, middle) @ motion
+
+    *before, motion = least_squares.gauss_newton(np.eye(4), step, range(ITERATIONS), STILL)
+    row, off, weight = linear(motion)
+    information = least_squares.normal(row, off, weight).matrix
     about = robot_covariance.covariance(row, off, weight, pairs, motion, doubts or Doubts())
     return Corrected(
         motion=motion,
         covariance=robot_covariance.moved(about, transforms.apply(motion, middle[None])[0], motion),
         residuals=_residuals(off, weight, pairs, names, len(poses)),
         curvature=np.linalg.eigvalsh(information),
-        iterations=rounds,
+        iterations=len(before),
     )
 
 
@@ -102,7 +100,7 @@ def _linear(
     placed, (target, normals) = transforms.apply(motion, pairs.model), near
     arms = placed - transforms.apply(motion, middle[None])[0]
     offset = target - placed
-    row = np.hstack([normals, np.cross(arms, normals)])
+    row = lie.point_to_plane_rows(arms, normals)[:, :6]
     off = (normals * offset).sum(axis=1)
     distance = np.linalg.norm(offset, axis=1)
     weight = np.zeros(len(placed))
@@ -114,12 +112,6 @@ def _linear(
             kept = own & (distance <= np.quantile(distance[own], KEEP))
             weight[kept] = 1.0 / (kept.sum() * (parts if balanced else 1))
     return row, np.where(weight > 0, off, 0.0), weight
-
-
-def _stepped(step: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """(4, 4) of a step (6,): translation, and rotation about a point."""
-    turn = registration.rotation(step[3:])
-    return transforms.rigid(turn, step[:3] + middle - turn @ middle)
 
 
 def _residuals(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 
 TRIPLES = 24
 """Number of triples of views that give initial solutions."""
@@ -69,7 +69,7 @@ def turns(views: Sequence[View], setup: Setup) -> tuple[np.ndarray, np.ndarray]:
     rotations = np.stack([view.effector[:3, :3] for view in views])
     parts = []
     for first, second in itertools.combinations(rotations, 2):
-        vector = registration.rotation_vector(first.T @ second)
+        vector = lie.rotation_vector(first.T @ second)
         angle = float(np.linalg.norm(vector))
         parts.append(vector * (2 * np.sin(angle / 2) / angle if angle > 1e-12 else 1.0))
     if not parts:
@@ -92,8 +92,8 @@ def closed_form(robot: np.ndarray, seen: np.ndarray) -> Solution:
     first, second = np.array(list(itertools.combinations(range(len(robot)), 2))).T
     a = np.stack([robot[j] @ transforms.invert(robot[i]) for i, j in zip(first, second, strict=True)])
     b = np.stack([seen[j] @ transforms.invert(seen[i]) for i, j in zip(first, second, strict=True)])
-    alpha = np.stack([registration.rotation_vector(each[:3, :3]) for each in a])
-    beta = np.stack([registration.rotation_vector(each[:3, :3]) for each in b])
+    alpha = np.stack([lie.rotation_vector(each[:3, :3]) for each in a])
+    beta = np.stack([lie.rotation_vector(each[:3, :3]) for each in b])
     # Near half a turn the sign of a rotation vector is arbitrary, so such pairs carry little information.
     sure = np.minimum(np.linalg.norm(alpha, axis=1), np.linalg.norm(beta, axis=1)) < np.radians(170.0)
     weight = np.where(sure, 1.0, 1e-3)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import registration, transforms, variances
+from dextera_build.geometry import least_squares, lie, transforms, variances
 from dextera_build.geometry.hand_eye import Setup, Solution, View, offsets, predicted, robot_side
 
 PRIORS = variances.Priors(typical=np.array([0.3, 5e-4, 1e-3]), groups=np.array([1, 1, 1, 2, 2, 2]))
@@ -46,14 +46,14 @@ def refine(views: Sequence[View], setup: Setup, start: Solution, sigmas: np.ndar
         start: See `hand_eye.start`.
         sigmas: (3,) initial values, see `Refined`.
     """
-    now = start
-    for _ in range(ROUNDS):
+
+    def step(now: Solution, _: int) -> tuple[np.ndarray, Solution]:
         blocks = [block(view, setup, now) for view in views]
-        step = variances.weighted(blocks, PRIORS, PRIORS.typical if sigmas is None else sigmas).step
-        step = np.clip(step, -LARGEST_STEP, LARGEST_STEP)
-        now = moved(now, step)
-        if np.abs(step).max() < 1e-7:
-            break
+        found = variances.weighted(blocks, PRIORS, PRIORS.typical if sigmas is None else sigmas).step
+        found = np.clip(found, -LARGEST_STEP, LARGEST_STEP)
+        return found, moved(now, found)
+
+    *_, now = least_squares.gauss_newton(start, step, range(ROUNDS), 1e-7)
     fit = variances.fit([block(view, setup, now) for view in views], PRIORS, sigmas)
     now = moved(now, fit.step)
     # The weights changed once; another step with the final ones reaches their optimum.
@@ -100,12 +100,7 @@ def by_joints(
 
 def moved(solution: Solution, step: np.ndarray) -> Solution:
     """The solution after a step (12,): translation and rotation vector of X, then of Y, in their parent frames."""
-
-    def one(matrix: np.ndarray, part: np.ndarray) -> np.ndarray:
-        turn = registration.rotation(part[3:]) @ matrix[:3, :3]
-        return transforms.rigid(turn, matrix[:3, 3] + part[:3])
-
-    return Solution(one(solution.x, step[:6]), one(solution.y, step[6:]))
+    return Solution(lie.retract(solution.x, step[:6]), lie.retract(solution.y, step[6:]))
 
 
 def block(view: View, setup: Setup, solution: Solution, *, sized: bool = False) -> variances.Block:
@@ -151,10 +146,8 @@ def _derivatives(view: View, setup: Setup, solution: Solution) -> tuple[list[np.
 
 def _motion(by_place: np.ndarray, before: np.ndarray, arms: np.ndarray) -> np.ndarray:
     """(J, 3, 6): constant (3, 3) by translation, and `before` times [arm]x by rotation."""
-    zero = np.zeros(len(arms))
-    x, y, z = arms.T
-    cross = np.stack([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
-    return np.concatenate([np.broadcast_to(by_place, (len(arms), 3, 3)), before @ cross], axis=2)
+    rotations = before @ transforms.cross_matrix(arms)
+    return np.concatenate([np.broadcast_to(by_place, rotations.shape), rotations], axis=2)
 
 
 def closing(view: View, setup: Setup, solution: Solution) -> tuple[float, float]:
@@ -170,11 +163,11 @@ def alone(view: View, setup: Setup, near: np.ndarray) -> np.ndarray:
     """T_camera_board (4, 4) of one picture by least squares over its corners, from a pose (4, 4) near it."""
     own = View(view.name, np.eye(4), view.board, view.pixels, ())
     fixed = Setup(setup.k, in_hand=False)
-    now = Solution(np.eye(4), near)
-    for _ in range(15):
+
+    def step(now: Solution, _: int) -> tuple[np.ndarray, Solution]:
         part = block(own, fixed, now)
-        step = np.linalg.lstsq(part.design[:, 6:], part.error, rcond=None)[0]
-        now = moved(now, np.concatenate([np.zeros(6), np.clip(step, -0.2, 0.2)]))
-        if np.abs(step).max() < 1e-8:
-            break
+        found = np.linalg.lstsq(part.design[:, 6:], part.error, rcond=None)[0]
+        return found, moved(now, np.concatenate([np.zeros(6), np.clip(found, -0.2, 0.2)]))
+
+    *_, now = least_squares.gauss_newton(Solution(np.eye(4), near), step, range(15), 1e-8)
     return now.y

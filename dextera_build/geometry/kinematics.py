@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from dextera_build.errors import ArtifactError
-from dextera_build.geometry import transforms
+from dextera_build.geometry import lie, transforms
 
 
 class JointLike(Protocol):
@@ -50,8 +50,7 @@ def joint_motion(joint: JointLike, position: float) -> np.ndarray:
     axis = axis / np.linalg.norm(axis)
     if joint.type == "prismatic":
         return transforms.rigid(np.eye(3), axis * position)
-    cross = transforms.cross_matrix(axis)
-    rotation = np.eye(3) + np.sin(position) * cross + (1.0 - np.cos(position)) * cross @ cross
+    rotation = lie.about(axis, position)
     point = np.asarray(joint.origin, np.float64)
     return transforms.rigid(rotation, point - rotation @ point)
 

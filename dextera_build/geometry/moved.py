@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from dextera_build.geometry import hand_eye, registration, transforms
+from dextera_build.geometry import hand_eye, lie
 
 SURE = 1e-3
 """Significance level at which a displacement is a motion."""
@@ -47,9 +47,7 @@ def judge(
     from scipy.stats import f
 
     shifts = seen[:, :3, 3] - expected[:, :3, 3]
-    turns = np.array(
-        [registration.rotation_vector(s[:3, :3] @ e[:3, :3].T) for e, s in zip(expected, seen, strict=True)]
-    )
+    turns = np.array([lie.rotation_vector(s[:3, :3] @ e[:3, :3].T) for e, s in zip(expected, seen, strict=True)])
     shift, turn = shifts.mean(axis=0), turns.mean(axis=0)
     count, rows = len(expected), len(residuals)
     # Twelve numbers were fitted to six residuals per picture, so the errors are larger than the residuals by this
@@ -70,8 +68,7 @@ def judge(
     elif chance >= DOUBTFUL and not blind:
         state = "unmoved"
     middle = hand_eye.mean_pose(list(expected))[:3, 3]
-    rotation = registration.rotation(turn)
-    motion = transforms.rigid(rotation, middle + shift - rotation @ middle)
+    motion = lie.motion(np.append(shift, turn), middle)
     return Verdict(
         state,
         chance,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import transforms
+from dextera_build.geometry import least_squares, lie, transforms
 
 
 @dataclass(frozen=True)
@@ -30,16 +30,18 @@ class Similarity:
         """Model positions of (N, 3) world points."""
         return transforms.apply(transforms.invert(self.pose), points) / self.scale
 
+    def moved(self, twist: np.ndarray, pivot: np.ndarray | None = None) -> Similarity:
+        """The similarity after a twist (7,) that turns and scales about `pivot` (3,), by default its own origin."""
+        return Similarity(
+            *lie.retract_similarity(self.scale, self.pose, twist, self.pose[:3, 3] if pivot is None else pivot)
+        )
+
 
 Visible = Callable[[Similarity], tuple[np.ndarray, np.ndarray]]
 """Model-frame points (N, 3) and outward normals (N, 3) of the placed model that are visible to the camera."""
 
-FREE = np.eye(7)
-"""Basis of all motions: rotation x y z, translation x y z, log scale."""
-UPRIGHT = FREE[:, [2, 3, 4, 5, 6]]
-"""Basis of the motions that keep the model's up axis."""
-RESTING = FREE[:, [2, 3, 4, 6]]
-"""Basis of the motions that keep the up axis and the contact with z = 0."""
+STILL = 1e-6
+"""Step size at which the search ends, in metres, radians and log scale."""
 HUBER = 4.0
 """Residual, in standard deviations, above which the influence of a pair is constant."""
 
@@ -48,7 +50,7 @@ HUBER = 4.0
 class Search:
     """Parameters of `icp`."""
 
-    freedom: np.ndarray  # (7, K) basis of the allowed motions, one of FREE, UPRIGHT, RESTING
+    freedom: np.ndarray  # (7, K) basis of the allowed twists: lie.FREE, UPRIGHT or resting()
     scale: float  # centre of the scale prior
     scale_sigma: float  # its relative standard deviation
     iterations: int = 30
@@ -73,11 +75,11 @@ def icp(start: Similarity, visible: Visible, seen: np.ndarray, search: Search) -
     from scipy.spatial import KDTree
 
     tree = KDTree(seen)
-    now = start
-    for _ in range(search.iterations):
+
+    def step(now: Similarity, _: int) -> tuple[np.ndarray, Similarity] | None:
         points, normals = visible(now)
         if len(points) < 10:
-            return now
+            return None
         placed = now.apply(points)
         normals = normals @ now.pose[:3, :3].T
         forward, nearest = (np.asarray(part) for part in tree.query(placed))
@@ -88,24 +90,17 @@ def icp(start: Similarity, visible: Visible, seen: np.ndarray, search: Search) -
         target = np.concatenate([seen[nearest[keep]], seen[also]])
         # Pairs at the outline constrain flat faces within their plane, so distant ones are downweighted, not dropped.
         weights = np.concatenate([_weights(forward[keep], search), _weights(backward[also], search)])
-        step = _step(placed[own], normals[own], target, weights, now.scale, search)
-        now = _moved(now, step)
-        if np.abs(step.motion).max() < 1e-6:
-            break
-    return now
+        change, pivot = _step(placed[own], normals[own], target, weights, now.scale, search)
+        return change, now.moved(np.append(change[:6], np.clip(change[6], -0.2, 0.2)), pivot)
+
+    *_, found = least_squares.gauss_newton(start, step, range(search.iterations), STILL)
+    return found
 
 
 def _weights(distances: np.ndarray, search: Search) -> np.ndarray:
     """Huber weights that sum to one half."""
-    reach = HUBER * search.noise_m
-    weights = np.minimum(1.0, reach / np.maximum(distances, 1e-12))
+    weights = least_squares.huber(distances, HUBER * search.noise_m)
     return np.asarray(0.5 * weights / weights.sum())
-
-
-@dataclass(frozen=True)
-class _Step:
-    pivot: np.ndarray  # (3,)
-    motion: np.ndarray  # (7,) rotation vector, translation, log scale
 
 
 def _trimmed(distances: np.ndarray, keep: float) -> np.ndarray:
@@ -115,64 +110,22 @@ def _trimmed(distances: np.ndarray, keep: float) -> np.ndarray:
 
 def _step(
     placed: np.ndarray, normals: np.ndarray, target: np.ndarray, weights: np.ndarray, scale: float, search: Search
-) -> _Step:
-    """Gauss-Newton step of the weighted pairs and the scale prior, in the allowed motions."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Twist (7,) of the weighted pairs and the scale prior, in the allowed motions, and the point (3,) it is about."""
     pivot = placed.mean(axis=0)
-    if search.freedom.shape[1] == RESTING.shape[1]:
+    if not search.freedom[2].any():  # no motion along z
         pivot = pivot * [1.0, 1.0, 0.0]  # scaling about a point of the support preserves the contact
     arms = placed - pivot
     offsets = target - placed
-    # d placed / d motion = [-[arm]x, I, arm]
-    zero = np.zeros(len(arms))
-    x, y, z = arms.T
-    jacobian = np.zeros((len(arms), 3, 7))
-    jacobian[:, :, :3] = np.stack([[zero, z, -y], [-z, zero, x], [y, -x, zero]]).transpose(2, 0, 1)
-    jacobian[:, :, 3:6] = np.eye(3)
-    jacobian[:, :, 6] = arms
-    # n . d placed, row by row
-    along = np.column_stack([np.cross(arms, normals), normals, (arms * normals).sum(axis=1)])
-    trust = search.samples / search.noise_m**2
     # Rows of both terms are stacked; matrix products are ten times as fast as contractions of (N, 3, 7).
-    rows = np.concatenate([along, jacobian.reshape(-1, 7)])
+    rows = np.concatenate([lie.point_to_plane_rows(arms, normals), lie.point_motions(arms).reshape(-1, 7)])
+    trust = search.samples / search.noise_m**2
     each = trust * np.concatenate([weights, np.repeat(search.point_weight * weights, 3)])
     wanted = np.concatenate([(normals * offsets).sum(axis=1), offsets.reshape(-1)])
-    system = rows.T @ (rows * each[:, None])
-    right = rows.T @ (each * wanted)
-    system[6, 6] += 1.0 / search.scale_sigma**2
-    right[6] += np.log(search.scale / scale) / search.scale_sigma**2
-    basis = search.freedom
-    reduced = np.linalg.lstsq(basis.T @ system @ basis, basis.T @ right, rcond=1e-12)[0]
-    return _Step(pivot, np.asarray(basis @ reduced))
-
-
-def _moved(now: Similarity, step: _Step) -> Similarity:
-    growth = float(np.exp(np.clip(step.motion[6], -0.2, 0.2)))
-    turn = rotation(step.motion[:3])
-    rotated = turn @ now.pose[:3, :3]
-    place = growth * turn @ (now.pose[:3, 3] - step.pivot) + step.pivot + step.motion[3:6]
-    return Similarity(now.scale * growth, transforms.rigid(rotated, place))
-
-
-def rotation(vector: np.ndarray) -> np.ndarray:
-    """(3, 3) rotation of a rotation vector [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    cross = transforms.cross_matrix(vector / angle)
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
-
-
-def rotation_vector(turn: np.ndarray) -> np.ndarray:
-    """(3,) axis times angle [rad] of a (3, 3) rotation."""
-    angle = transforms.angle(turn)
-    skew = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    if angle < 1e-9:
-        return skew / 2.0
-    if np.pi - angle < 1e-4:
-        # Near a half turn the skew part vanishes; the axis is the eigenvector of the symmetric part.
-        axis = np.linalg.eigh(turn + turn.T)[1][:, -1]
-        return np.asarray(axis * angle * (1.0 if axis @ skew >= 0 else -1.0))
-    return np.asarray(skew * angle / (2.0 * np.sin(angle)))
+    known = np.append(np.full(6, np.inf), search.scale_sigma)
+    expected = np.append(np.zeros(6), np.log(search.scale / scale))
+    found = least_squares.normal(rows, wanted, each) + least_squares.prior(known, expected)
+    return np.asarray(search.freedom @ found.within(search.freedom).shortest(1e-12)), pivot
 
 
 def robust_extent(points: np.ndarray, tail: float = 0.01) -> np.ndarray:
@@ -215,7 +168,7 @@ def cube_rotations() -> np.ndarray:
 
 def yaws(count: int, span: float = 2.0 * np.pi) -> np.ndarray:
     """`count` equally spaced rotations about z over `span` [rad], (count, 3, 3)."""
-    return np.array([rotation(np.array([0.0, 0.0, span * k / count])) for k in range(count)])
+    return np.array([lie.rotation(np.array([0.0, 0.0, span * k / count])) for k in range(count)])
 
 
 def spread_rotations(count: int) -> np.ndarray:

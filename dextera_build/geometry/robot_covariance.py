@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import transforms
+from dextera_build.geometry import lie
 from dextera_build.geometry.robot_pairs import Pairs
 
 INDEPENDENT = 40.0
@@ -77,6 +77,5 @@ def _of_surfaces(
 def moved(about: np.ndarray, middle: np.ndarray, motion: np.ndarray) -> np.ndarray:
     """Covariance of dT from that of a translation and a rotation about the centre of the points."""
     # dT = Exp(dr) about `middle`, so its translation also moves by dr x (t - middle).
-    by = np.eye(6)
-    by[:3, 3:] = -transforms.cross_matrix(motion[:3, 3] - middle)
+    by = lie.adjoint(motion[:3, 3] - middle)
     return np.asarray(by @ about @ by.T)

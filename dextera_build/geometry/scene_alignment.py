@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from dextera_build.geometry import photo_terms, scene_terms, surface_term
+from dextera_build.geometry import least_squares, photo_terms, scene_terms, surface_term
+from dextera_build.geometry.least_squares import Local, Normal, Schedule
 from dextera_build.geometry.photo_terms import Drawn, Exposure
 from dextera_build.geometry.scene_pose import ScenePose
 from dextera_build.geometry.scene_terms import Correspondences, Terms, Weights
@@ -28,7 +29,7 @@ STEPS = 10
 DONE = 1e-5
 """Relative decrease of the objective below which the search ends."""
 STILL = 2e-5
-"""Step size below which the search ends, too [rad, units of shift, logarithm of the scale]."""
+"""Step size below which the search ends, too [units of shift, rad, logarithm of the scale]."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,24 @@ def _near(made: np.ndarray, measured: np.ndarray, apart: float) -> np.ndarray:
 Seen = TypeVar("Seen")
 
 
+@dataclass(frozen=True)
+class _Eq1(Generic[Seen]):
+    """The objective, for steps in theta; `at` gives its terms, and whatever was rendered for them."""
+
+    at: Callable[[ScenePose], tuple[Terms, Seen]]
+    unit: float
+
+    def value(self, seen: tuple[Terms, Seen], before: tuple[Terms, Seen]) -> float:
+        return seen[0].value
+
+    def local(self, pose: ScenePose, seen: tuple[Terms, Seen]) -> Local:
+        terms = seen[0]
+        return Local(Normal(terms.step, -terms.gradient), np.maximum(np.diag(terms.step), 1e-12))
+
+    def moved(self, pose: ScenePose, step: np.ndarray) -> ScenePose:
+        return pose.moved(step, self.unit)
+
+
 def _descended(
     pose: ScenePose,
     here: tuple[Terms, Seen],
@@ -127,26 +146,10 @@ def _descended(
     steps: int,
 ) -> tuple[ScenePose, tuple[Terms, Seen]]:
     """Levenberg-Marquardt on the true objective; `here` is `at(pose)`."""
-    damping = 1e-3
-    for _ in range(steps):
-        terms, _ = here
-        scale = np.diag(np.maximum(np.diag(terms.step), 1e-12))
-        step = -np.linalg.solve(terms.step + damping * scale, terms.gradient)
-        hoped = -(terms.gradient @ step + step @ terms.step @ step / 2)
-        if np.abs(step).max() < STILL or hoped < DONE * terms.value:
-            break
-        tried = pose.moved(step, unit)
-        found = at(tried)
-        if found[0].value < terms.value:
-            gained = terms.value - found[0].value
-            pose, here, damping = tried, found, max(damping / 10, 1e-6)
-            if gained < DONE * terms.value:
-                break
-        elif damping > 1e3:
-            break
-        else:
-            damping *= 10
-    return pose, here
+    schedule = Schedule(
+        steps, gain=DONE, promise=DONE, still=STILL, damping=1e-3, easier=10, harder=10, least=1e-6, most=1e3
+    )
+    return least_squares.levenberg_marquardt(pose, here, _Eq1(at, unit), schedule)
 
 
 def _spread(terms: Terms) -> tuple[np.ndarray, float]:

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import transforms
-from dextera_build.geometry.registration import rotation, rotation_vector
+from dextera_build.geometry import lie, transforms
 
 
 @dataclass(frozen=True)
 class ScenePose:
-    """Theta. Steps (7,) are a rotation vector [rad] and a shift, both about the camera's axes, and log s_G."""
+    """Theta. Steps (7,) are a shift and a rotation vector [rad], both about the camera's axes, and log s_G."""
 
     camera_from_scene: np.ndarray  # (4, 4) T_C_G, OpenCV axes, in the unit of G
     scale: float  # s_G [m per unit of G]
@@ -37,28 +36,23 @@ class ScenePose:
         return transforms.apply(self.camera_from_scene, points)
 
     def moved(self, step: np.ndarray, unit: float) -> ScenePose:
-        """Theta after a step (7,), whose shift is in `unit` units of G: Y' = Exp(step[:3]) Y + unit step[3:6]."""
-        motion = transforms.rigid(rotation(step[:3]), unit * step[3:6])
+        """Theta after a step (7,), whose shift is in `unit` units of G: Y' = Exp(step[3:6]) Y + unit step[:3]."""
+        motion = lie.motion(np.concatenate([unit * step[:3], step[3:6]]), np.zeros(3))
         return ScenePose(motion @ self.camera_from_scene, self.scale * float(np.exp(step[6])))
 
     def step_to(self, other: ScenePose, unit: float) -> np.ndarray:
         """The step (7,) that leads to `other`."""
         motion = other.camera_from_scene @ transforms.invert(self.camera_from_scene)
-        turn = rotation_vector(motion[:3, :3])
-        return np.array([*turn, *motion[:3, 3] / unit, np.log(other.scale / self.scale)])
+        twist = lie.between(np.eye(4), motion)
+        return np.array([*twist[:3] / unit, *twist[3:], np.log(other.scale / self.scale)])
 
     def covariance(self, of_steps: np.ndarray, unit: float) -> np.ndarray:
         """Covariance (7, 7) as in `artifacts.pose.Similarity`, from that of steps.
 
         With matrix = [R t] and t = s tau, a step changes t by w x t + s unit v + l t, R by w and log s by l.
         """
-        place = self.matrix[:3, 3]
-        jacobian = np.zeros((7, 7))
-        jacobian[:3, :3] = -transforms.cross_matrix(place)
-        jacobian[:3, 3:6] = self.scale * unit * np.eye(3)
-        jacobian[:3, 6] = place
-        jacobian[3:6, :3] = np.eye(3)
-        jacobian[6, 6] = 1.0
+        jacobian = lie.adjoint(self.matrix[:3, 3], 7)
+        jacobian[:3, :3] *= self.scale * unit
         spread = jacobian @ of_steps @ jacobian.T
         return np.asarray((spread + spread.T) / 2)
 
@@ -70,19 +64,19 @@ def flow(seen: np.ndarray, k: np.ndarray, unit: float) -> np.ndarray:
     for axis, focal in enumerate((k[0, 0], k[1, 1])):
         aside, near = focal / z, -focal * seen[..., axis] / z**2  # derivative by the point: along the axis, along z
         # A rotation w moves the point by w x Y, and d(w x Y) . g = w . (Y x g).
-        found[..., axis, 0] = y * near
-        found[..., axis, 1] = -x * near
-        found[..., axis, 1 - axis] += (z if axis == 0 else -z) * aside
-        found[..., axis, 2] = -y * aside if axis == 0 else x * aside
-        found[..., axis, 3 + axis] = unit * aside
-        found[..., axis, 5] = unit * near
+        found[..., axis, axis] = unit * aside
+        found[..., axis, 2] = unit * near
+        found[..., axis, 3] = y * near
+        found[..., axis, 4] = -x * near
+        found[..., axis, 4 - axis] += (z if axis == 0 else -z) * aside
+        found[..., axis, 5] = -y * aside if axis == 0 else x * aside
     return found
 
 
 def nearing(seen: np.ndarray, scale: float, unit: float) -> np.ndarray:
     """Change of metric depths s_G Y_z with a step: (N, 7) [m] for points (N, 3) in the axes of the camera."""
     found = np.zeros((len(seen), 7))
-    found[:, 0], found[:, 1] = scale * seen[:, 1], -scale * seen[:, 0]
-    found[:, 5] = scale * unit
+    found[:, 2] = scale * unit
+    found[:, 3], found[:, 4] = scale * seen[:, 1], -scale * seen[:, 0]
     found[:, 6] = scale * seen[:, 2]
     return found

@@ -31,10 +31,12 @@ def angle(rotation: np.ndarray) -> float:
     return float(np.arctan2(np.linalg.norm(skew), np.trace(rotation) - 1.0))
 
 
-def cross_matrix(vector: np.ndarray) -> np.ndarray:
-    """(3, 3) matrix whose product with v is `vector` x v; `vector` is (3,)."""
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+def cross_matrix(vectors: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) matrices whose products with v are `vectors` (..., 3) x v."""
+    found = np.zeros((*vectors.shape, 3))
+    for row, (across, down) in enumerate(((1, 2), (2, 0), (0, 1))):
+        found[..., down, across], found[..., across, down] = vectors[..., row], -vectors[..., row]
+    return found
 
 
 def umeyama(source: np.ndarray, target: np.ndarray, *, with_scale: bool = True) -> tuple[float, np.ndarray]:

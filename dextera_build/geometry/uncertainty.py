@@ -1,17 +1,15 @@
 """First-order propagation of covariance through rigid motions and similarities.
 
-An uncertain motion is p = p0 + dp, R = Exp(dr) R0, and for a similarity s = s0 exp(dl): translation [m], rotation
-vector [rad] about the axes of the parent frame, logarithm of the scale. Covariances are in this order, (6, 6) or (7,
-7); the first six are those of `geometry_msgs/PoseWithCovariance`. Combined motions are assumed to be independent.
+An uncertain motion is a known one after a small twist of `geometry.lie`; covariances are (6, 6), or (7, 7) with the
+logarithm of a scale. The first six are those of `geometry_msgs/PoseWithCovariance`. Combined motions are assumed to be
+independent.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 
 
 def compose(
@@ -27,12 +25,9 @@ def compose(
     """
     size = len(covariances[0])
     rotation, arm = first[:3, :3], scale * first[:3, :3] @ second[:3, 3]
-    by_first, by_second = np.eye(size), np.eye(size)
-    by_first[:3, 3:6] = -transforms.cross_matrix(arm)
+    by_first, by_second = lie.adjoint(arm, size), np.eye(size)
     by_second[:3, :3] = scale * rotation
     by_second[3:6, 3:6] = rotation
-    if size == 7:
-        by_first[:3, 6] = arm
     return _symmetric(by_first @ covariances[0] @ by_first.T + by_second @ covariances[1] @ by_second.T)
 
 
@@ -52,12 +47,6 @@ def invert(motion: np.ndarray, covariance: np.ndarray, scale: float = 1.0) -> np
     if size == 7:
         jacobian[:3, 6] = back @ motion[:3, 3] / scale
     return _symmetric(jacobian @ covariance @ jacobian.T)
-
-
-def moved(motion: np.ndarray, error: Sequence[float]) -> np.ndarray:
-    """T_a_b (4, 4) with an error (6,): translation [m], then rotation vector [rad], about the axes of a."""
-    turn = registration.rotation(np.array(error[3:]))
-    return transforms.rigid(turn @ motion[:3, :3], motion[:3, 3] + error[:3])
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:

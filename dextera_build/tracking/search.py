@@ -7,9 +7,9 @@ from functools import cache
 
 import numpy as np
 
-from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry import cameras, least_squares, lie, transforms
 from dextera_build.geometry.registration import spread_rotations
-from dextera_build.tracking import judge, motions, terms
+from dextera_build.tracking import judge, terms
 from dextera_build.tracking.camera_motion import Ways
 from dextera_build.tracking.colours import Colours, bins
 from dextera_build.tracking.frame import Frame
@@ -23,6 +23,7 @@ TURNS = 48
 """Number of orientations distributed over SO(3) that are tried at the best positions."""
 _FOLLOWED = 40
 _FEWEST = 6
+_ROUNDS = 5
 
 
 def textured(frame: Frame, cast: Cast) -> np.ndarray:
@@ -53,23 +54,23 @@ def followed(model: Model, frame: Frame, start: State, cast: Cast, ways: Ways) -
 
 
 def _reprojected(model: Model, frame: Frame, start: State, spots: terms.Spots, target: np.ndarray) -> State | None:
-    now = start
-    prior = np.append(np.full(3, 0.1), np.full(3 + len(model.joints), 0.5)) ** -2.0
-    for _ in range(5):
+    known = least_squares.prior(np.append(np.full(3, 0.1), np.full(3 + len(model.joints), 0.5)))
+
+    def step(now: State, _: int) -> tuple[np.ndarray, State] | None:
         placed = terms.Placed.of(model, now, spots)
         if placed.points[:, 2].min() < 0.05:
             return None
         off = target - cameras.project(placed.points, frame.k)
         length = np.linalg.norm(off, axis=1)
-        near = np.maximum(np.median(length), 1.5)
-        weight = np.minimum(1.0, near / np.maximum(length, 1e-9)) / 2.0**2
-        jacobian = terms.image_motion(frame, placed)
-        normal = np.einsum("n,nki,nkj->ij", weight, jacobian, jacobian) + np.diag(prior)
-        step = np.linalg.solve(normal, np.einsum("n,nkj,nk->j", weight, jacobian, off))
-        if np.linalg.norm(step[:3]) > 0.5 or np.linalg.norm(step[3:6]) > 1.5:
+        weight = least_squares.huber(length, np.maximum(np.median(length), 1.5)) / 2.0**2
+        rows = terms.image_motion(frame, placed).reshape(2 * len(off), -1)
+        change = (least_squares.normal(rows, off.reshape(-1), np.repeat(weight, 2)) + known).solved()
+        if np.linalg.norm(change[:3]) > 0.5 or np.linalg.norm(change[3:6]) > 1.5:
             return None
-        now = State(motions.moved(now.pose, step[:6]), model.limited(now.joints + step[6:]))
-    return now
+        return change, State(lie.retract(now.pose, change[:6]), model.limited(now.joints + change[6:]))
+
+    found = list(least_squares.gauss_newton(start, step, range(_ROUNDS)))
+    return found[-1] if len(found) == 1 + _ROUNDS else None
 
 
 def places(

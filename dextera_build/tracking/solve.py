@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from dextera_build.geometry import least_squares, lie
 from dextera_build.tracking import motions, outline, spread, terms
 from dextera_build.tracking.colours import Colours
 from dextera_build.tracking.frame import Frame
-from dextera_build.tracking.model import Model, State
+from dextera_build.tracking.model import Cast, Model, State
 
 PRIOR = np.array([0.03, 0.03, 0.03, 0.03, 0.03, 0.03])
 """Standard deviation of a prediction [m, rad], added to terms with correlated errors: motions that no term determines
@@ -78,39 +80,91 @@ def fit(
         number: Number of the object, as in `Frame.owner`.
         prior: Standard deviation of the prediction (6,) [m, rad].
     """
-    now, score, seen = start, np.nan, None
-    sigma = np.append(prior, np.full(len(model.joints), JOINT_PRIOR))
-    rows: list[terms.Rows] = []
-    earlier: np.ndarray | None = None
+    fitting = _Fitting(model, frame, start, colours, look, number, prior)
+    now = _Now(start)
     for stage in stages:
-        cast = model.cast(now, frame.k, frame.shape)
+        shown = _Shown.of(model, frame, now.state, stage.reach_px)
+        if shown is None:
+            return None
+        *_, now = least_squares.gauss_newton(now, partial(fitting.step, shown), stage.gates_m)
+    errors = spread.of(now.rows, now.earlier)
+    state = State(motions.proper(now.state.pose), now.state.joints)
+    return Fit(state, errors, _of_middle(model, state, errors.covariance()), now.score, *_placed_well(now.seen))
+
+
+@dataclass(frozen=True)
+class _Now:
+    """A state, and what the step to it was made from."""
+
+    state: State
+    rows: Sequence[terms.Rows] = ()
+    earlier: np.ndarray | None = None  # see `spread.of`
+    score: float = np.nan  # see `Fit.correlation`
+    seen: outline.Seen | None = None
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """One render of the model."""
+
+    cast: Cast
+    spots: terms.Spots
+    edge: outline.Outline
+    reach_px: int
+
+    @classmethod
+    def of(cls, model: Model, frame: Frame, state: State, reach_px: int) -> _Shown | None:
+        """The render of a state; None if too little of it is inside the picture."""
+        cast = model.cast(state, frame.k, frame.shape)
         if cast is None or cast.drawn.sum() < 20:
             return None
-        spots = terms.Spots.of(cast, POINTS)
-        edge = outline.Outline.of(cast, frame.shape)
-        for gate in stage.gates_m:
-            placed = terms.Placed.of(model, now, spots)
-            rows, earlier = [terms.depth(frame, placed, gate, number)], None
-            if colours.known and len(edge.outward):
-                border = terms.Placed.of(model, now, edge.spots)
-                seen = outline.seek(frame, border, edge, colours, stage.reach_px, number)
-                rows.append(outline.rows(frame, border, edge, seen))
-            if look is not None:
-                found, score = terms.brightness(frame, terms.Placed.of(model, now, look.spots), look, number, cast)
-                # If its appearance differs, gradients of a fine texture are misleading.
-                if score > ALIKE:
-                    rows.append(found)
-                    earlier = look.error(now.pose)
-            now = _step(model, now, start, rows, sigma)
-    errors = spread.of(rows, earlier)
-    state = State(motions.proper(now.pose), now.joints)
-    return Fit(state, errors, _of_middle(model, state, errors.covariance()), score, *_placed_well(seen))
+        return cls(cast, terms.Spots.of(cast, POINTS), outline.Outline.of(cast, frame.shape), reach_px)
+
+
+@dataclass(frozen=True)
+class _Fitting:
+    """The least squares problem; see `fit`."""
+
+    model: Model
+    frame: Frame
+    start: State
+    colours: Colours
+    look: terms.Look | None
+    number: int
+    prior: np.ndarray
+
+    def step(self, shown: _Shown, now: _Now, gate: float) -> tuple[np.ndarray, _Now]:
+        """One damped Gauss-Newton step."""
+        model, frame, state, number = self.model, self.frame, now.state, self.number
+        rows = [terms.depth(frame, terms.Placed.of(model, state, shown.spots), gate, number)]
+        earlier, score, seen = None, now.score, now.seen
+        if self.colours.known and len(shown.edge.outward):
+            border = terms.Placed.of(model, state, shown.edge.spots)
+            seen = outline.seek(frame, border, shown.edge, self.colours, shown.reach_px, number)
+            rows.append(outline.rows(frame, border, shown.edge, seen))
+        if self.look is not None:
+            placed = terms.Placed.of(model, state, self.look.spots)
+            found, score = terms.brightness(frame, placed, self.look, number, shown.cast)
+            # If its appearance differs, gradients of a fine texture are misleading.
+            if score > ALIKE:
+                rows.append(found)
+                earlier = self.look.error(state.pose)
+        change = self._solved(state, rows)
+        after = State(lie.retract(state.pose, change[:6]), model.limited(state.joints + change[6:]))
+        return change, _Now(after, rows, earlier, score, seen)
+
+    def _solved(self, now: State, rows: Sequence[terms.Rows]) -> np.ndarray:
+        away = np.append(lie.between(now.pose, self.start.pose), self.start.joints - now.joints)
+        known = least_squares.prior(np.append(self.prior, np.full(len(now.joints), JOINT_PRIOR)), away)
+        step = sum((least_squares.normal(each.jacobian, each.off, each.weight) for each in rows), known).solved()
+        # A step beyond the gates is shortened: the next one has new correspondences.
+        far, wide = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:6]))
+        return step * min(1.0, 0.04 / max(far, 1e-12), 0.35 / max(wide, 1e-12))
 
 
 def _of_middle(model: Model, state: State, covariance: np.ndarray) -> float:
     """See `Fit.middle_sigma_m`; the origin of the mesh may be far away, where a rotation makes it uncertain."""
-    x, y, z = state.pose[:3, :3] @ model.centre
-    moves = np.hstack([np.eye(3), [[0, z, -y], [-z, 0, x], [y, -x, 0]]])
+    moves = lie.point_motions((state.pose[:3, :3] @ model.centre)[None])[0, :, :6]
     return float(np.sqrt(np.linalg.eigvalsh(moves @ covariance[:6, :6] @ moves.T)[-1]))
 
 
@@ -121,19 +175,3 @@ def _placed_well(seen: outline.Seen | None) -> tuple[float, float]:
     known = np.isfinite(seen.offset)
     near = np.abs(seen.offset[known]) < 4.0
     return float(near.mean()), float((near & (seen.sigma[known] < CLEAR_PX)).mean())
-
-
-def _step(model: Model, now: State, start: State, rows: Sequence[terms.Rows], sigma: np.ndarray) -> State:
-    """The state after one damped Gauss-Newton step."""
-    normal, right = np.diag(sigma**-2.0), np.zeros(len(sigma))
-    for each in rows:
-        weighted = each.jacobian * each.weight[:, None]
-        normal += weighted.T @ each.jacobian
-        right += weighted.T @ each.off
-    away = np.append(motions.between(now.pose, start.pose), start.joints - now.joints)
-    right += away / sigma**2
-    step = np.linalg.solve(normal, right)
-    # A step beyond the gates is shortened: the next one has new correspondences.
-    far, wide = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:6]))
-    step *= min(1.0, 0.04 / max(far, 1e-12), 0.35 / max(wide, 1e-12))
-    return State(motions.moved(now.pose, step[:6]), model.limited(now.joints + step[6:]))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import cameras, planes
+from dextera_build.geometry import cameras, least_squares, lie, planes
 from dextera_build.tracking.frame import Frame
 from dextera_build.tracking.model import Cast, Model, State
 
@@ -78,11 +78,7 @@ class Placed:
             points = np.einsum("nij,nj->ni", chosen[:, :3, :3], spots.points) + chosen[:, :3, 3]
             normals = np.einsum("nij,nj->ni", chosen[:, :3, :3], spots.normals)
         motions = np.zeros((len(points), 3, 6 + len(model.joints)))
-        x, y, z = (points - state.pose[:3, 3]).T
-        motions[:, 0, 0] = motions[:, 1, 1] = motions[:, 2, 2] = 1.0
-        motions[:, 0, 4], motions[:, 0, 5] = z, -y
-        motions[:, 1, 3], motions[:, 1, 5] = -z, x
-        motions[:, 2, 3], motions[:, 2, 4] = y, -x
+        motions[:, :, :6] = lie.point_motions(points - state.pose[:3, 3])[:, :, :6]
         for number, (axis, origin) in enumerate(_axes(model, state)):
             way = axis if model.joints[number].type == "prismatic" else np.cross(axis, points - origin)
             motions[:, :, 6 + number] = np.where(model.chains[spots.link, number][:, None], way, 0.0)
@@ -120,7 +116,7 @@ def depth(frame: Frame, placed: Placed, gate_m: float, number: int) -> Rows:
     reach = gate_m + 2.0 * sigma
     along = np.abs(seen[:, 2] - z)
     fits = inside & (seen[:, 2] > 0) & (np.abs(off) < reach) & (along < 3.0 * reach)
-    weight = np.square(1.0 - np.square(off / reach)) / np.square(sigma)
+    weight = least_squares.tukey(off, reach) / np.square(sigma)
     jacobian = np.einsum("ni,nij->nj", placed.normals[fits], placed.motions[fits])
     lasting = np.full((int(fits.sum()), 1), np.hypot(NEIGHBOURS * placed.surface_m, STEP_M))
     return Rows(jacobian, off[fits], weight[fits], DEPTH_NOISE * noise[fits], lasting, placed.patch[fits])
@@ -178,7 +174,7 @@ def brightness(frame: Frame, placed: Placed, look: Look, number: int, cast: Cast
     exact = cameras.project(placed.points[fits], frame.k) - np.stack([columns, rows], axis=1)
     off -= (slope * exact).sum(axis=1)
     jacobian = np.einsum("nk,nkj->nj", slope, image_motion(frame, placed)[fits])
-    weight = np.minimum(1.0, 1.5 * GREY / np.maximum(np.abs(off), 1e-9)) / GREY**2
+    weight = least_squares.huber(np.abs(off), 1.5 * GREY) / GREY**2
     # The texture of a distorted mesh is displaced.
     beside = slope * (placed.surface_m * frame.k[0, 0] / own[fits])[:, None]
     lasting = np.column_stack([np.full(len(off), GREY_LASTING), beside])

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from dextera_build.geometry import registration
+from dextera_build.geometry import lie
 from dextera_build.tracking import camera_motion, judge, landmarks, motions, search, solve
 from dextera_build.tracking.appearance import Appearance
 from dextera_build.tracking.colours import Colours
@@ -126,7 +126,7 @@ class Thing:
         base = np.eye(4) if camera is None else camera
         resting = State(base @ self.state.pose, self.state.joints)
         passed = min(frame.stamp - self._stamp, 0.2) if np.isfinite(self._stamp) else 0.0
-        moving = State(base @ motions.moved(self.state.pose, passed * self._velocity), self.state.joints)
+        moving = State(base @ lie.retract(self.state.pose, passed * self._velocity), self.state.joints)
         quick = np.linalg.norm(self._velocity[:3]) > 0.02 or np.linalg.norm(self._velocity[3:]) > 0.1
         found = [moving, resting] if quick else [resting]
         if ways is not None and self.cast is not None:
@@ -140,7 +140,7 @@ class Thing:
         last = self.state.pose[:3, :3]
         axis = last[:, 2]
         angles = np.radians([0.0, 45.0, -45.0, 90.0, -90.0, 180.0])
-        return [registration.rotation(axis * angle) @ last for angle in angles]
+        return [lie.rotation(axis * angle) @ last for angle in angles]
 
     def turn(self, of: int, count: int) -> list[int]:
         """The next `count` of `of` indices cyclically, so that a long search tries all."""
@@ -245,13 +245,13 @@ class Thing:
         passed = frame.stamp - self._stamp
         speed = np.zeros(6)
         if self.state is not None and np.isfinite(passed) and 0 < passed < 0.5 and self.status == "tracked":
-            speed = motions.between(base @ self.state.pose, state.pose) / passed
+            speed = lie.between(base @ self.state.pose, state.pose) / passed
         standing = camera is not None and np.array_equal(camera, np.eye(4))
         near = motions.displacement(self._mean, state.pose, self.model.corners) < STILL_M
         if standing and near and self._count and not again:
             self._count = min(self._count + 1, AVERAGED)
-            step = motions.between(self._mean, state.pose) / self._count
-            self._mean = motions.moved(self._mean, step)
+            step = lie.between(self._mean, state.pose) / self._count
+            self._mean = lie.retract(self._mean, step)
         else:
             self._mean, self._count = state.pose, 1
         if self.still:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.scene import SupportBox
-from dextera_build.geometry import regions
+from dextera_build.geometry import lie, regions
 
 
 def support_box(polygon: np.ndarray, margin: float, thickness: float) -> SupportBox:
@@ -22,7 +22,7 @@ def support_box(polygon: np.ndarray, margin: float, thickness: float) -> Support
     for edge in np.roll(hull, -1, axis=0) - hull:
         # Take the quarter turn nearest to the axes: an axis-aligned table gets yaw 0, not 90 degrees.
         yaw = (np.arctan2(edge[1], edge[0]) + np.pi / 4) % (np.pi / 2) - np.pi / 4
-        axes = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
+        axes = lie.about_z(-yaw)[:2, :2]
         local = hull @ axes.T
         low, high = local.min(axis=0), local.max(axis=0)
         size = float(np.prod(high - low))

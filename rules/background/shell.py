@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dextera_build.geometry import lie
+
 from .pieces import Piece, quad
 from .scenery import Scenery
 from .synthesis import membrane, smooth_part
@@ -44,8 +46,7 @@ class Room:
     @property
     def axes(self) -> np.ndarray:
         """(3, 3) rows are the room's axes in the world."""
-        c, s = np.cos(self.yaw), np.sin(self.yaw)
-        return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        return lie.about_z(-self.yaw)
 
     def holds(self, points: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """Which world points (..., 3) are inside."""

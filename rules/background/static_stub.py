@@ -12,7 +12,7 @@ from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.view import InstanceMap
-from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry import cameras, lie, transforms
 from dextera_build.rule import Backend, Context, Options
 
 from .boxes import support_box
@@ -44,7 +44,7 @@ def clean(
     behind = np.where(hole, np.where(np.isfinite(plane), plane, 0.0), depth).astype(np.float32)
     box = support_box(support.polygon, 0.0, common.thickness_m)
     x, y = box.half_size[:2]
-    turn = np.array([[np.cos(box.yaw), -np.sin(box.yaw)], [np.sin(box.yaw), np.cos(box.yaw)]])
+    turn = lie.about_z(box.yaw)[:2, :2]
     flat = np.array([[-x, -y], [x, -y], [x, y], [-x, y]]) @ turn.T + box.centre[:2]
     corners = np.concatenate([flat, np.zeros((4, 1))], axis=1)
     seen = cameras.project(transforms.apply(transforms.invert(support.camera_pose.matrix), corners), k)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dextera_build.artifacts.table import Cell, Column, Table
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 
 COLUMNS = (
     Column(name="Subject"),
@@ -29,8 +29,7 @@ def table(title: str, rows: Sequence[Row], notes: tuple[str, ...]) -> Table:
 
 def off(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """(6,) translation [m] and rotation vector [rad] from `truth` (4, 4) to `found` (4, 4), in the parent frame."""
-    turn = found[:3, :3] @ truth[:3, :3].T
-    return np.concatenate([found[:3, 3] - truth[:3, 3], registration.rotation_vector(turn)])
+    return lie.between(truth, found)
 
 
 def inside(error: np.ndarray, covariance: np.ndarray | None) -> bool | None:

@@ -9,7 +9,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.world import Hinge, Part
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.rule import Fraction, Options
 
 from . import solids, textures, walls
@@ -47,7 +47,7 @@ class BlockOptions(Options):
     def _pose(self) -> np.ndarray:
         turn = np.eye(3)
         for axis, angle in zip(np.eye(3), np.radians(self.turn_deg), strict=True):
-            turn = registration.rotation(axis * angle) @ turn
+            turn = lie.rotation(axis * angle) @ turn
         return transforms.rigid(turn, np.array(self.at_m))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.world import World
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.rule import Context, Options, rule
 
 
@@ -23,7 +23,7 @@ def move_camera(ctx: Context, world: World, *, options: MoveCameraOptions | None
     """Return the same world, seen from T_world_camera @ (shift, turn) [m]."""
     options = options or MoveCameraOptions()
     turn, shift = np.radians(options.turn_deg), np.array(options.shift_m, np.float64)
-    motion = transforms.rigid(registration.rotation(turn), shift)
+    motion = transforms.rigid(lie.rotation(turn), shift)
     pose = world.camera_pose.model_copy(update={"matrix": world.camera_pose.matrix @ motion})
     ctx.say(f"camera moved by {1000 * np.linalg.norm(shift):.1f} mm and {np.linalg.norm(options.turn_deg):.2f} deg")
     return world.model_copy(update={"camera_pose": pose})

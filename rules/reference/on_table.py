@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveFloat
 
 from dextera_build.artifacts.world import Hinge, Matter
-from dextera_build.geometry import transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.rule import Options
 
 
@@ -36,6 +36,4 @@ class Placed(Options):
 
     def pose(self) -> np.ndarray:
         """T_world_thing, (4, 4), standing on z = 0."""
-        angle = np.radians(self.yaw_deg)
-        c, s = np.cos(angle), np.sin(angle)
-        return transforms.rigid(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), np.array([*self.at_m, 0.0]))
+        return transforms.rigid(lie.about_z(np.radians(self.yaw_deg)), np.array([*self.at_m, 0.0]))

@@ -8,7 +8,7 @@ from pydantic import Field
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.world import Part, Thing, World
 from dextera_build.errors import did_you_mean, listing
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.rule import Context, Options, rule
 
 from . import solids
@@ -52,9 +52,7 @@ def _at(ctx: Context, name: str, thing: Thing, position: float) -> Thing:
         hint="choose a position within its limits",
         limits_deg=f"{np.degrees(hinge.lower):.0f} to {np.degrees(hinge.upper):.0f}",
     )
-    turn = registration.rotation(np.array(hinge.axis) * (position - hinge.position))
-    origin = np.array(hinge.origin)
-    motion = transforms.rigid(turn, origin - turn @ origin)
+    motion = lie.turned(np.array(hinge.axis), np.array(hinge.origin), position - hinge.position)
     parts = {key: _moved(part, motion) if key in hinge.parts else part for key, part in thing.parts.items()}
     return thing.model_copy(
         update={

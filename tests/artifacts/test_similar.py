@@ -11,11 +11,11 @@ from dextera_build.artifacts.object import Asset, Joint
 from dextera_build.artifacts.pose import Similarity
 from dextera_build.artifacts.splats import Splats
 from dextera_build.errors import ArtifactError
-from dextera_build.geometry import kinematics, massprops, registration, transforms
+from dextera_build.geometry import kinematics, lie, massprops, transforms
 from dextera_build.sim.model import mjcf, model, touching
 from tests import factories
 
-TURN = registration.rotation(np.array([0.7, -1.9, 0.4]))
+TURN = lie.rotation(np.array([0.7, -1.9, 0.4]))
 
 
 def motion(scale: float) -> Similarity:

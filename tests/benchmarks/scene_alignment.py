@@ -25,7 +25,7 @@ from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.scene_fit import SceneFit
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast, transforms
-from dextera_build.geometry.registration import rotation
+from dextera_build.geometry.lie import rotation
 from dextera_build.testing import RuleRunner
 from rules.evaluate import elsewhere
 from tests.benchmarks import catalogue

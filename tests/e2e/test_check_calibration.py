@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 from tests.e2e.space import Space
 from tests.geometry import hand_eyes
 from tests.geometry.hand_eyes import Errors
@@ -46,7 +46,7 @@ def written(space: Space, name: str, rows: slice, now: np.ndarray) -> None:
         pixels = boards.drawn(board, transforms.invert(now) @ view.candidates[0], number)
         space.write(f"{name}/capture.json", "")
         Image.fromarray(pixels).save(space.root / name / f"rgb_{number}.png")
-        turn = registration.rotation_vector(view.effector[:3, :3]).tolist()
+        turn = lie.rotation_vector(view.effector[:3, :3]).tolist()
         stated = {"t_m": view.effector[:3, 3].tolist(), "rotvec_rad": turn}
         entries.append({"rgb": f"rgb_{number}.png", "T_base_ee": stated})
     facts = {
@@ -64,7 +64,7 @@ def test_the_exit_code_says_whether_the_camera_moved(space: Space) -> None:
     written(space, "after", slice(9, 12), np.eye(4))
     still = space.dxb("check", "calibration", "cell:moved")
     assert (still.code, "unmoved" in still.out) == (0, True), still.err
-    away = transforms.rigid(registration.rotation(np.array([0.0, 0.0175, 0.0])), np.array([0.02, 0.0, 0.0]))
+    away = transforms.rigid(lie.rotation(np.array([0.0, 0.0175, 0.0])), np.array([0.02, 0.0, 0.0]))
     written(space, "after", slice(9, 12), away)
     moved = space.dxb("check", "calibration", "cell:moved")
     assert (moved.code, "moved: the board is" in moved.out) == (1, True), moved.err

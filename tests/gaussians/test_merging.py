@@ -8,7 +8,7 @@ import pytest
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.gaussians.merging import merged
 from dextera_build.geometry import cameras, transforms
-from dextera_build.geometry.registration import rotation
+from dextera_build.geometry.lie import rotation
 
 K = np.array([[200.0, 0, 79.5], [0, 200.0, 59.5], [0, 0, 1]])
 SIZE = (120, 160)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import cameras, registration, transforms
+from dextera_build.geometry import cameras, lie, transforms
 from dextera_build.geometry.hand_eye import Setup, Solution, View
 
 K = np.array([[607.6, 0.0, 323.5], [0.0, 607.6, 243.3], [0.0, 0.0, 1.0]])
@@ -51,7 +51,7 @@ def simulate(
     setup, views = Setup(k, in_hand), []
     middle, out = board.mean(axis=0), 0
     while len(views) < count:
-        facing = registration.rotation(np.radians(spread_deg) * draw.normal(size=3) * axes)
+        facing = lie.rotation(np.radians(spread_deg) * draw.normal(size=3) * axes)
         turn = facing if away else np.diag([1.0, -1.0, -1.0]) @ facing
         place = np.array([*draw.uniform(-0.12, 0.12, 2), draw.uniform(0.45, 0.8)])
         seen = transforms.rigid(turn, place - turn @ middle)  # T_camera_board
@@ -65,7 +65,7 @@ def simulate(
             continue
         effector = transforms.invert(near) if in_hand else near
         error = transforms.rigid(
-            registration.rotation(errors.turn_rad * draw.normal(size=3)), errors.place_m * draw.normal(size=3)
+            lie.rotation(errors.turn_rad * draw.normal(size=3)), errors.place_m * draw.normal(size=3)
         )
         pixels = pixels + errors.pixel * draw.normal(size=pixels.shape)
         views.append(View(f"view_{len(views)}", effector @ transforms.invert(error), board, pixels, (seen,)))
@@ -73,10 +73,10 @@ def simulate(
 
 
 def _frame(draw: np.random.Generator, far: float) -> np.ndarray:
-    return transforms.rigid(registration.rotation(draw.normal(size=3)), far * draw.normal(size=3) / np.sqrt(3))
+    return transforms.rigid(lie.rotation(draw.normal(size=3)), far * draw.normal(size=3) / np.sqrt(3))
 
 
 def error_of(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """(6,) translation [m] and rotation vector [rad] in the parent frame."""
     turn = found[:3, :3] @ truth[:3, :3].T
-    return np.concatenate([found[:3, 3] - truth[:3, 3], registration.rotation_vector(turn)])
+    return np.concatenate([found[:3, 3] - truth[:3, 3], lie.rotation_vector(turn)])

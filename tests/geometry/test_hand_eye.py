@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from dextera_build.geometry import boards, hand_eye, hand_eye_checks, hand_eye_refine, registration, transforms
+from dextera_build.geometry import boards, hand_eye, hand_eye_checks, hand_eye_refine, lie, transforms
 from dextera_build.geometry.hand_eye import View
 from tests.geometry.hand_eyes import Errors, error_of, grid, simulate
 
@@ -38,7 +38,7 @@ def test_derivatives_are_those_of_the_corners(in_hand: bool) -> None:
     for number in range(6):
         step = np.zeros(6)
         step[number] = 1e-6
-        error = transforms.rigid(registration.rotation(step[3:]), step[:3])
+        error = transforms.rigid(lie.rotation(step[3:]), step[:3])
         other = View("", views[0].effector @ error, views[0].board, views[0].pixels, ())
         analytic = (by_corner @ by_robot).reshape(-1, 6)[:, number]
         np.testing.assert_allclose((plain - hand_eye.offsets(truth, other, setup).ravel()) / 1e-6, analytic, atol=0.02)
@@ -49,7 +49,7 @@ def test_derivatives_are_those_of_the_corners(in_hand: bool) -> None:
 
 def test_a_single_markers_two_poses_are_told_apart_by_all_views_together() -> None:
     views, setup, truth = simulate(2, 8, board=boards.marker(0.05), away=False)
-    wrong = transforms.rigid(registration.rotation(np.array([0.6, 0.3, 0.0])), np.zeros(3))
+    wrong = transforms.rigid(lie.rotation(np.array([0.6, 0.3, 0.0])), np.zeros(3))
     both = [
         View(v.name, v.effector, v.board, v.pixels, (v.candidates[0] @ wrong, v.candidates[0])[:: 1 - 2 * (i % 2)])
         for i, v in enumerate(views)
@@ -87,7 +87,7 @@ def test_rotation_about_one_axis_shows_in_the_second_singular_value() -> None:
 
 def test_one_moved_picture_is_found_by_name_and_left_out() -> None:
     views, setup, truth = simulate(4, 9)
-    moved = transforms.rigid(registration.rotation(np.array([0.0, 0.02, 0.0])), np.array([0.01, 0.0, 0.004]))
+    moved = transforms.rigid(lie.rotation(np.array([0.0, 0.02, 0.0])), np.array([0.01, 0.0, 0.004]))
     bad = views[5]
     views[5] = View(bad.name, bad.effector @ moved, bad.board, bad.pixels, bad.candidates)
     start, views = hand_eye.start(views, setup)
@@ -128,14 +128,14 @@ def test_wrong_zeros_of_encoders_widen_the_covariance_as_they_move_the_answer() 
     views, setup, _ = simulate(7, 9, errors=EXACT)
     start, views = hand_eye.start(views, setup)
     plain = hand_eye_refine.refine(views, setup, start)
-    turn = registration.rotation_vector(np.eye(3)) + np.array([0.0, 0.0, 1e-3])
-    about_base = transforms.rigid(registration.rotation(turn), np.zeros(3))
+    turn = lie.rotation_vector(np.eye(3)) + np.array([0.0, 0.0, 1e-3])
+    about_base = transforms.rigid(lie.rotation(turn), np.zeros(3))
     moved = [View(v.name, about_base @ v.effector, v.board, v.pixels, v.candidates) for v in views]
     found = hand_eye_refine.refine(moved, setup, plain.solution)
     drifts = []
     for before, after in zip(views, moved, strict=True):
         gap = transforms.invert(before.effector) @ after.effector
-        drifts.append(np.append(gap[:3, 3], registration.rotation_vector(gap[:3, :3]))[:, None] / 1e-3)
+        drifts.append(np.append(gap[:3, 3], lie.rotation_vector(gap[:3, :3]))[:, None] / 1e-3)
     spread = hand_eye_refine.by_joints(views, setup, plain, drifts, 1e-3)
     error = error_of(found.solution.x, plain.solution.x)
     np.testing.assert_allclose(np.sqrt(np.diag(spread)[:6]), np.abs(error), rtol=0.02, atol=2e-6)

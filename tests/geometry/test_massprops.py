@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.geometry import massprops, registration, solids
+from dextera_build.geometry import lie, massprops, solids
 from tests import object_views
 
 
@@ -30,7 +30,7 @@ def test_a_fine_sphere_approaches_two_fifths_m_r_squared():
 def test_a_turned_body_keeps_its_principal_moments():
     body = object_views.bracket()
     before = massprops.of_mesh(body.vertices, body.faces)
-    turn = registration.rotation(np.array([0.3, -1.2, 0.7]))
+    turn = lie.rotation(np.array([0.3, -1.2, 0.7]))
     after = massprops.of_mesh(body.vertices @ turn.T, body.faces)
     assert after.inertia == pytest.approx(turn @ before.inertia @ turn.T, rel=1e-9, abs=1e-15)
     assert massprops.principal(after.inertia) == pytest.approx(massprops.principal(before.inertia), rel=1e-9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.geometry import hand_eye, hand_eye_refine, moved, registration, transforms
+from dextera_build.geometry import hand_eye, hand_eye_refine, lie, moved, transforms
 from dextera_build.geometry.hand_eye import Setup, Solution, View
 from tests.geometry.hand_eyes import simulate
 
@@ -16,7 +16,7 @@ def judged(seed: int, shift_m: float, turn_rad: float, pictures: int = 3) -> mov
     start, views = hand_eye.start(views[:10], setup)[0], views
     solution = hand_eye_refine.refine(views[:10], setup, start).solution
     residuals = np.array([hand_eye_refine.closing(view, setup, solution) for view in views[:10]])
-    change = transforms.rigid(registration.rotation(np.array([0.0, turn_rad, 0.0])), np.array([shift_m, 0.0, 0.0]))
+    change = transforms.rigid(lie.rotation(np.array([0.0, turn_rad, 0.0])), np.array([shift_m, 0.0, 0.0]))
     expected, seen = [], []
     for view in views[10:]:
         expected.append(hand_eye.predicted(solution, view, setup))

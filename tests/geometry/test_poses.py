@@ -6,14 +6,14 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dextera_build.geometry import poses, registration, transforms
+from dextera_build.geometry import lie, poses, transforms
 
 vectors = st.tuples(*[st.floats(-2.0, 2.0)] * 3).map(np.array)
 
 
 @given(vectors, vectors)
 def test_there_and_back(turn, place):
-    motion = transforms.rigid(registration.rotation(turn), place)
+    motion = transforms.rigid(lie.rotation(turn), place)
     pose = poses.from_matrix(motion)
     assert pose[3] >= 0.0
     assert np.allclose(poses.to_matrix(pose), motion, atol=1e-9)

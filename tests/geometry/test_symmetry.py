@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rules.align.canonical.canonical.bodies import Surface
 
-from dextera_build.geometry import registration, solids, symmetry
+from dextera_build.geometry import lie, solids, symmetry
 from tests import object_views
 
-TURN = registration.rotation(np.array([0.9, -0.4, 1.7]))
+TURN = lie.rotation(np.array([0.9, -0.4, 1.7]))
 SHAPES = {
     "cuboid": solids.box((0.12, 0.06, 0.08), (0.01, 0.02, 0.04)),
     "square bar": solids.box((0.06, 0.06, 0.15), (0.0, 0.0, 0.0)),
@@ -51,15 +51,15 @@ def test_a_cube_has_24_rotations():
 
 def test_angles_respect_the_symmetry():
     cuboid, bowl, mug = found("cuboid"), found("bowl"), found("mug")
-    half = TURN @ registration.rotation(np.array([0.0, 0.0, np.pi])) @ TURN.T
+    half = TURN @ lie.rotation(np.array([0.0, 0.0, np.pi])) @ TURN.T
     assert np.degrees(cuboid.angle(np.eye(3), half)) == pytest.approx(0.0, abs=1.0)
     assert np.degrees(mug.angle(np.eye(3), half)) == pytest.approx(180.0, abs=0.1)
-    spun = TURN @ registration.rotation(np.array([0.0, 0.0, 1.234])) @ TURN.T
+    spun = TURN @ lie.rotation(np.array([0.0, 0.0, 1.234])) @ TURN.T
     assert np.degrees(bowl.angle(np.eye(3), spun)) == pytest.approx(0.0, abs=1.0)
-    tipped = TURN @ registration.rotation(np.array([0.3, 0.0, 0.0])) @ TURN.T
+    tipped = TURN @ lie.rotation(np.array([0.3, 0.0, 0.0])) @ TURN.T
     assert bowl.angle(np.eye(3), tipped) == pytest.approx(0.3, abs=0.02)
 
 
 def test_a_bowl_upside_down_is_another_pose():
-    over = TURN @ registration.rotation(np.array([np.pi, 0.0, 0.0])) @ TURN.T
+    over = TURN @ lie.rotation(np.array([np.pi, 0.0, 0.0])) @ TURN.T
     assert np.degrees(found("bowl").angle(np.eye(3), over)) > 175.0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import cameras, registration, transforms
+from dextera_build.geometry import cameras, lie, transforms
 from dextera_build.geometry.robot_pairs import Surface
 
 LENGTHS = (0.30, 0.32, 0.28)
@@ -60,9 +60,7 @@ def capture(
         hand_points: Of the model in each pose.
     """
     draw, faults = np.random.default_rng(seed), faults or Faults()
-    error = transforms.rigid(
-        registration.rotation(0.015 * size * draw.normal(size=3)), 0.009 * size * draw.normal(size=3)
-    )
+    error = transforms.rigid(lie.rotation(0.015 * size * draw.normal(size=3)), 0.009 * size * draw.normal(size=3))
     right, wrong = transforms.invert(CAMERA), transforms.invert(error) @ transforms.invert(CAMERA)
     offsets = faults.joint_rad * draw.normal(size=JOINTS)
     poses, hands = [], []
@@ -108,11 +106,11 @@ def _posed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points and normals in the base's frame; links 0, 1, 2 are the arm, 3 and above the hand."""
     points, normals, links = shape
-    frame = transforms.rigid(registration.rotation(np.array([0.0, 0.0, joints[0]])), np.zeros(3))
+    frame = transforms.rigid(lie.rotation(np.array([0.0, 0.0, joints[0]])), np.zeros(3))
     placed, turned = np.empty_like(points), np.empty_like(normals)
     for number, length in enumerate((*LENGTHS, 0.0)):
         if number < len(LENGTHS):
-            frame = frame @ transforms.rigid(registration.rotation(np.array([0, joints[number + 1], 0])), np.zeros(3))
+            frame = frame @ transforms.rigid(lie.rotation(np.array([0, joints[number + 1], 0])), np.zeros(3))
         own = links == number if number < len(LENGTHS) else links >= number
         stretch = np.array([1.0, 1.0, scale]) if number < len(LENGTHS) else np.ones(3)
         placed[own] = transforms.apply(frame, points[own] * stretch)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dextera_build.geometry import transforms
-from dextera_build.geometry.registration import rotation
+from dextera_build.geometry.lie import rotation
 from dextera_build.tracking import spread
 from dextera_build.tracking.terms import Look, Rows, Spots
 

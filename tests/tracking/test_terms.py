@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.geometry import cameras, registration, transforms
-from dextera_build.tracking import motions, outline, terms
+from dextera_build.geometry import cameras, lie, transforms
+from dextera_build.tracking import outline, terms
 from dextera_build.tracking.colours import Colours
 from dextera_build.tracking.frame import Frame
 from dextera_build.tracking.model import Cast, Model, State
@@ -21,7 +21,7 @@ def laptop() -> Model:
 
 
 def state() -> State:
-    pose = transforms.rigid(registration.rotation(np.array([-2.0, 0.3, 0.1])), np.array([0.02, 0.03, 0.7]))
+    pose = transforms.rigid(lie.rotation(np.array([-2.0, 0.3, 0.1])), np.array([0.02, 0.03, 0.7]))
     return State(pose, np.array([1.4]))
 
 
@@ -37,7 +37,7 @@ def seen(model: Model, at: State) -> Frame:
 
 
 def stepped(at: State, step: np.ndarray) -> State:
-    return State(motions.moved(at.pose, step[:6]), at.joints + step[6:])
+    return State(lie.retract(at.pose, step[:6]), at.joints + step[6:])
 
 
 @pytest.mark.parametrize("column", range(7))
@@ -106,7 +106,7 @@ def test_brightness_of_another_object_is_not_compared(taken):
 
 
 def test_brightness_of_what_a_lid_hides_is_not_compared():
-    model, pose = laptop(), transforms.rigid(registration.rotation(np.array([-2.8, 0.3, 0.1])), state().pose[:3, 3])
+    model, pose = laptop(), transforms.rigid(lie.rotation(np.array([-2.8, 0.3, 0.1])), state().pose[:3, 3])
     cast = model.cast(State(pose, np.array([1.9])), K, (240, 320))
     assert cast is not None
     spots = terms.Spots.of(cast, 300)

@@ -10,8 +10,8 @@ import pytest
 
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.rgbd_video import RgbdFrame
-from dextera_build.geometry import transforms
-from dextera_build.tracking import judge, motions
+from dextera_build.geometry import lie, transforms
+from dextera_build.tracking import judge
 from dextera_build.tracking.model import Model, State
 from dextera_build.tracking.tracked_object import Tracked
 from dextera_build.tracking.tracker import Tracker
@@ -58,7 +58,7 @@ def off(found: Tracked, pose: np.ndarray) -> float:
 def test_a_moving_box_is_tracked_with_a_covariance_that_covers_its_error():
     made = sequence(sliding, 1.2)
     found = run(made)
-    ways = [motions.between(truth(made, i / 10), each["box"].pose) for i, each in enumerate(found)]
+    ways = [lie.between(truth(made, i / 10), each["box"].pose) for i, each in enumerate(found)]
     assert [each["box"].status for each in found] == ["tracked"] * 12
     assert np.linalg.norm(np.array(ways)[:, :3], axis=1).max() < 0.003
     assert np.linalg.norm(np.array(ways)[:, 3:], axis=1).max() < np.radians(2)

@@ -10,7 +10,7 @@ import numpy as np
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import ActionKind, TaskSpec
 from dextera_build.errors import MachineError, install_extra, listing
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie
 from dextera_build.policy import actions
 from dextera_build.sim.model.forward import Kinematics
 
@@ -100,7 +100,7 @@ class ActionMap:
         aims = {}
         changes = found[: 6 * len(self._palms)].reshape(-1, 6)
         for limb, pose, change in zip(self._palms, self._poses(sent), changes, strict=True):
-            palm = transforms.rigid(registration.rotation(change[3:]) @ pose[:3, :3], pose[:3, 3] + change[:3])
+            palm = lie.retract(pose, change)
             hand = [self._names.index(name) for name in self._robot.limbs[limb].hand]
             aims[limb] = Aim(palm, posture[hand])
         self._control.begin(sent)
@@ -119,8 +119,7 @@ class ActionMap:
             return np.asarray(targets - sent)
         parts = []
         for before, after in zip(self._poses(sent), self._poses(targets), strict=True):
-            turn = registration.rotation_vector(after[:3, :3] @ before[:3, :3].T)
-            parts += [after[:3, 3] - before[:3, 3], turn]
+            parts.append(lie.between(before, after))
         return np.concatenate([*parts, targets[self._fingers]])
 
     def _poses(self, targets: np.ndarray) -> list[np.ndarray]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.artifacts.goals import ArticulateGoal
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.sim.control.mechanism import Mechanism
 from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.motion import Leg, minimum_jerk
@@ -92,7 +92,7 @@ class Articulate(Pushing):
         up = np.array([0.0, 0.0, 1.0])
         ahead = self._mechanism.pose(now)[:3, :3] @ along
         ahead -= up * ahead[2]
-        ahead = registration.rotation(up * self.push.turn_rad) @ ahead / np.linalg.norm(ahead)
+        ahead = lie.rotation(up * self.push.turn_rad) @ ahead / np.linalg.norm(ahead)
         pitch = self.push.pitch_rad
         up = np.cos(pitch) * up + np.sin(pitch) * np.cross(up, ahead)
         return self._hand.turn(ahead, up, self.push.lean_rad)

@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Origin, Segment, Start
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.geometry import poses, registration, transforms
+from dextera_build.geometry import lie, poses, transforms
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.control.operator import Aim, Command, Operator, OutOfReach, PoseControl, State
 from dextera_build.sim.observe.touch import Touch
@@ -166,7 +166,7 @@ class _Disturbance:
 
 def _disturbed(aim: Aim, value: np.ndarray, noise: Noise) -> Aim:
     """A limb's target with the noise `value` (6 + H,), standard normal."""
-    shift = transforms.rigid(registration.rotation(value[3:6] * noise.rotation_rad), np.zeros(3))
+    shift = transforms.rigid(lie.rotation(value[3:6] * noise.rotation_rad), np.zeros(3))
     palm = aim.palm @ shift
     palm[:3, 3] += value[:3] * noise.position_m
     return Aim(palm, aim.fingers + value[6:] * noise.finger_rad)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from dextera_build.artifacts.goals import HandoverGoal
-from dextera_build.geometry import registration
+from dextera_build.geometry import lie
 from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
@@ -118,5 +118,5 @@ def meetings(base: np.ndarray, palms: Sequence[np.ndarray], up: np.ndarray) -> I
         for part in (1.0, 0.7):
             for turn in TURNS:
                 met = shifted(base, way * part + up * rise)
-                met[:3, :3] = registration.rotation(up * turn) @ base[:3, :3]
+                met[:3, :3] = lie.rotation(up * turn) @ base[:3, :3]
                 yield met

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.sim.control.operator import Aim, Command
 
 
@@ -73,7 +73,7 @@ def between(first: np.ndarray, last: np.ndarray, part: float) -> np.ndarray:
     """Pose (4, 4) at fraction `part` 0-1 of the path: position along a line, rotation along the shortest arc."""
     turn = first[:3, :3].T @ last[:3, :3]
     place = first[:3, 3] + part * (last[:3, 3] - first[:3, 3])
-    return transforms.rigid(first[:3, :3] @ registration.rotation(registration.rotation_vector(turn) * part), place)
+    return transforms.rigid(first[:3, :3] @ lie.rotation(lie.rotation_vector(turn) * part), place)
 
 
 def shifted(pose: np.ndarray, way: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.goals import PlaceGoal
 from dextera_build.artifacts.task import Cavity
-from dextera_build.geometry import quaternions, registration, transforms
+from dextera_build.geometry import lie, quaternions, transforms
 from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
@@ -80,7 +80,7 @@ class Target:
         best, most = found, -np.inf
         for turn in TURNS:
             turned = found.copy()
-            turned[:3, :3] = registration.rotation(self._up * turn) @ found[:3, :3]
+            turned[:3, :3] = lie.rotation(self._up * turn) @ found[:3, :3]
             footprint = self._points @ turned[:3, :3].T
             centre = (footprint.min(axis=0) + footprint.max(axis=0)) / 2
             lowest = float((footprint @ self._up).min())

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.artifacts.goals import PushGoal
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.motion import Leg, minimum_jerk
 from dextera_build.sim.experts.pushing import Pushing
@@ -86,7 +86,7 @@ class Push(Pushing):
 
     def _orientation(self, ahead: np.ndarray) -> np.ndarray:
         """The palm's rotation in the base: fingers down, tilted and turned, the palm towards the push."""
-        facing = registration.rotation(self._up * self.stroke.turn_rad) @ ahead
+        facing = lie.rotation(self._up * self.stroke.turn_rad) @ ahead
         pitch = self.stroke.pitch_rad
         up = np.cos(pitch) * self._up + np.sin(pitch) * np.cross(self._up, facing)
         return self._hand.turn(facing, up, self.stroke.lean_rad)

@@ -24,7 +24,7 @@ from dextera_build.artifacts.scene_description import (
     ObjectNode,
     SceneDescription,
 )
-from dextera_build.geometry import transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.sim.model import mjcf_contact, names, neighbours, touching, whole
 
 SUN = Light(label="sun", direction=(0.2, 0.3, -1.0), place=(0.0, 0.0, 1.5), diffuse=(0.4, 0.4, 0.4))
@@ -133,9 +133,7 @@ def _static(background: Background) -> tuple[Geom, ...]:
 
 
 def _support(box: SupportBox) -> Geom:
-    c, s = np.cos(box.yaw), np.sin(box.yaw)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    pose = _placed(transforms.rigid(turn, np.asarray(box.centre)))
+    pose = _placed(transforms.rigid(lie.about_z(box.yaw), np.asarray(box.centre)))
     return Geom(
         label=f"static_{names.plain(box.name)}", role="collision", shape=Box(half_size=box.half_size), pose=pose
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import RuleError, listing
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.sim.model import robot as robots
 
 
@@ -74,7 +74,7 @@ def drifts(robot: RobotModel, names: Sequence[str], positions: np.ndarray, frame
         for row, (one, other) in enumerate(zip(plain, frames(robot, names, changed, frame), strict=True)):
             gap = transforms.invert(one) @ other
             found[row, :3, number] = gap[:3, 3] / step
-            found[row, 3:, number] = registration.rotation_vector(gap[:3, :3]) / step
+            found[row, 3:, number] = lie.rotation_vector(gap[:3, :3]) / step
     return found
 
 

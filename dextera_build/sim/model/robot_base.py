@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.geometry import quaternions, transforms, uncertainty
+from dextera_build.geometry import lie, quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
 
 
@@ -26,7 +26,7 @@ class RobotBase:
 
     def pose(self, error: Sequence[float]) -> np.ndarray:
         """T_world_base (4, 4) with an error (6,), see `geometry.uncertainty`."""
-        return uncertainty.moved(self._known, error) if any(error) else self._known
+        return lie.retract(self._known, error) if any(error) else self._known
 
     def put(self, model: Any, error: Sequence[float]) -> None:
         """Set the base of `model`, or of a copy of it, with an error (6,); zeros restore the compiled pose exactly."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from dextera_build.artifacts.task import View
 from dextera_build.artifacts.variation import EXACT, Variation
-from dextera_build.geometry import cameras, uncertainty
+from dextera_build.geometry import cameras, lie
 from dextera_build.policy.observation import Frame, Frames
 from dextera_build.sim.render import rendering
 
@@ -45,7 +45,7 @@ class Eyes:
         """Apply the camera errors, light and exposure of an episode, always relative to the original values."""
         for name, eye in self._eyes.items():
             error = variation.cameras.get(name, EXACT)
-            eye.look_from(uncertainty.moved(self._views[name].camera_pose.matrix, error))
+            eye.look_from(lie.retract(self._views[name].camera_pose.matrix, error))
         self._model.light_diffuse[:] = self._lights[0] * variation.light
         self._model.vis.headlight.diffuse[:] = self._lights[1] * variation.light
         self._exposure = variation.exposure

@@ -14,7 +14,7 @@ import numpy as np
 from dextera_build import digest
 from dextera_build.artifacts.noise import ColourNoise, DepthNoise
 from dextera_build.errors import RuleError, did_you_mean, listing
-from dextera_build.geometry import cameras, quaternions, registration
+from dextera_build.geometry import cameras, lie, quaternions
 from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.observation import Frame, Measurement
 from dextera_build.policy.terms import Sensor, Term
@@ -138,7 +138,7 @@ class _Delayed:
         for row, turn in zip(
             found, self._sensor.turn_sigma_rad * self._random.standard_normal((len(poses), 3)), strict=True
         ):
-            row[3:] = quaternions.multiply(quaternions.from_matrix(registration.rotation(turn)), row[3:])
+            row[3:] = quaternions.multiply(quaternions.from_matrix(lie.rotation(turn)), row[3:])
             if row[3] < 0:
                 row[3:] *= -1
         return found

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskObject, TaskSpec
 from dextera_build.errors import listing
-from dextera_build.geometry import transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.sim.primitives.stages import clamp
 from dextera_build.sim.primitives.state import TaskState
 
@@ -196,9 +196,4 @@ def apart(one: np.ndarray, other: np.ndarray, symmetry: int) -> float:
     if symmetry == 1:
         return transforms.angle(one.T @ other)
     turns = 2.0 * np.pi * np.arange(symmetry) / symmetry
-    return min(transforms.angle(one.T @ other @ _about_z(turn)) for turn in turns)
-
-
-def _about_z(angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return min(transforms.angle(one.T @ other @ lie.about_z(turn)) for turn in turns)

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
 from dextera_build.artifacts.goals import PoseGoal, Tolerance
-from dextera_build.geometry import quaternions, registration
+from dextera_build.geometry import lie, quaternions
 from dextera_build.sim.primitives import base
 from dextera_build.sim.primitives.base import Setting
 from dextera_build.sim.primitives.stages import clamp
@@ -61,7 +61,7 @@ class Parameters(Near):
             return None
         turn = np.eye(3)
         for axis, angle in zip(np.eye(3), np.radians(self.turn_deg), strict=True):
-            turn = registration.rotation(axis * angle) @ turn
+            turn = lie.rotation(axis * angle) @ turn
         w, x, y, z = quaternions.from_matrix(turn @ setting.objects[setting.object].pose.matrix[:3, :3]).tolist()
         return w, x, y, z
 

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from dextera_build.artifacts.episode import Start
-from dextera_build.geometry import poses, quaternions, registration, transforms
+from dextera_build.geometry import lie, poses, quaternions, transforms
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime import starts
@@ -84,5 +84,5 @@ def _upper(model: Any, data: Any, roots: dict[int, str], pair: np.ndarray) -> st
 
 
 def _error(tracker: Tracker, random: np.random.Generator) -> np.ndarray:
-    turn = registration.rotation(random.standard_normal(3) * tracker.rotation_rad)
+    turn = lie.rotation(random.standard_normal(3) * tracker.rotation_rad)
     return transforms.rigid(turn, random.standard_normal(3) * tracker.position_m)

@@ -16,7 +16,7 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.task import TaskBundle, TaskObject
-from dextera_build.geometry import quaternions, transforms
+from dextera_build.geometry import lie, quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime import variations
 from dextera_build.sim.runtime.dynamics import Dynamics
@@ -150,9 +150,8 @@ def _place_objects(bundle: TaskBundle, data: Any, sizes: dict[str, float], rando
         angle = float(random.uniform(-reset.yaw_rad, reset.yaw_rad)) if ours else 0.0
         error = _pose_error(bundle, thing, random)
         shift, angle = shift + error[:2], angle + float(error[2])
-        c, s = np.cos(angle), np.sin(angle)
         turned = transforms.rigid(
-            np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ thing.pose.matrix[:3, :3],
+            lie.about_z(angle) @ thing.pose.matrix[:3, :3],
             thing.pose.matrix[:3, 3] + [*shift, _rise(thing, sizes[name])],
         )
         place = data.joint(name).qpos

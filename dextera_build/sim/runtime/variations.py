@@ -14,7 +14,7 @@ from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.goals import ArticulateGoal, Goal, LiftGoal, PoseGoal, PushGoal
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.artifacts.variation import EXACT, Twist, Variation
-from dextera_build.geometry import quaternions, registration
+from dextera_build.geometry import lie, quaternions
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.runtime.strata import Draws
 
@@ -100,7 +100,7 @@ def _goal(bundle: TaskBundle, random: Draws) -> Goal | None:
         found = goal.model_copy(update={"place_m": (x, y, goal.place_m[2])})
         if goal.quaternion is None:
             return found
-        about = quaternions.from_matrix(registration.rotation(np.array([0.0, 0.0, turn])))
+        about = quaternions.from_matrix(lie.rotation(np.array([0.0, 0.0, turn])))
         turned = quaternions.multiply(about, np.array(goal.quaternion))
         return found.model_copy(update={"quaternion": tuple(turned.tolist())})
     if isinstance(goal, ArticulateGoal):

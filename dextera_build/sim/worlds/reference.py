@@ -17,7 +17,7 @@ import numpy as np
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.world import Hinge, Matter, Part, Thing, World
 from dextera_build.errors import RuleError, listing
-from dextera_build.geometry import poses, quaternions, registration, transforms
+from dextera_build.geometry import lie, poses, quaternions, transforms
 from dextera_build.sim.model import machine, matter, names
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.model import at_home, compile_folder
@@ -189,8 +189,7 @@ class _Builder:
         sign = 1.0 if float(axis @ self.model.joint(joint.name).axis) >= 0.0 else -1.0
         origin = transforms.apply(inside, np.array(hinge.origin))
         position = sign * hinge.position
-        turn = registration.rotation(sign * axis * position)
-        opened = transforms.rigid(turn, origin - turn @ origin)
+        opened = lie.turned(sign * axis, origin, position)
         parent = self._pose(self.model.body(int(self.model.body(child.name).parentid[0])).name)
         closed = transforms.invert(parent) @ link @ transforms.invert(opened)
         child.pos, child.quat = closed[:3, 3], quaternions.from_matrix(closed[:3, :3])

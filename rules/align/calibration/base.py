@@ -6,7 +6,7 @@ import numpy as np
 
 from dextera_build.artifacts.object import Support
 from dextera_build.artifacts.pose import Pose
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.rule import Context, Options, rule
 
 
@@ -40,7 +40,7 @@ def base(
                 "the robot's base has no pose",
                 hint="give input `measured` from a robot-camera calibration, or option `position_m`",
             )
-        turn = registration.rotation(np.array([0.0, 0.0, np.radians(options.yaw_deg)]))
+        turn = lie.rotation(np.array([0.0, 0.0, np.radians(options.yaw_deg)]))
         placed = Pose(parent="world", child="base", matrix=transforms.rigid(turn, np.array(options.position_m)))
         ctx.say(f"{_place(placed.matrix)}, chosen")
         return placed

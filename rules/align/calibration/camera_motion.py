@@ -11,7 +11,7 @@ from dextera_build.artifacts.calibration import Calibration
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.geometry import moved, transforms
+from dextera_build.geometry import lie, moved
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 STATES = ("unmoved", "moved", "unsure")
@@ -93,7 +93,6 @@ def _now(verdict: moved.Verdict, seen: np.ndarray) -> Pose:
     """T_camera_camera_now: the inverse of the board's motion in the picture."""
     arm = seen[:, :3, 3].mean(axis=0)
     about = np.diag([verdict.sigma_m**2] * 3 + [verdict.sigma_rad**2] * 3)
-    by = np.eye(6)  # a rotation about the board also shifts the origin
-    by[:3, 3:] = transforms.cross_matrix(arm)
+    by = lie.adjoint(-arm)  # a rotation about the board also shifts the origin
     motion = Pose(parent="camera_now", child="camera", matrix=verdict.motion, covariance=by @ about @ by.T)
     return motion.inverse()

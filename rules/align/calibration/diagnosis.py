@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from dextera_build.errors import listing
-from dextera_build.geometry import hand_eye, hand_eye_refine, registration, transforms
+from dextera_build.geometry import hand_eye, hand_eye_refine, lie, transforms
 from dextera_build.geometry.hand_eye import Setup, View
 from dextera_build.geometry.hand_eye_checks import Checked
 from dextera_build.rule import Context
@@ -138,8 +138,8 @@ def _scaled(motion: np.ndarray, factor: float) -> np.ndarray:
 
 
 def _turned(motion: np.ndarray, factor: float) -> np.ndarray:
-    vector = registration.rotation_vector(motion[:3, :3])
-    return transforms.rigid(registration.rotation(factor * vector), motion[:3, 3])
+    vector = lie.rotation_vector(motion[:3, :3])
+    return transforms.rigid(lie.rotation(factor * vector), motion[:3, 3])
 
 
 def _reordered(motion: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from pydantic import PositiveFloat
 
 from dextera_build.artifacts.canonical import Open
 from dextera_build.geometry import canonical as geometry
-from dextera_build.geometry import metrics, registration, symmetry
+from dextera_build.geometry import lie, metrics, symmetry
 from dextera_build.rule import Backend, Context, Options
 
 from .bodies import Surface
@@ -38,7 +38,7 @@ def choose(ctx: Context, surface: Surface, seen_up: np.ndarray | None, options: 
     centre = metrics.surface_centroid(surface.vertices, surface.faces)
 
     def turned(angle: float) -> bool:
-        moved = (samples.points[:300] - centre) @ registration.rotation(up * angle).T + centre
+        moved = (samples.points[:300] - centre) @ lie.rotation(up * angle).T + centre
         return bool(np.quantile(surface.distances(moved), 0.98) < symmetry.ALIKE * samples.size)
 
     sides, front_judged = geometry.fronts(samples, up, turned)

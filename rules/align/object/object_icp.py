@@ -10,7 +10,7 @@ import numpy as np
 from dextera_build.artifacts.object import Body, Placement
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.view import Seen
-from dextera_build.geometry import kinematics, registration, symmetry, transforms
+from dextera_build.geometry import kinematics, lie, registration, symmetry, transforms
 from dextera_build.geometry.registration import Search, Similarity
 from dextera_build.rule import Backend, Context
 
@@ -28,7 +28,7 @@ BACKEND = Backend(
     packages=("open3d", "scipy"),
     extra="twin",
 )
-UPRIGHT = np.cos(0.01)
+_VERTICAL = np.cos(0.01)
 """Cosine of the tilt up to which a body's own up axis is used."""
 
 
@@ -60,7 +60,7 @@ def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: 
         else:
             chosen = lookalikes.choose(model, body, seen, best, others, alike)
             thin = model.coarser(seen, 6000)
-            best = polish.polished(thin, chosen.best, options.start_scale_sigma, spread.FREE)
+            best = polish.polished(thin, chosen.best, options.start_scale_sigma, lie.FREE)
             # A poor mask overlap does not determine the placement.
             ambiguous |= chosen.rivals > 0 or model.score(best).iou < options.sure_iou
             method += f", {chosen.rivals} look-alikes" if chosen.rivals else ""
@@ -89,10 +89,10 @@ def _by_silhouette(model: ModelView, vertices: np.ndarray, faces: np.ndarray, se
 def _refined(
     model: ModelView, vertices: np.ndarray, points: np.ndarray, guess: Similarity, score: Score, options: IcpOptions
 ) -> tuple[Similarity, str]:
-    freedom = registration.FREE
-    if guess.pose[2, 2] > UPRIGHT:
+    freedom = lie.FREE
+    if guess.pose[2, 2] > _VERTICAL:
         standing = abs(_lowest(vertices, guess)) <= options.rest_m
-        freedom = registration.RESTING if standing else registration.UPRIGHT
+        freedom = lie.resting() if standing else lie.UPRIGHT
     search = Search(freedom, guess.scale, options.guess_scale_sigma, options.iterations)
     refined = registration.icp(guess, model.visible, points, search)
     gain = score.cost - model.score(refined).cost
@@ -144,10 +144,10 @@ def _with_spread(
     options: IcpOptions,
 ) -> Placement:
     """The placement with the summed covariances of the registration, of the shape's own frame and of the support."""
-    freedom = spread.FREE
-    if placed.pose[2, 2] > UPRIGHT:
+    freedom = lie.FREE
+    if placed.pose[2, 2] > _VERTICAL:
         standing = abs(_lowest(vertices, placed)) < 1e-3
-        freedom = spread.resting(float(placed.pose[2, 3])) if standing else spread.UPRIGHT
+        freedom = lie.resting(float(placed.pose[2, 3])) if standing else lie.UPRIGHT
     size = placed.scale * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     found = spread.covariance(model, placed, size, options.start_scale_sigma, freedom)
     of_support = seen.measured.camera_pose.covariance
@@ -156,7 +156,7 @@ def _with_spread(
         covariance = covariance + of_shape
     if of_support is not None:
         covariance = covariance + spread.by_support(of_support, seen.world_from_camera, placed.pose)
-    if placement.ambiguous and placed.pose[2, 2] > UPRIGHT:
+    if placement.ambiguous and placed.pose[2, 2] > _VERTICAL:
         covariance[5, 5] = max(covariance[5, 5], spread.ANY_TURN**2)
     pose = placement.pose.model_copy(update={"covariance": covariance})
     return placement.model_copy(update={"pose": pose, "scale_sigma": float(np.sqrt(found[6, 6]))})

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import least_squares
 from dextera_build.geometry.registration import Similarity
 
 from . import spread
@@ -29,22 +29,19 @@ def polished(model: ModelView, placed: Similarity, scale_sigma: float, freedom: 
         scale_sigma: See `spread.covariance`.
         freedom: See `spread.covariance`.
     """
-    now, best = placed, (model.score(placed).cost, placed)
-    for _ in range(STEPS):
-        step, covariance = spread.step(model, now, scale_sigma, freedom)
-        now = _moved(now, step)
+
+    def step(now: Similarity, _: int) -> tuple[np.ndarray, Similarity]:
+        change, covariance = spread.step(model, now, scale_sigma, freedom)
+        deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-18))
+        return change / (_SMALL * deviations + 1e-9), _moved(now, change)
+
+    best = (model.score(placed).cost, placed)
+    for now in islice(least_squares.gauss_newton(placed, step, range(STEPS), still=1.0), 1, None):
         cost = model.score(now).cost
         if cost < best[0] + _WORSE:
             best = (min(cost, best[0]), now)
-        deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-18))
-        if np.all(np.abs(step) < _SMALL * deviations + 1e-9):
-            break
     return best[1]
 
 
 def _moved(placed: Similarity, step: np.ndarray) -> Similarity:
-    """The placement changed by a translation, a rotation vector and a log scale about its origin."""
-    limited = np.clip(step[6], -0.1, 0.1)
-    turn = registration.rotation(step[3:6]) @ placed.pose[:3, :3]
-    pose = transforms.rigid(turn, placed.pose[:3, 3] + step[:3])
-    return replace(placed, scale=placed.scale * float(np.exp(limited)), pose=pose)
+    return placed.moved(np.append(step[:6], np.clip(step[6], -0.1, 0.1)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.view import Seen
-from dextera_build.geometry import cameras, registration, transforms
+from dextera_build.geometry import cameras, lie, transforms
 from dextera_build.geometry.registration import Similarity
 
 from .model_view import ModelView
@@ -47,7 +47,7 @@ def _standing(vertices: np.ndarray, four: np.ndarray) -> Similarity:
     """The placement with x, y, log scale and yaw [rad]; its lowest point is on the support."""
     x, y, size, turn = four
     scale = float(np.exp(size))
-    rotation = registration.rotation(np.array([0.0, 0.0, turn]))
+    rotation = lie.rotation(np.array([0.0, 0.0, turn]))
     return Similarity(scale, transforms.rigid(rotation, np.array([x, y, -scale * float(vertices[:, 2].min())])))
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import planes, transforms, uncertainty
+from dextera_build.geometry import lie, planes, transforms, uncertainty
 from dextera_build.geometry.registration import Similarity
 
 from .model_view import Compared, ModelView
@@ -30,18 +30,6 @@ FARTHEST = 5.0
 ANY_TURN = float(np.pi / np.sqrt(3.0))
 """Standard deviation of an unknown rotation [rad]."""
 
-FREE = np.eye(7)
-"""Basis of all changes: translation x y z, rotation vector x y z, log scale."""
-UPRIGHT = FREE[:, [0, 1, 2, 5, 6]]
-"""Basis of the changes that keep the model's up axis."""
-
-
-def resting(height_m: float) -> np.ndarray:
-    """Basis (7, 4) of the changes that keep the up axis and the contact with z = 0; the origin is at `height_m` [m]."""
-    basis = FREE[:, [0, 1, 5, 6]].copy()
-    basis[2, 3] = height_m
-    return basis
-
 
 def covariance(
     model: ModelView, placed: Similarity, size_m: float, scale_sigma: float, freedom: np.ndarray
@@ -53,7 +41,7 @@ def covariance(
         placed: Its placement.
         size_m: Size of the placed model, the prior standard deviation of its position [m].
         scale_sigma: Prior standard deviation of the log scale.
-        freedom: (7, K) basis of the changes that are possible: `FREE`, `UPRIGHT` or `resting`.
+        freedom: (7, K) basis of the changes that are possible: `lie.FREE`, `UPRIGHT` or `resting`.
     """
     step, inverse = _solved(model, placed, size_m, scale_sigma, freedom, away_from_steps=False)
     # A search may end before the optimum of depth and outline; the remaining step is added as an error.
@@ -119,7 +107,7 @@ def _by_depth(view: Compared, origin: np.ndarray, away_from_steps: bool) -> tupl
     sigma = planes.depth_sigma(view.seen[used])
     residual = np.zeros(used.shape)
     residual[used] = np.clip((view.seen - view.depth)[used] / sigma, -FARTHEST, FARTHEST)
-    rows = _rows(view.points[used] - origin, view.normals[used]) / (sigma * slant[used])[:, None]
+    rows = lie.point_to_plane_rows(view.points[used] - origin, view.normals[used]) / (sigma * slant[used])[:, None]
     alike = max(_alike(residual, used), (WINDOW_PX / view.stride) ** 2, 1.0)
     # Normals face the camera, so that the gradient of a larger measured depth is opposite to them.
     return np.asarray(rows.T @ rows / alike), np.asarray(-rows.T @ residual[used] / alike)
@@ -173,15 +161,10 @@ def _by_outline(view: Compared, origin: np.ndarray) -> tuple[np.ndarray, np.ndar
     sideways = view.pixel_slopes(border, outward)
     off = np.clip(off, -FARTHEST * OUTLINE_PX, FARTHEST * OUTLINE_PX)
     variance = max(float(np.mean(off**2)), OUTLINE_PX**2)
-    rows = np.column_stack([_rows(view.points[border] - origin, sideways), np.ones(len(outward))])
+    rows = np.column_stack([lie.point_to_plane_rows(view.points[border] - origin, sideways), np.ones(len(outward))])
     trust = view.stride / (OUTLINE_ALIKE_PX * variance)
     system, pull = rows.T @ rows * trust, rows.T @ off * trust
     system[7, 7] += OUTLINE_PX**-2.0
     # A common offset of the whole mask border is marginalised.
     offset = system[:7, 7] / system[7, 7]
     return np.asarray(system[:7, :7] - np.outer(offset, system[7, :7])), np.asarray(pull[:7] - offset * pull[7])
-
-
-def _rows(arms: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Change (N, 7) of points at `arms` from the origin along the vectors `along`, both (N, 3), per change."""
-    return np.column_stack([along, np.cross(arms, along), (arms * along).sum(axis=1)])

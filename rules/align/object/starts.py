@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dextera_build.artifacts.view import Seen
-from dextera_build.geometry import metrics, planes, registration, transforms
+from dextera_build.geometry import lie, metrics, planes, registration, transforms
 from dextera_build.geometry.registration import Search, Similarity
 
 from . import proposals
@@ -71,7 +71,7 @@ def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen
         return judge.score(placed).cost + _sunk(corners, placed)
 
     def registered(starts: list[Similarity], iterations: int) -> list[Similarity]:
-        step = [Search(registration.FREE, one.scale, options.start_scale_sigma, iterations) for one in starts]
+        step = [Search(lie.FREE, one.scale, options.start_scale_sigma, iterations) for one in starts]
         return [registration.icp(one, few.visible, points, how) for one, how in zip(starts, step, strict=True)]
 
     centre = metrics.surface_centroid(vertices, faces)
@@ -156,19 +156,17 @@ def _turns(samples: np.ndarray, centre: np.ndarray, placed: Similarity) -> list[
     """The placement rotated about the vertical and the principal axes through `centre` (model frame), in 12 steps."""
     own = np.linalg.eigh(np.cov((samples - centre).T))[1].T @ placed.pose[:3, :3].T
     middle = placed.apply(centre[None])[0]
-    turns = [
-        registration.rotation(axis * angle)
+    return [
+        Similarity(placed.scale, lie.turned(axis, middle, angle) @ placed.pose)
         for axis in (np.array([0.0, 0.0, 1.0]), *own)
         for angle in np.arange(1, 12) * np.pi / 6.0
     ]
-    poses = [transforms.rigid(turn, middle - turn @ middle) @ placed.pose for turn in turns]
-    return [Similarity(placed.scale, pose) for pose in poses]
 
 
 def _finished(model: ModelView, corners: np.ndarray, start: Similarity, seen: Seen, options: IcpOptions) -> Similarity:
     """The candidate registered with more points, and placed flat if nearly so on a face of its hull's `corners`."""
     points = seen_points(seen, 3 * _POINTS)
-    how = Search(registration.FREE, start.scale, options.start_scale_sigma, options.iterations)
+    how = Search(lie.FREE, start.scale, options.start_scale_sigma, options.iterations)
     free = registration.icp(start, model.visible, points, how)
     ends = [start, free, *_squared(model, corners, free, points, options)]
     return min(ends, key=lambda candidate: model.score(candidate).cost)
@@ -187,9 +185,9 @@ def _squared(
     place = placed.apply(middle[None])[0] - placed.scale * upright @ middle
     square = Similarity(placed.scale, transforms.rigid(upright, place))
     lowest = float(square.apply(vertices)[:, 2].min())
-    freedom = registration.UPRIGHT
+    freedom = lie.UPRIGHT
     if abs(lowest) <= options.rest_m:
-        freedom = registration.RESTING
+        freedom = lie.resting()
         square = Similarity(placed.scale, transforms.rigid(upright, place - [0.0, 0.0, lowest]))
     search = Search(freedom, placed.scale, options.start_scale_sigma, options.iterations)
     return [registration.icp(square, model.visible, points, search)]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dextera_build.geometry import transforms
-from dextera_build.geometry.registration import rotation
+from dextera_build.geometry.lie import rotation
 
 TURNS_DEG = (20.0, 40.0)
 """Horizontal angles about the centre of the visible scene, to each side [deg]."""

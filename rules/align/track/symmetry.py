@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import metrics, registration, transforms
+from dextera_build.geometry import lie, metrics, transforms
 
 SAMPLES = 1500
 ROUND = 36
 """Number of rotations that represent continuous symmetry."""
+_UP = np.array([0.0, 0.0, 1.0])
 _SAME = 0.015
 """Maximum distance between a rotated surface and itself, relative to its size, for a symmetry."""
 
@@ -26,16 +27,11 @@ def turns(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
 
     def stays(angle: float) -> bool:
-        off = metrics.nearest(transforms.apply(_turn(angle, middle), points), dense)
+        off = metrics.nearest(transforms.apply(lie.turned(_UP, middle, angle), points), dense)
         return float(np.quantile(off, 0.99)) < _SAME * size
 
     if all(stays(angle) for angle in (0.37, 0.9, 1.7)):
         count = ROUND
     else:
         count = 4 if stays(np.pi / 2) else 2 if stays(np.pi) else 1
-    return np.stack([_turn(2 * np.pi * number / count, middle) for number in range(count)])
-
-
-def _turn(angle: float, middle: np.ndarray) -> np.ndarray:
-    turn = registration.rotation(np.array([0.0, 0.0, angle]))
-    return transforms.rigid(turn, middle - turn @ middle)
+    return np.stack([lie.turned(_UP, middle, 2 * np.pi * number / count) for number in range(count)])

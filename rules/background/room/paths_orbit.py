@@ -11,7 +11,7 @@ from dextera_build.artifacts.panorama import Panorama
 from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.trajectory import Trajectory
 from dextera_build.geometry import metrics, poses, transforms
-from dextera_build.geometry.registration import rotation
+from dextera_build.geometry.lie import rotation
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(

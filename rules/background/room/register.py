@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
-from dextera_build.geometry.registration import rotation
+from dextera_build.geometry.lie import rotation
 
 from .sphere import warped
 

@@ -11,7 +11,7 @@ import numpy as np
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.stream import Joints
 from dextera_build.errors import listing
-from dextera_build.geometry import poses, registration, transforms
+from dextera_build.geometry import lie, poses, transforms
 from dextera_build.rule import Context
 
 from . import fields
@@ -149,7 +149,7 @@ def _pose(ctx: Context, pose: object, key: str) -> np.ndarray:
         fields.wrong(ctx, f"{key}.rotvec_rad", pose.get("rotvec_rad"), "three numbers of radians")
     if math.hypot(*vector) > TURN:
         fields.wrong(ctx, f"{key}.rotvec_rad", vector, "radians, at most 6.28: divide degrees by 57.2958")
-    return poses.from_matrix(transforms.rigid(registration.rotation(np.array(vector)), np.array(place)))
+    return poses.from_matrix(transforms.rigid(lie.rotation(np.array(vector)), np.array(place)))
 
 
 def _joints(ctx: Context, joints: object, key: str) -> dict[str, float]:

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dextera_build.geometry import lie
+
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
@@ -33,7 +35,7 @@ def cut(solid: Manifold, sectors: int, excess_m3: float) -> list[Manifold]:
     for number in range(sectors):
         first, last, centre = (2.0 * np.pi * (number + k) / sectors for k in (0.0, 1.0, 0.5))
         wedge = _keep(_keep(solid, first, middle, 1.0), last, middle, -1.0)
-        frame = np.array([[np.cos(centre), np.sin(centre), 0], [-np.sin(centre), np.cos(centre), 0], [0, 0, 1.0]])
+        frame = lie.about_z(-centre)
         for part in wedge.decompose():
             pieces += _cut(part, frame, excess_m3, depth=5)
     hulls = [piece.hull() for piece in pieces]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dextera_build.artifacts.geometry import Mesh
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie
 
 from .. import manifolds
 
@@ -40,12 +40,12 @@ class Hinge:
     @property
     def bisector(self) -> np.ndarray:
         """Normal of the plane through the axis that separates the slabs, (3,); points to the upper one."""
-        rotation = turned(self.axis, np.zeros(3), (self.angle + np.pi) / 2.0)[:3, :3]
+        rotation = lie.turned(self.axis, np.zeros(3), (self.angle + np.pi) / 2.0)[:3, :3]
         return np.asarray(rotation @ self.along)
 
     def turn(self, angle: float) -> np.ndarray:
         """(4, 4) rotation about the hinge by `angle` [rad]."""
-        return turned(self.axis, self.origin, angle)
+        return lie.turned(self.axis, self.origin, angle)
 
     def lifted(self, height: float) -> Hinge:
         """The hinge that raises the closed upper slab by `height` [m] and leaves the open one in place."""
@@ -53,12 +53,6 @@ class Hinge:
         # Nothing moves along the axis; pinning that direction keeps the system regular.
         system = np.eye(3) - rotation + np.outer(self.axis, self.axis)
         return replace(self, origin=self.origin + np.linalg.solve(system, height * self.up))
-
-
-def turned(axis: np.ndarray, origin: np.ndarray, angle: float) -> np.ndarray:
-    """(4, 4) rotation by `angle` [rad] about the line through `origin` along unit `axis`."""
-    rotation = registration.rotation(axis * angle)
-    return transforms.rigid(rotation, origin - rotation @ origin)
 
 
 def find(mesh: Mesh, least_angle: float = 0.15) -> Hinge | None:

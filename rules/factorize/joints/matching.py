@@ -8,14 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import least_squares, lie, transforms
 
 from .clouds import Cloud, Eye, Sight
 
-PLANAR = np.eye(6)[:, [2, 3, 4]]
-"""Planar motions on the support: rotation about z, translation along x and y."""
-FREE = np.eye(6)
-"""All rigid motions: rotation vector, translation."""
 ALIKE = 0.8
 """Smallest cosine between two normals of the same surface."""
 HELD = 1.0
@@ -96,18 +92,21 @@ def laid(start: np.ndarray, source: Sight, target: Target, gates: Iterable[float
         gates: Largest distance of a pair in each step [m].
         freedom: (6, K) basis of the allowed motions.
     """
-    now = start
-    for gate in gates:
+
+    def step(now: np.ndarray, gate: float) -> tuple[np.ndarray, np.ndarray] | None:
         moved = source.moved(now)
         on, at = target.surfaces(moved.inner, gate), target.borders(moved.border, gate)
         if len(on.own) < 8:
-            return now
-        now = _step(moved, on, at, gate, freedom) @ now
-    return now
+            return None
+        change, pivot = _step(moved, on, at, gate, freedom)
+        return change, lie.motion(change, pivot) @ now
+
+    *_, found = least_squares.gauss_newton(start, step, gates)
+    return found
 
 
-def _step(moved: Sight, on: Pairs, at: Pairs, gate: float, freedom: np.ndarray) -> np.ndarray:
-    """One Gauss-Newton step as a (4, 4) motion, with Tukey weights."""
+def _step(moved: Sight, on: Pairs, at: Pairs, gate: float, freedom: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One Gauss-Newton step (6,) with Tukey weights, and the point (3,) that it is about."""
     points = np.concatenate([moved.inner.points[on.own], moved.border.points[at.own]])
     partner, normal = np.concatenate([on.partner, at.partner]), np.concatenate([on.normal, at.normal])
     each = np.concatenate(
@@ -115,14 +114,12 @@ def _step(moved: Sight, on: Pairs, at: Pairs, gate: float, freedom: np.ndarray) 
     )
     pivot = points.mean(axis=0)
     offset = ((partner - points) * normal).sum(axis=1)
-    weight = each * (1.0 - (offset**2 / gate**2).clip(0, 1)) ** 2
-    rows = np.concatenate([np.cross(points - pivot, normal), normal], axis=1) @ freedom
-    system = (rows * weight[:, None]).T @ rows
+    weight = each * least_squares.tukey(offset, gate)
+    found = least_squares.normal(lie.point_to_plane_rows(points - pivot, normal)[:, :6], offset, weight)
     # Unobservable directions are left unchanged.
-    system += 1e-6 * weight.sum() * np.diag(np.diag(freedom.T @ np.diag([1e-2] * 3 + [1.0] * 3) @ freedom))
-    step = freedom @ np.linalg.solve(system, rows.T @ (weight * offset))
-    turn = registration.rotation(step[:3])
-    return transforms.rigid(turn, pivot + step[3:] - turn @ pivot)
+    loose = 1e-6 * weight.sum() * np.array([1.0] * 3 + [1e-2] * 3)
+    found += least_squares.Normal(np.diag(loose), np.zeros(6))
+    return np.asarray(freedom @ found.within(freedom).solved()), pivot
 
 
 def narrow(sigma: float) -> list[float]:
@@ -164,7 +161,7 @@ def best(
     order = _different(np.argsort(scores, kind="stable"), found, source, keep)
     medium = source.thinned(1500, 500)
     gates = narrow(source.sigma)
-    fine = [laid(laid(found[k], medium, target, gates, freedom), medium, target, gates, FREE) for k in order]
+    fine = [laid(laid(found[k], medium, target, gates, freedom), medium, target, gates, lie.RIGID) for k in order]
     # The source should also cover the target; a part that slid along itself does not.
     back, other = Target(medium), target.sight.thinned(1500, 500)
     share = len(medium.inner) / max(1, len(other.inner))

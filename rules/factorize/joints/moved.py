@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 
 from . import portions
 from .clouds import Cloud, Sight
-from .matching import FREE, Target, Worth, best, clear
+from .matching import Target, Worth, best, clear
 from .plausible import Plausible
 from .screw import LEAST_TURN, Screw
 from .standing import SOME
@@ -117,7 +117,7 @@ def _laid(
     plausible = Plausible(piece, around)
     clear = sights.clear(source.inner.thinned(SOME).points, target.sight.inner.thinned(SOME).points)
     starts = _starts(piece, target.sight.inner, around)
-    motion = best(starts, source, target, FREE, 12, lambda each: plausible(each) * clear(each))
+    motion = best(starts, source, target, lie.RIGID, 12, lambda each: plausible(each) * clear(each))
     moved = source.inner.moved(motion)
     explained = target.explained(moved, 3.0 * source.sigma)
     shown = np.ones(len(moved), bool) if second.eye is None else ~second.eye.hides(moved.points)
@@ -144,7 +144,7 @@ def _starts(source: Cloud, target: Cloud, around: Cloud) -> list[np.ndarray]:
         heading = float(np.arctan2(*np.linalg.svd(flat, full_matrices=False)[2][0][::-1]))
     along = np.array([np.cos(heading), np.sin(heading), 0.0])
     axes = np.stack([np.array([0.0, 0.0, 1.0]), along, np.array([-along[1], along[0], 0.0])])
-    turns = [registration.rotation(axis * s * np.radians(a)) for axis in axes for a in TURNS_DEG for s in (1, -1)]
+    turns = [lie.rotation(axis * s * np.radians(a)) for axis in axes for a in TURNS_DEG for s in (1, -1)]
     between = [
         transforms.rigid(turn, there - turn @ here)
         for here in _middles(source)

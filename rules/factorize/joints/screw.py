@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 
 from .clouds import Sight
 from .matching import BORDERS, Pairs, Target, narrow
@@ -40,13 +40,7 @@ class Screw:
     def motion(self, amount: float | None = None) -> np.ndarray:
         """The (4, 4) motion by `amount`."""
         amount = self.amount if amount is None else amount
-        return turned(self.axis, self.origin, amount) if self.type == "revolute" else slid(self.axis, amount)
-
-
-def turned(axis: np.ndarray, origin: np.ndarray, angle: float) -> np.ndarray:
-    """(4, 4) rotation by `angle` [rad] about the line through `origin` along unit `axis`."""
-    rotation = registration.rotation(axis * angle)
-    return transforms.rigid(rotation, origin - rotation @ origin)
+        return lie.turned(self.axis, self.origin, amount) if self.type == "revolute" else slid(self.axis, amount)
 
 
 def slid(axis: np.ndarray, distance: float) -> np.ndarray:
@@ -77,7 +71,7 @@ def fit(part: Sight, target: Target, start: np.ndarray, up: np.ndarray) -> Screw
     upright = _upright(turn, up)
     if upright is None:
         return turn
-    again = _revolute(part, target, turned(upright, turn.origin, turn.amount), upright)
+    again = _revolute(part, target, lie.turned(upright, turn.origin, turn.amount), upright)
     return turn if again is None or again.residual > 1.1 * turn.residual + 1e-4 else again
 
 
@@ -108,7 +102,7 @@ def _revolute(part: Sight, target: Target, start: np.ndarray, fixed: np.ndarray 
         return direction / np.linalg.norm(direction), origin + p[2] * one + p[3] * two
 
     def motion(p: np.ndarray) -> np.ndarray:
-        return turned(*line(p), p[4])
+        return lie.turned(*line(p), p[4])
 
     solved = _solve(part, target, motion, np.array([0.0, 0.0, 0.0, 0.0, angle]))
     if solved is None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 
 from .clouds import Sight
-from .matching import PLANAR, Target, best, clear
+from .matching import Target, best, clear
 
 CARRIED = 0.15
 """Motion of the whole object between two sights, as a fraction of its size, at which it is half as plausible."""
@@ -24,7 +24,7 @@ def beside(source: Sight) -> list[np.ndarray]:
     middle = source.inner.points.mean(axis=0)
     found = []
     for angle in np.radians([0.0, 5.0, -5.0]):
-        turn = registration.rotation(np.array([0.0, 0.0, angle]))
+        turn = lie.rotation(np.array([0.0, 0.0, angle]))
         shifts = (
             np.array([x, y, 0.0]) for x in (0.0, 0.015, -0.015, 0.03, -0.03) for y in (0.0, 0.015, -0.015, 0.03, -0.03)
         )
@@ -42,7 +42,7 @@ def standing(source: Sight, target: Target) -> np.ndarray:
     shifts = [np.zeros(3), (other - middle) * [1.0, 1.0, 0.0]]
     starts = []
     for angle in np.radians([0, 8, -8, 18, -18, 30, -30, 60, -60, 90, -90, 120, -120, 150, -150, 180]):
-        turn = registration.rotation(np.array([0.0, 0.0, angle]))
+        turn = lie.rotation(np.array([0.0, 0.0, angle]))
         starts += [transforms.rigid(turn, middle - turn @ middle + shift) for shift in shifts]
     points = source.inner.thinned(200).points
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
@@ -51,7 +51,7 @@ def standing(source: Sight, target: Target) -> np.ndarray:
         way = float(np.linalg.norm(transforms.apply(motion, points) - points, axis=1).mean())
         return level(motion, points) / (1.0 + (way / (CARRIED * size)) ** 2)
 
-    return best(starts, source, target, PLANAR, worth=near, close=tuple(beside(source)))
+    return best(starts, source, target, lie.PLANAR, worth=near, close=tuple(beside(source)))
 
 
 def settled(part: Sight, target: Target, start: np.ndarray) -> np.ndarray:
@@ -61,7 +61,7 @@ def settled(part: Sight, target: Target, start: np.ndarray) -> np.ndarray:
         [start],
         part,
         target,
-        PLANAR,
+        lie.PLANAR,
         close=tuple(start @ motion for motion in beside(part)),
         worth=lambda motion: level(motion, points) * clear(eye, motion, points),
     )

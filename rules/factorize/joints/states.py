@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dextera_build.geometry import transforms
+from dextera_build.geometry import lie, transforms
 
 from . import portions
 from .clouds import Sight
-from .matching import FREE, Target, laid, narrow
+from .matching import Target, laid, narrow
 from .moved import Open, doubt, moved
 from .screw import Screw, fit
 from .standing import settled, standing
@@ -99,7 +99,7 @@ def _again(
     gates = narrow(first.sigma)
     own = [portions.part(here, labels, number) for number in range(len(motions))]
     again = [
-        laid(motion, part, target, gates, FREE) if len(part.inner) > portions.LEAST_POINTS else motion
+        laid(motion, part, target, gates, lie.RIGID) if len(part.inner) > portions.LEAST_POINTS else motion
         for motion, part in zip(motions, own, strict=True)
     ]
     if len(own[0].inner) > portions.LEAST_POINTS:

@@ -15,6 +15,8 @@ CONCAVE_RAD = 0.17
 BEND_REACH = 12
 """Distance over which the bend of a surface is measured [px]."""
 
+RELIEF_M = 0.002
+"""Distance of points of a flat surface from its plane that is no noise [m]."""
 STEP_M = 0.1
 """Larger depth steps across a border carry no further information [m]."""
 
@@ -110,8 +112,8 @@ def describe(s: Surfaces, pixels: np.ndarray, bend: float) -> Group:
 
 
 def noise(s: Surfaces, pixels: np.ndarray) -> float:
-    """Noise bound of a flat surface's distance from its plane at these pixels [m]; more than one sigma."""
-    return 0.003 + 0.0015 * float(np.square(1.0 / s.inverse.ravel()[pixels]).mean())
+    """Bound of a flat surface's distance from its plane at these pixels [m]: noise, and a little relief."""
+    return RELIEF_M + float(planes.depth_sigma(1.0 / s.inverse.ravel()[pixels]).mean())
 
 
 def one_plane(s: Surfaces, p: Group, q: Group) -> bool:

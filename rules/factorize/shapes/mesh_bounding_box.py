@@ -9,7 +9,7 @@ import numpy as np
 
 from dextera_build.artifacts.object import Shape
 from dextera_build.artifacts.view import ObjectView, Seen
-from dextera_build.geometry import solids, transforms
+from dextera_build.geometry import lie, solids, transforms
 from dextera_build.geometry.solids import Solid
 from dextera_build.rule import Backend, Context, Options
 
@@ -40,8 +40,7 @@ def complete(
 def _box(evidence: Evidence) -> Solid:
     points = evidence.points
     _, _, angle = cv2.minAreaRect(points[:, :2].astype(np.float32))
-    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    turn = lie.about_z(np.radians(angle))
     low, high = np.quantile(points @ turn, [0.01, 0.99], axis=0)
     low[2] = min(0.0, high[2] - THINNEST_M)
     size = np.maximum(high - low, THINNEST_M)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dextera_build.geometry import raycast
+from dextera_build.geometry import least_squares, raycast
+from dextera_build.geometry.least_squares import Local, Schedule
 from dextera_build.geometry.solids import Solid
 
 from .evidence import REACH_PX, STEP_PX, Evidence
@@ -66,39 +67,46 @@ def fit(model: Model, evidence: Evidence, iterations: int, tries: int = 2) -> Fi
 
 def descend(model: Model, evidence: Evidence, start: np.ndarray, iterations: int) -> Fit:
     """Levenberg-Marquardt with finite differences from one start."""
-    here = start.copy()
-    loss, residual, weight = _loss(model, evidence, here)
-    damping = 1e-2
-    for _ in range(iterations):
-        slope = _slopes(model, evidence, here, residual)
-        normal = (slope * weight[:, None]).T @ slope
-        gradient = slope.T @ (weight * residual)
-        curvature = np.diag(normal)
-        improved = False
-        for _ in range(4):
-            damped = normal + damping * np.diag(curvature + 1e-6 * curvature.max(initial=1e-12))
-            move = -np.linalg.solve(damped + 1e-12 * np.eye(len(here)), gradient) * model.steps
-            there = np.clip(here + np.clip(move, -12 * model.steps, 12 * model.steps), model.lower, model.upper)
-            found = _loss(model, evidence, there)
-            if found[0] < loss:
-                improved = True
-                break
-            damping *= 6.0
-        if not improved:
-            break
-        gain = loss - found[0]
-        here, (loss, residual, weight) = there, found
-        damping = max(damping / 4.0, 1e-5)
-        if gain < 1e-4 * loss:
-            break
-    return Fit(here, loss)
+    objective = _Objective(model, evidence)
+    begin = start.copy()
+    schedule = Schedule(4 * iterations, taken=iterations, in_turn=4, gain=1e-4, least=1e-5)
+    found, (loss, _, _) = least_squares.levenberg_marquardt(begin, objective.at(begin), objective, schedule)
+    return Fit(found, loss)
+
+
+Seen = tuple[float, np.ndarray, np.ndarray]
+"""Loss, residuals and their weights at some parameters."""
+
+
+@dataclass(frozen=True)
+class _Objective:
+    """The loss, for steps in units of `Model.steps`."""
+
+    model: Model
+    evidence: Evidence
+
+    def at(self, parameters: np.ndarray) -> Seen:
+        return _loss(self.model, self.evidence, parameters)
+
+    def value(self, seen: Seen, before: Seen) -> float:
+        return seen[0]
+
+    def local(self, parameters: np.ndarray, seen: Seen) -> Local:
+        _, residual, weight = seen
+        found = least_squares.normal(_slopes(self.model, self.evidence, parameters, residual), -residual, weight)
+        bends = np.diag(found.matrix)
+        return Local(found, bends + 1e-6 * bends.max(initial=1e-12), floor=1e-12)
+
+    def moved(self, parameters: np.ndarray, step: np.ndarray) -> np.ndarray:
+        move, most = step * self.model.steps, 12 * self.model.steps
+        return np.asarray(np.clip(parameters + np.clip(move, -most, most), self.model.lower, self.model.upper))
 
 
 def curvature(model: Model, evidence: Evidence, found: np.ndarray) -> tuple[np.ndarray, float]:
     """Half the second derivative (P, P) of the loss per squared step of the parameters, and the loss at `found`."""
     loss, residual, weight = _loss(model, evidence, found)
     slope = _slopes(model, evidence, found, residual)
-    return (slope * weight[:, None]).T @ slope, loss
+    return least_squares.normal(slope, residual, weight).matrix, loss
 
 
 def undetermined(model: Model, evidence: Evidence, found: np.ndarray, sizes: tuple[int, ...]) -> list[int]:
@@ -129,7 +137,7 @@ def _slopes(model: Model, evidence: Evidence, here: np.ndarray, residual: np.nda
     return slope
 
 
-def _loss(model: Model, evidence: Evidence, parameters: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+def _loss(model: Model, evidence: Evidence, parameters: np.ndarray) -> Seen:
     residual = residuals(model, evidence, parameters)
     rows = 0 if model.smooth is None else len(model.smooth)
     seen = len(evidence.rays) + len(evidence.silhouette.rays) + rows

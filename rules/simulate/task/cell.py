@@ -12,7 +12,7 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Scene
 from dextera_build.artifacts.world import World
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.rule import Context, Fraction, Options, rule
 from dextera_build.sim.model import names
 
@@ -140,7 +140,4 @@ def _disturbed(mount: Pose, options: CellOptions) -> Pose:
         spread = np.diag(np.square(sigmas))
     random = np.random.default_rng([options.seed, 4])
     error = random.multivariate_normal(np.zeros(6), spread, method="eigh")
-    turn = registration.rotation(error[3:]) @ back.matrix[:3, :3]
-    return back.model_copy(
-        update={"matrix": transforms.rigid(turn, back.matrix[:3, 3] + error[:3]), "covariance": None}
-    )
+    return back.model_copy(update={"matrix": lie.retract(back.matrix, error), "covariance": None})

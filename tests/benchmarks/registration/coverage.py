@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.noise import DepthNoise
 from dextera_build.artifacts.object import Body, Link
-from dextera_build.geometry import kinematics, raycast, registration, solids, transforms
+from dextera_build.geometry import kinematics, lie, raycast, registration, solids, transforms
 from dextera_build.geometry.registration import Search, Similarity
 from dextera_build.sim.render import sensor
 from dextera_build.statistics import wilson
@@ -58,14 +58,14 @@ def draw(number: int, seed: int) -> tuple[str, float, float]:
     body = Body(links={"base": Link(mesh=mesh)})
     vertices, faces = kinematics.posed_surface(body)
     model = ModelView(vertices, faces, seen)
-    off = transforms.rigid(registration.rotation(random.normal(0.0, 0.02, 3)), random.normal(0.0, 0.003, 3))
+    off = transforms.rigid(lie.rotation(random.normal(0.0, 0.02, 3)), random.normal(0.0, 0.003, 3))
     start = Similarity(float(np.exp(random.normal(0.0, 0.03))), pose @ off)
     options = IcpOptions()
-    search = Search(registration.FREE, start.scale, options.start_scale_sigma, options.iterations)
+    search = Search(lie.FREE, start.scale, options.start_scale_sigma, options.iterations)
     near = registration.icp(start, model.coarser(seen, 3000).visible, seen_points(seen, 800), search)
-    found = polish.polished(model, near, options.start_scale_sigma, spread.FREE)
+    found = polish.polished(model, near, options.start_scale_sigma, lie.FREE)
     size = found.scale * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    stated = spread.covariance(model, found, size, options.start_scale_sigma, spread.FREE)
+    stated = spread.covariance(model, found, size, options.start_scale_sigma, lie.FREE)
     turn = Rotation.from_matrix(found.pose[:3, :3] @ pose[:3, :3].T).as_rotvec()
     error = np.concatenate([found.pose[:3, 3] - pose[:3, 3], turn])
     surprise = float(error @ np.linalg.solve(stated[:6, :6], error))

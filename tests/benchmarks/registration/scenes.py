@@ -18,7 +18,7 @@ from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import Body, Link
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
-from dextera_build.geometry import raycast, registration, transforms
+from dextera_build.geometry import lie, raycast, registration, transforms
 from dextera_build.testing import RuleRunner
 from tests import factories
 from tests.benchmarks import catalogue
@@ -136,7 +136,7 @@ def _standing(corners: np.ndarray, random: np.random.Generator) -> np.ndarray:
         good = [k for k in range(len(hull.simplices)) if _stable(corners[hull.simplices[k]], hull.equations[k], middle)]
         if good:
             turn = transforms.rotation_between(hull.equations[int(random.choice(good)), :3], np.array([0.0, 0.0, -1.0]))
-    turn = registration.rotation(np.array([0.0, 0.0, random.uniform(0.0, 2.0 * np.pi)])) @ turn
+    turn = lie.rotation(np.array([0.0, 0.0, random.uniform(0.0, 2.0 * np.pi)])) @ turn
     placed = corners @ turn.T
     low, high = placed.min(axis=0), placed.max(axis=0)
     at = np.array([*random.normal(0.0, 0.03, 2), 0.0]) - np.array([*((low + high) / 2.0)[:2], low[2]])
@@ -159,7 +159,7 @@ def _neighbour(
     gap = np.abs(mine).max() + np.linalg.norm(theirs, axis=1).max() * 0.9
     angle = -np.pi / 2.0 + random.uniform(-0.9, 0.9)
     at = transforms.rigid(
-        registration.rotation(np.array([0.0, 0.0, random.uniform(0.0, 6.28)])),
+        lie.rotation(np.array([0.0, 0.0, random.uniform(0.0, 6.28)])),
         np.array([gap * np.cos(angle), gap * np.sin(angle), 0.0]),
     )
     return [_surface(mesh, at) for mesh in parts]

@@ -23,9 +23,8 @@ import numpy as np
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.rgbd_video import RgbdFrame
-from dextera_build.geometry import convex, metrics, transforms
+from dextera_build.geometry import convex, lie, metrics, transforms
 from dextera_build.statistics import wilson
-from dextera_build.tracking import motions
 from dextera_build.tracking.model import Model
 from dextera_build.tracking.tracker import Tracker
 from tests.benchmarks.tracking import sequences, things
@@ -140,7 +139,7 @@ def drawn(meshes: Mapping[str, Mesh], seed: int, number: int, mesh_m: float, kee
     tracker = Tracker(models, LENS.matrix())
     start = {name: transforms.invert(made.camera(0.0)) @ actor.path(0.0) for name, actor in actors.items()}
     off = np.array([0.002, 0.002, 0.002, 0.01, 0.01, 0.01])
-    tracker.start({name: motions.moved(pose, random.normal(0, off)) for name, pose in start.items()})
+    tracker.start({name: lie.retract(pose, random.normal(0, off)) for name, pose in start.items()})
     for frame in shown:
         found = tracker.step(frame.rgb, frame.depth, frame.stamp)
     time = shown[-1].stamp
@@ -151,7 +150,7 @@ def drawn(meshes: Mapping[str, Mesh], seed: int, number: int, mesh_m: float, kee
         truth = transforms.invert(made.camera(time)) @ actor.path(time)
         stands = "standing" if np.array_equal(actor.path(0.0), actor.path(time)) else "moving"
         still = ", camera stands" if np.array_equal(made.camera(0.0), made.camera(time)) else ", camera moves"
-        yield Draw(name, stands + still, each.visible, motions.between(truth, each.pose), each.covariance)
+        yield Draw(name, stands + still, each.visible, lie.between(truth, each.pose), each.covariance)
 
 
 def _shown(made: Sequence, seed: tuple[int, int], keep: Path | None) -> Iterator[RgbdFrame]:

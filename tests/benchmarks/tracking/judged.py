@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.artifacts.rgbd_video import RgbdFrame
-from dextera_build.geometry import metrics, transforms
+from dextera_build.geometry import lie, metrics, transforms
 from dextera_build.tracking.model import Model, State
 from dextera_build.tracking.tracked_object import Tracked
 from dextera_build.tracking.tracker import Tracker
@@ -79,11 +79,10 @@ def judge(sequence: Sequence, frames: Iterable[tuple[RgbdFrame, np.ndarray]], ic
 def _row(
     sequence: str, name: str, stamp: float, found: Tracked, truth: State, numbers: tuple[float, float, float, float]
 ) -> Row:
-    from dextera_build.tracking import motions
 
     seen, add, adds, theirs = numbers
     there = found.pose is not None and found.covariance is not None
-    deviation = motions.between(truth.pose, found.pose) if found.pose is not None else np.full(6, np.nan)
+    deviation = lie.between(truth.pose, found.pose) if found.pose is not None else np.full(6, np.nan)
     joint = float(np.abs(found.joints - truth.joints).max()) if len(truth.joints) else np.nan
     sigma = found.covariance if there and found.covariance is not None else np.full((6, 6), np.nan)
     return Row(sequence, name, stamp, found.status, seen, add, adds, deviation, sigma, theirs, joint)

@@ -11,7 +11,7 @@ from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Joint
 from dextera_build.artifacts.world import Thing
-from dextera_build.geometry import registration, solids, transforms
+from dextera_build.geometry import lie, solids, transforms
 from dextera_build.testing import RuleRunner
 from tests.benchmarks import catalogue
 
@@ -95,4 +95,4 @@ def hand() -> Mesh:
 def turned(axis: tuple[float, float, float], degrees: float) -> np.ndarray:
     """(4, 4) rotation about an axis through the origin."""
     way = np.array(axis, np.float64)
-    return transforms.rigid(registration.rotation(way / np.linalg.norm(way) * np.radians(degrees)), np.zeros(3))
+    return transforms.rigid(lie.rotation(way / np.linalg.norm(way) * np.radians(degrees)), np.zeros(3))

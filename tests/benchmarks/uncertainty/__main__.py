@@ -25,7 +25,7 @@ from dextera_build.api import Project, Result
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.object import Body, Link
 from dextera_build.artifacts.pose import Pose
-from dextera_build.geometry import kinematics, metrics, registration, transforms
+from dextera_build.geometry import kinematics, lie, metrics, transforms
 from dextera_build.statistics import Z90
 from dextera_build.testing import RuleRunner
 
@@ -73,7 +73,7 @@ def error(found: Surface, true: Surface, origin: np.ndarray) -> np.ndarray:
 
     def apart(steps: np.ndarray) -> np.ndarray:
         change = steps * UNITS
-        turn, scale = registration.rotation(np.array([0.0, 0.0, change[3]])), np.exp(change[4])
+        turn, scale = lie.rotation(np.array([0.0, 0.0, change[3]])), np.exp(change[4])
         there = scale * (found.points - origin) @ turn.T + origin + change[:3]
         back = (true.points - origin - change[:3]) @ turn / scale + origin
         return np.concatenate([true.distances(there), found.distances(back)]) * 1000.0
@@ -130,7 +130,7 @@ def _placed(runner: RuleRunner, seen: Any, world: np.ndarray, mesh: Mesh, seed: 
     local[:, 2] -= local[:, 2].min()
     yaw = np.arctan2(world[1, 0], world[0, 0]) + random.normal(0.0, OFF_RAD)
     place = np.array([*(middle[:2] + random.normal(0.0, OFF_M, 2)), 0.0])
-    start = transforms.rigid(registration.rotation(np.array([0.0, 0.0, yaw])), place)
+    start = transforms.rigid(lie.rotation(np.array([0.0, 0.0, yaw])), place)
     body = Body(
         links={"base": Link(mesh=Mesh(vertices=local.astype(np.float32), faces=mesh.faces))},
         pose=Pose(parent="world", child="object", matrix=start),

@@ -11,7 +11,7 @@ from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.geometry import cameras, raycast, transforms
-from dextera_build.geometry.registration import rotation
+from dextera_build.geometry.lie import rotation
 
 CAMERA = Camera(width=320, height=240, fx=280.0, fy=280.0, cx=159.5, cy=119.5)
 SIDE = 512

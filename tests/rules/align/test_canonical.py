@@ -9,7 +9,7 @@ from dextera_build.artifacts import similar
 from dextera_build.artifacts.canonical import CanonicalFrame
 from dextera_build.artifacts.object import Placement
 from dextera_build.errors import RuleError
-from dextera_build.geometry import kinematics, registration, solids, transforms
+from dextera_build.geometry import kinematics, lie, registration, solids, transforms
 from dextera_build.testing import RuleRunner
 from tests import factories, object_views
 
@@ -59,12 +59,12 @@ def test_a_plain_box_is_not_guessed(runner):
 
 
 def test_the_photograph_tells_how_a_box_stands_unless_it_stands_on_an_edge(runner):
-    lying = transforms.rigid(registration.rotation(np.array([np.pi / 2, 0.0, 0.0])), np.zeros(3))
+    lying = transforms.rigid(lie.rotation(np.array([np.pi / 2, 0.0, 0.0])), np.zeros(3))
     placement = Placement(pose=factories.placed(lying), scale=1.0, method="test")
     frame = canonical(runner, BOX, placement=placement)
     assert frame.pose.matrix[:3, :3] @ np.array([0.0, 1.0, 0.0]) == pytest.approx(Z, abs=1e-9)
     assert frame.undecided == ("front",)
-    tipped = transforms.rigid(registration.rotation(np.array([np.pi / 4, 0.0, 0.0])), np.zeros(3))
+    tipped = transforms.rigid(lie.rotation(np.array([np.pi / 4, 0.0, 0.0])), np.zeros(3))
     placement = Placement(pose=factories.placed(tipped), scale=1.0, method="test")
     assert "up" in canonical(runner, BOX, placement=placement).undecided
 

@@ -8,14 +8,14 @@ import pytest
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Placement
-from dextera_build.geometry import raycast, registration, solids, transforms
+from dextera_build.geometry import lie, raycast, solids, transforms
 from dextera_build.testing import RuleRunner
 from tests import factories, object_views
 
 TRUTH = factories.pose(0.02, 0.03, 0.0, 0.6)
 BOX = object_views.mesh(solids.box((0.12, 0.06, 0.08), (0.0, 0.0, 0.04)))
 BRACKET = object_views.mesh(object_views.bracket())
-TURN = registration.rotation(np.array([0.5, 1.1, -0.7]))
+TURN = lie.rotation(np.array([0.5, 1.1, -0.7]))
 
 
 @pytest.fixture

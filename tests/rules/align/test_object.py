@@ -7,7 +7,7 @@ import pytest
 
 from dextera_build.artifacts.object import Body, Placement
 from dextera_build.errors import RuleError
-from dextera_build.geometry import metrics, registration, solids, transforms
+from dextera_build.geometry import lie, metrics, solids, transforms
 from dextera_build.testing import RuleRunner
 from tests import factories, object_views
 
@@ -79,7 +79,7 @@ def test_a_poor_guess_that_nothing_beats_clearly_is_kept(runner):
     ("scale", "turn"), [(0.1, (0.0, 0.0, 0.0)), (10.0, (1.5708, 0.0, 0.0)), (3.0, (0.5, 1.1, -0.7))]
 )
 def test_unknown_scale_and_orientation_are_found(runner, scale, turn):
-    rotation = registration.rotation(np.array(turn))
+    rotation = lie.rotation(np.array(turn))
     moved = (BRACKET.vertices @ rotation.T * scale).astype(np.float32)
     canonical = BRACKET.model_copy(update={"vertices": moved})
     seen = object_views.view(BRACKET, TRUTH, noise_m=0.0015)

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rules.align.object.object.model_view import ModelView
+from scipy.spatial.transform import Rotation
 
 from dextera_build.artifacts.object import Placement
-from dextera_build.geometry import solids, transforms
+from dextera_build.geometry import lie, solids, transforms
+from dextera_build.geometry.registration import Similarity
 from dextera_build.testing import RuleRunner
+from rules.align.object.object import polish, spread
 from tests import factories, object_views, tabletops
 
 TRUTH = factories.pose(0.02, 0.03, 0.0, 0.6)
 BRACKET = object_views.mesh(object_views.bracket())
 BOX = object_views.mesh(solids.box((0.12, 0.06, 0.08), (0.0, 0.0, 0.04)))
 VIEWS = 12
+OFF = np.array([0.003, -0.002, 0.0015, 0.03, -0.02, 0.04, 0.03])
+"""Twist from a wrong placement to the true one: all components differ, so that no two can be confused."""
 
 
 @pytest.fixture
@@ -52,6 +58,52 @@ def test_the_stated_deviations_are_those_of_the_true_errors(runner):
     spread = np.sqrt(np.mean(np.square(ratios), axis=0))
     assert (spread < 1.6).all(), f"the errors are larger than stated: {spread}"
     assert (spread > 0.1).all(), f"the stated deviations mean nothing: {spread}"
+
+
+@pytest.fixture(scope="module")
+def model():
+    return ModelView(
+        BRACKET.vertices.astype(np.float64), BRACKET.faces, object_views.seen(object_views.view(BRACKET, TRUTH))
+    )
+
+
+def moved_by(step: np.ndarray) -> Similarity:
+    """The true placement without a twist: translation, rotation vector and log scale about its origin."""
+    turn = Rotation.from_rotvec(-step[3:6]).as_matrix() @ TRUTH[:3, :3]
+    return Similarity(float(np.exp(-step[6])), transforms.rigid(turn, TRUTH[:3, 3] - step[:3]))
+
+
+def left(placed: Similarity) -> np.ndarray:
+    """The twist (7,) from a placement to the true one."""
+    turn = Rotation.from_matrix(TRUTH[:3, :3] @ placed.pose[:3, :3].T).as_rotvec()
+    return np.concatenate([TRUTH[:3, 3] - placed.pose[:3, 3], turn, [-np.log(placed.scale)]])
+
+
+@pytest.mark.parametrize("component", range(7))
+def test_a_step_undoes_a_displacement_in_its_own_component(model, component):
+    """Translation, rotation vector, log scale: another order of the rows, of a basis or of the retraction fails."""
+    off = OFF * (np.arange(7) == component)
+    step, _ = spread.step(model, moved_by(off), 10.0, lie.FREE)
+    unit = np.abs(OFF)
+    assert step[component] / OFF[component] == pytest.approx(1.0, abs=0.5)
+    assert (np.abs(step - off) / unit < 0.5).all()
+
+
+def test_polishing_finds_the_way_back_from_all_seven_errors(model):
+    found = polish.polished(model, moved_by(OFF), 10.0, lie.FREE)
+    assert (np.abs(left(found)) < 0.25 * np.abs(OFF)).all()
+
+
+@pytest.mark.parametrize(
+    ("basis", "kept"), [(lie.UPRIGHT, (3, 4)), (lie.resting(0.0), (2, 3, 4))], ids=["upright", "resting"]
+)
+def test_an_upright_body_is_certain_of_its_tilt_and_of_nothing_else(model, basis, kept):
+    stated = np.sqrt(np.diag(spread.covariance(model, moved_by(np.zeros(7)), 0.2, 0.1, basis)))
+    assert np.flatnonzero(stated < 1e-9).tolist() == list(kept)
+    level, turn, size = stated[:2], stated[5], stated[6]
+    assert (level < 0.002).all()
+    assert 1e-4 < turn < 0.02
+    assert 1e-4 < size < 0.02
 
 
 def test_noise_fewer_points_and_a_hidden_half_widen_all(runner):

@@ -21,7 +21,7 @@ from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.artifacts.view import ObjectView
 from dextera_build.artifacts.world import World
 from dextera_build.errors import RuleError
-from dextera_build.geometry import raycast, registration, transforms
+from dextera_build.geometry import lie, raycast, transforms
 from dextera_build.testing import RuleRunner
 from rules.benchmark import errors
 from tests import factories
@@ -32,7 +32,7 @@ from tests.rules.reference.posed import worlds
 pytest.importorskip("open3d")
 LENS = Camera(width=320, height=240, fx=300.0, fy=300.0, cx=159.5, cy=119.5)
 EYE = factories.look_at((0.1, -0.6, 0.5))
-ELSEWHERE = transforms.rigid(registration.rotation(np.array([0.0, 0.0, 0.7])), np.array([0.3, -0.2, 0.0]))
+ELSEWHERE = transforms.rigid(lie.rotation(np.array([0.0, 0.0, 0.7])), np.array([0.3, -0.2, 0.0]))
 """T_twin_reference: a twin's world has an origin and a heading of its own."""
 
 
@@ -125,7 +125,7 @@ def test_a_half_turn_of_a_box_is_no_error_and_a_shift_is_its_length(tmp_path: Pa
 
 
 def test_a_quarter_turn_and_another_size_are_errors(tmp_path: Path) -> None:
-    quarter = registration.rotation(np.array([0.0, 0.0, np.pi / 2]))
+    quarter = lie.rotation(np.array([0.0, 0.0, np.pi / 2]))
     found = placements(tmp_path, transforms.rigid(quarter, np.zeros(3)), 1.05)
     assert found["object angle"][0] == pytest.approx(90.0, abs=0.1)
     assert found["object angle"][1] is None
@@ -177,7 +177,7 @@ def test_a_wrong_zero_moves_the_hand_and_not_the_camera(tmp_path: Path) -> None:
 
 
 def test_a_base_is_compared_by_height_and_lean(tmp_path: Path) -> None:
-    tilt = registration.rotation(np.array([np.radians(1.5), 0.0, 0.0]))
+    tilt = lie.rotation(np.array([np.radians(1.5), 0.0, 0.0]))
     base = Pose(parent="world", child="base", matrix=transforms.rigid(tilt, np.array([5.0, 7.0, 0.002])))
     found = cells(RuleRunner(tmp_path).run("benchmark.base_error", world=worlds.world(), base=base))
     assert found["base height"] == (pytest.approx(2.0), None)

@@ -13,7 +13,7 @@ import pytest
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.world import Thing, World
 from dextera_build.errors import RuleError
-from dextera_build.geometry import cameras, registration, transforms
+from dextera_build.geometry import cameras, lie, transforms
 from dextera_build.testing import RuleRunner
 from tests.rules.capture.cameras import CAMERA
 
@@ -110,7 +110,7 @@ def test_the_hinge_is_where_the_lid_turns(world: World) -> None:
     assert np.degrees(hinge.position) == pytest.approx(110.0)
     # Turned back by its position, the lid lies flat on the base, a millimetre above it.
     axis, origin = np.array(hinge.axis), np.array(hinge.origin)
-    turn = registration.rotation(-hinge.position * axis)
+    turn = lie.rotation(-hinge.position * axis)
     flat = (laptop.parts["lid"].mesh.vertices - origin) @ turn.T + origin
     assert flat[:, 2].min() == pytest.approx(0.017, abs=1e-4)
     assert flat[:, 2].max() == pytest.approx(0.024, abs=1e-4)

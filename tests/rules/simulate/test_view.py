@@ -14,7 +14,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.scene import Scene
 from dextera_build.errors import RuleError
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.testing import RuleRunner
 from tests import factories
 
@@ -94,7 +94,7 @@ def test_an_error_of_the_calibration_is_one_of_the_camera(one_runner: RuleRunner
     places = []
     for error in random.multivariate_normal(np.zeros(6), covariance, 4000):
         drawn = transforms.rigid(
-            registration.rotation(error[3:]) @ camera_from_base[:3, :3], camera_from_base[:3, 3] + error[:3]
+            lie.rotation(error[3:]) @ camera_from_base[:3, :3], camera_from_base[:3, 3] + error[:3]
         )
         places.append((world_from_base @ transforms.invert(drawn))[:3, 3])
     sampled = np.cov(np.array(places).T)

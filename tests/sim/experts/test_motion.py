@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dextera_build.geometry import transforms
-from dextera_build.geometry.registration import rotation, rotation_vector
+from dextera_build.geometry import lie, transforms
 from dextera_build.sim.experts.motion import Leg, between, minimum_jerk, sample
 from tests import factories
 
@@ -17,14 +16,14 @@ ANGLE = st.floats(-3.1, 3.1)
 
 @given(ANGLE, ANGLE, ANGLE)
 def test_rotation_vectors_and_rotations_are_inverse(x: float, y: float, z: float) -> None:
-    turn = rotation(np.array([x, y, z]))
+    turn = lie.rotation(np.array([x, y, z]))
     assert np.allclose(turn @ turn.T, np.eye(3), atol=1e-9)
-    assert np.allclose(rotation(rotation_vector(turn)), turn, atol=1e-6)
+    assert np.allclose(lie.rotation(lie.rotation_vector(turn)), turn, atol=1e-6)
 
 
 def test_a_half_turn_has_an_axis() -> None:
-    turn = rotation(np.array([0.0, np.pi, 0.0]))
-    assert np.allclose(rotation(rotation_vector(turn)), turn, atol=1e-6)
+    turn = lie.rotation(np.array([0.0, np.pi, 0.0]))
+    assert np.allclose(lie.rotation(lie.rotation_vector(turn)), turn, atol=1e-6)
 
 
 def test_minimum_jerk_rests_at_both_ends() -> None:

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from dextera_build.artifacts.episode import Segment
 from dextera_build.geometry import quaternions, transforms
+from dextera_build.geometry.lie import rotation
 from dextera_build.geometry.poses import to_matrix
-from dextera_build.geometry.registration import rotation
 from dextera_build.sim.control.operator import Aim, Command, State
 from dextera_build.sim.experts.drive import Noise, _Disturbance
 from dextera_build.sim.experts.motion import between

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from dextera_build.geometry import transforms, uncertainty
+from dextera_build.geometry import lie, transforms
 from dextera_build.sim.observe.privileged import Insight
 from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles
@@ -80,7 +80,7 @@ def test_all_is_in_the_base_where_it_truly_is():
     after = insight.read()
     assert np.allclose(after.tip_poses, before.tip_poses, atol=1e-6)
     assert np.allclose(after.hand_poses, before.hand_poses, atol=1e-6)
-    base = uncertainty.moved(environment.bundle.base_pose.matrix, error)
+    base = lie.retract(environment.bundle.base_pose.matrix, error)
     box = environment.data.body("box")
     assert np.allclose(after.points.mean(axis=0), transforms.apply(transforms.invert(base), box.xpos), atol=1e-6)
     assert np.linalg.norm(after.points.mean(axis=0) - told[:3]) > 0.01

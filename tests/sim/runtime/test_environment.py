@@ -10,7 +10,7 @@ import pytest
 
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.task import Reset
-from dextera_build.geometry import quaternions, transforms, uncertainty
+from dextera_build.geometry import lie, quaternions, transforms
 from dextera_build.policy.layout import gathered
 from dextera_build.policy.observation import DeployableObservation, deployable
 from dextera_build.sim.runtime.environment import Environment, Outcome
@@ -287,7 +287,7 @@ def test_with_the_base_off_the_robot_knows_itself_and_is_told_of_objects_as_befo
     # In the world its palm is off by the error, about the origin of its base.
     base = environment.bundle.base_pose.matrix
     site = environment.data.site("robot/palm").xpos
-    assert np.allclose(site, transforms.apply(uncertainty.moved(base, error), palm[0, :3]))
+    assert np.allclose(site, transforms.apply(lie.retract(base, error), palm[0, :3]))
     assert np.linalg.norm(site - transforms.apply(base, palm[0, :3])) > 0.03
     # Plans are made in a model that does not show it.
     known = environment.known_model().body("robot/base")

@@ -11,7 +11,7 @@ import pytest
 from dextera_build.artifacts.goals import PushGoal, Tolerance
 from dextera_build.artifacts.task import Reset
 from dextera_build.errors import RuleError
-from dextera_build.geometry import quaternions, uncertainty
+from dextera_build.geometry import lie, quaternions
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.dynamics import Dynamics
 from dextera_build.sim.runtime.environment import Environment
@@ -280,7 +280,7 @@ def test_the_robot_stands_where_its_start_says_and_back_at_the_next_one():
     own = model.body_pos.copy(), model.body_quat.copy()
     for seed in (1, 2, 1):
         environment.reset(seed)
-        wanted = uncertainty.moved(environment.bundle.base_pose.matrix, environment.start.base_error)
+        wanted = lie.retract(environment.bundle.base_pose.matrix, environment.start.base_error)
         assert np.allclose(data.body("robot/base").xpos, wanted[:3, 3])
         assert np.allclose(data.body("robot/base").xmat.reshape(3, 3), wanted[:3, :3])
         environment.draw(9)

@@ -206,7 +206,7 @@ def compiled(spec: Any) -> Any:
 
 def _fix(spec: Any, name: str, position: float) -> None:
     """Replace a joint by the pose that it gives its body."""
-    from dextera_build.geometry import quaternions, registration
+    from dextera_build.geometry import lie, quaternions
 
     joint = spec.joint(name)
     body, axis = joint.parent, np.array(joint.axis) / np.linalg.norm(joint.axis)
@@ -216,7 +216,7 @@ def _fix(spec: Any, name: str, position: float) -> None:
         if joint.type == mujoco.mjtJoint.mjJNT_SLIDE:
             body.pos = np.array(body.pos) + turn @ (axis * moved)
         else:
-            anchor, rotation = np.array(joint.pos), registration.rotation(axis * moved)
+            anchor, rotation = np.array(joint.pos), lie.rotation(axis * moved)
             body.pos = np.array(body.pos) + turn @ (anchor - rotation @ anchor)
             body.quat = quaternions.from_matrix(turn @ rotation)
     spec.delete(joint)

@@ -153,7 +153,7 @@ def _motion(element: ET.Element) -> np.ndarray:
     elif element.tag == "scale":
         found[:3, :3] = np.diag(numbers)
     else:
-        from dextera_build.geometry.registration import rotation
+        from dextera_build.geometry.lie import rotation
 
         axis = numbers[:3] / max(float(np.linalg.norm(numbers[:3])), 1e-12)
         found[:3, :3] = rotation(np.radians(numbers[3]) * axis)

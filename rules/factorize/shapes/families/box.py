@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import solids, transforms
+from dextera_build.geometry import lie, solids, transforms
 from dextera_build.geometry.solids import Solid
 
 from ..evidence import Evidence
@@ -20,9 +20,7 @@ LEAN_RAD = 0.015
 
 def upright(x: float, y: float, yaw: float, base: float = 0.0) -> np.ndarray:
     """T_world_object (4, 4) of a body at (`x`, `y`), turned by `yaw`, with its base at height `base` [m]."""
-    cosine, sine = np.cos(yaw), np.sin(yaw)
-    rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    return transforms.rigid(rotation, np.array([x, y, base]))
+    return transforms.rigid(lie.about_z(yaw), np.array([x, y, base]))
 
 
 def box(evidence: Evidence) -> Model:
@@ -94,7 +92,7 @@ def box_body(p: np.ndarray) -> Solid:
 
 def spans(points: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
     """Low and high ends (2,) of points (N, 2) along axes turned by `angle`, with 1 % trimmed on each side [m]."""
-    turned = points @ np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turned = points @ lie.about_z(angle)[:2, :2]
     return np.quantile(turned, 0.01, axis=0), np.quantile(turned, 0.99, axis=0)
 
 
@@ -112,7 +110,7 @@ def _likely_depth(start: np.ndarray) -> float:
 
 def _deepened(start: np.ndarray, forward: np.ndarray, depth: float) -> np.ndarray:
     """The same box made at least `depth` [m] deep, with its front face fixed."""
-    axes = np.array([[np.cos(start[2]), np.sin(start[2])], [-np.sin(start[2]), np.cos(start[2])]])
+    axes = lie.about_z(-start[2])[:2, :2]
     along = axes @ forward
     thin = int(np.argmax(np.abs(along)))
     grown = start.copy()

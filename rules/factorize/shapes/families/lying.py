@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import solids, transforms
+from dextera_build.geometry import lie, solids, transforms
 from dextera_build.geometry.solids import Solid
 
 from ..evidence import Evidence
@@ -68,10 +68,9 @@ def body(p: np.ndarray, knots: int = 9, facets: int = FACETS) -> Solid:
 
 def pose(solid: Solid, p: np.ndarray) -> np.ndarray:
     """T_world_body (4, 4): the lowest point of the body is at the height of the parameters."""
-    cos, sin = np.cos(p[2:4]), np.sin(p[2:4])
-    yaw = np.array([[cos[0], -sin[0], 0.0], [sin[0], cos[0], 0.0], [0.0, 0.0, 1.0]])
-    pitch = np.array([[cos[1], 0.0, -sin[1]], [0.0, 1.0, 0.0], [sin[1], 0.0, cos[1]]])
-    rotation = yaw @ pitch
+    cos, sin = np.cos(p[3]), np.sin(p[3])
+    pitch = np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]])
+    rotation = lie.about_z(p[2]) @ pitch
     low = float((solid.vertices @ rotation[2]).min())
     return transforms.rigid(rotation, np.array([p[0], p[1], p[4] - low]))
 

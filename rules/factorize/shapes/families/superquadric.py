@@ -8,15 +8,18 @@ object seen from one side to a shell; a prior on the depth is used instead. `ref
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from dextera_build.geometry import solids, transforms
+from dextera_build.geometry import least_squares, lie, solids, transforms
+from dextera_build.geometry.least_squares import Local, Schedule
 from dextera_build.geometry.solids import Solid
 
 from ..evidence import Evidence
 from ..refine import Model
 from .box import LARGEST_M, SMALLEST_M
-from .tilted import deepened, turned_by
+from .tilted import deepened
 
 AROUND, ALONG = 24, 12
 """Facets around the axis and from pole to pole; multiples of 8 and 4, so that corners and rims are met exactly."""
@@ -36,6 +39,8 @@ PART = 0.07
 """Distance at which a point has half its weight in a radial fit, as a fraction of the largest size."""
 COST = 0.02
 """Complexity."""
+_DIFFERENCES = np.array([1e-4] * 3 + [1e-3] * 3 + [1e-2] * 2)
+"""Steps of the parameters of a radial fit for its derivatives."""
 
 
 def superquadric(evidence: Evidence) -> tuple[list[np.ndarray], Model]:
@@ -85,7 +90,7 @@ def body(p: np.ndarray, around: int, along: int) -> Solid:
 
 def pose(solid: Solid, frames: list[np.ndarray], p: np.ndarray) -> np.ndarray:
     """T_world_body (4, 4) of the centred body: its lowest point is at the height of the parameters."""
-    rotation = turned_by(p[1:4]) @ frames[round(float(p[0]))]
+    rotation = lie.rotation(p[1:4]) @ frames[round(float(p[0]))]
     low = float((solid.vertices @ rotation[2]).min())
     return transforms.rigid(rotation, np.array([p[4], p[5], p[6] - low]))
 
@@ -139,23 +144,37 @@ def _start(found: np.ndarray, number: int, frame: np.ndarray) -> np.ndarray:
 
 def _descended(points: np.ndarray, start: np.ndarray, near_m: float) -> np.ndarray:
     """Parameters (8,): centre, log half-axes, exponents, by robust Levenberg-Marquardt."""
-    steps = np.array([1e-4] * 3 + [1e-3] * 3 + [1e-2] * 2)
-    here, damping = start, 1e-2
-    residual = _residuals(points, here, start, near_m)
-    for _ in range(STEPS):
-        weight = 1.0 / (1.0 + np.square(residual))
-        moved = [_residuals(points, here + step, start, near_m) - residual for step in np.diag(steps)]
-        slope = np.stack(moved, axis=-1) / steps
-        normal, gradient = (slope * weight[:, None]).T @ slope, slope.T @ (weight * residual)
-        move = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient)
-        there = here + np.clip(move, -0.3, 0.3)
+    objective = _Distances(points, start, near_m)
+    return least_squares.levenberg_marquardt(start, objective.at(start), objective, Schedule(STEPS))[0]
+
+
+@dataclass(frozen=True)
+class _Distances:
+    """Robust (Cauchy) distances of points from a superquadric."""
+
+    points: np.ndarray
+    start: np.ndarray
+    near_m: float
+
+    def at(self, p: np.ndarray) -> np.ndarray:
+        return _residuals(self.points, p, self.start, self.near_m)
+
+    def value(self, seen: np.ndarray, before: np.ndarray) -> float:
+        return float((_cauchy(before) * seen**2).sum())
+
+    def local(self, p: np.ndarray, seen: np.ndarray) -> Local:
+        slope = np.stack([self.at(p + step) - seen for step in np.diag(_DIFFERENCES)], axis=-1) / _DIFFERENCES
+        found = least_squares.normal(slope, -seen, _cauchy(seen))
+        return Local(found, np.diag(found.matrix) + 1e-12)
+
+    def moved(self, p: np.ndarray, step: np.ndarray) -> np.ndarray:
+        there = p + np.clip(step, -0.3, 0.3)
         there[6:8] = np.clip(there[6:8], *ROUND)
-        found = _residuals(points, there, start, near_m)
-        if (weight * found**2).sum() < (weight * residual**2).sum():
-            here, residual, damping = there, found, max(damping / 4.0, 1e-6)
-        else:
-            damping *= 6.0
-    return here
+        return np.asarray(there)
+
+
+def _cauchy(residual: np.ndarray) -> np.ndarray:
+    return np.asarray(1.0 / (1.0 + np.square(residual)))
 
 
 def _residuals(points: np.ndarray, p: np.ndarray, start: np.ndarray, near_m: float) -> np.ndarray:

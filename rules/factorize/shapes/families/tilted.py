@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import solids, transforms
+from dextera_build.geometry import lie, solids, transforms
 from dextera_build.geometry.solids import Solid
 
 from ..evidence import Evidence
@@ -54,18 +54,8 @@ def tilted_body(p: np.ndarray) -> Solid:
 
 def tilted_pose(frames: list[np.ndarray], p: np.ndarray) -> np.ndarray:
     """T_world_object (4, 4); the parameters hold the box centre, the object's origin is the centre of its base."""
-    rotation = turned_by(p[1:4]) @ frames[round(float(p[0]))]
+    rotation = lie.rotation(p[1:4]) @ frames[round(float(p[0]))]
     return transforms.rigid(rotation, p[4:7] - rotation[:, 2] * p[9] / 2)
-
-
-def turned_by(vector: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) about a vector (3,) by its length [rad] (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross)
 
 
 def _frames(evidence: Evidence) -> list[np.ndarray]:
@@ -82,7 +72,7 @@ def _frames(evidence: Evidence) -> list[np.ndarray]:
     helper = np.eye(3)[int(np.argmin(np.abs(first[0])))]
     along = np.cross(first[0], helper)
     turns = np.deg2rad([0.0, 22.5, 45.0, 67.5])
-    return [_upright_frame(first[0], turned_by(first[0] * turn) @ along) for turn in turns]
+    return [_upright_frame(first[0], lie.rotation(first[0] * turn) @ along) for turn in turns]
 
 
 def _upright_frame(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dextera_build.geometry import transforms
+from dextera_build.geometry import lie, transforms
 
 from ..evidence import Evidence
 from ..refine import Model
-from .tilted import turned_by
 
 LEAST_RAD = 0.25
 """Minimum angle between the axis and the vertical; vessels nearer to it are fitted standing."""
@@ -29,7 +28,7 @@ class Turned:
 
     def pose(self, p: np.ndarray) -> np.ndarray:
         """T_world_standing (4, 4): two small turns [rad] and the height of the base [m] correct the first guess."""
-        turn = turned_by(np.array([p[0], p[1], 0.0]))
+        turn = lie.rotation(np.array([p[0], p[1], 0.0]))
         return np.asarray(self.world_from_turned @ transforms.rigid(turn, np.array([0.0, 0.0, p[2]])))
 
     def model(self, standing: Model, name: str, cost: float) -> Model:

@@ -10,7 +10,7 @@ import pytest
 from dextera_build.artifacts.calibration import Calibration
 from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.errors import RuleError
-from dextera_build.geometry import hand_eye, poses, registration, transforms
+from dextera_build.geometry import hand_eye, lie, poses, transforms
 from dextera_build.testing import RuleRunner
 from tests.rules.align.calibration import boards
 
@@ -19,7 +19,7 @@ def pictures(shift_m: float = 0.0, turn_rad: float = 0.0) -> tuple[RobotViews, R
     """Eight pictures for a calibration, three more after the camera was moved, and T_camera_now."""
     views, truth = boards.taken(boards.CHARUCO, seed=6, count=11)
     assert views.effectors is not None
-    now = transforms.rigid(registration.rotation(np.array([0.0, turn_rad, 0.0])), np.array([shift_m, 0.0, 0.0]))
+    now = transforms.rigid(lie.rotation(np.array([0.0, turn_rad, 0.0])), np.array([shift_m, 0.0, 0.0]))
     captures = dict(views.captures)
     for number, name in enumerate(list(captures)[8:], start=8):
         board = poses.to_matrix(views.effectors[number]) @ truth.y

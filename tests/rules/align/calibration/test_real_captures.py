@@ -14,7 +14,7 @@ from dextera_build.artifacts.camera import Camera, Capture, Photograph
 from dextera_build.artifacts.image import Image as Picture
 from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.errors import RuleError
-from dextera_build.geometry import hand_eye, hand_eye_refine, poses, registration, transforms
+from dextera_build.geometry import hand_eye, hand_eye_refine, lie, poses, transforms
 from dextera_build.testing import RuleRunner
 from rules.align.calibration import detection
 
@@ -36,7 +36,7 @@ def views(name: str, board: Board) -> RobotViews:
         pixels = np.asarray(Image.open(folder / view["rgb"]).convert("RGB"))
         captures[Path(view["rgb"]).stem] = Capture(photograph=Photograph(rgb=Picture(pixels=pixels), camera=camera))
         stated = view["T_base_ee"]
-        turn = registration.rotation(np.array(stated["rotvec_rad"]))
+        turn = lie.rotation(np.array(stated["rotvec_rad"]))
         rows.append(poses.from_matrix(transforms.rigid(turn, np.array(stated["t_m"]))))
     mount = "eye_in_hand" if facts["setup"] == "eye-in-hand" else "eye_on_base"
     return RobotViews(captures=captures, mount=mount, effectors=np.stack(rows), board=board)

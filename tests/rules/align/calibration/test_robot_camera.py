@@ -14,7 +14,7 @@ from dextera_build.artifacts.image import DepthImage
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.errors import RuleError
-from dextera_build.geometry import registration, transforms
+from dextera_build.geometry import lie, transforms
 from dextera_build.sim.model import forward
 from dextera_build.testing import RuleRunner
 from tests.rules.reference.posed import worlds
@@ -39,7 +39,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def coarse(shift: tuple[float, float, float] = (0.012, -0.009, 0.008), turn_deg: float = 0.8) -> Calibration:
     """The true calibration with an error."""
-    error = transforms.rigid(registration.rotation(np.radians(turn_deg) * np.array([0.6, -0.6, 0.5])), np.array(shift))
+    error = transforms.rigid(lie.rotation(np.radians(turn_deg) * np.array([0.6, -0.6, 0.5])), np.array(shift))
     return Calibration(mount="eye_on_base", pose=Pose(parent="base", child="camera", matrix=worlds.truth() @ error))
 
 
@@ -66,7 +66,7 @@ def test_a_coarse_calibration_is_refined(folder: Path, tmp_path: Path) -> None:
     error = np.concatenate(
         [
             found.pose.matrix[:3, 3] - worlds.truth()[:3, 3],
-            found.pose.matrix[:3, :3] @ registration.rotation_vector(gap[:3, :3]),
+            found.pose.matrix[:3, :3] @ lie.rotation_vector(gap[:3, :3]),
         ]
     )
     assert error @ np.linalg.solve(found.pose.covariance, error) < 25

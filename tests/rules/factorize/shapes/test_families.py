@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.object import Shape
-from dextera_build.geometry import metrics, solids, transforms
+from dextera_build.geometry import lie, metrics, solids, transforms
 from dextera_build.geometry.solids import Solid
 from dextera_build.testing import RuleRunner
 from rules.factorize.contact import cavity
 from rules.factorize.shapes import evidence
 from rules.factorize.shapes.families import open_box, superquadric
-from rules.factorize.shapes.families.tilted import turned_by
 from tests import object_views
 from tests.rules.factorize import synthetic_views as synthetic
 
@@ -91,7 +90,7 @@ def test_the_walls_of_a_rectangular_vessel_are_exact():
 
 
 def test_a_mug_that_lies_is_hollow_about_its_own_axis(tmp_path):
-    lying = on_table(synthetic.cup(0.036, 0.04, 0.1, 0.004, 0.006), turned_by(np.array([np.deg2rad(92), 0.0, 0.0])))
+    lying = on_table(synthetic.cup(0.036, 0.04, 0.1, 0.004, 0.006), lie.rotation(np.array([np.deg2rad(92), 0.0, 0.0])))
     body = synthetic.placed(lying, 0.0, 0.0, 25)
     found = shape_of(body, tmp_path, synthetic.Eye(distance=0.6))
     assert found.hypothesis == "tilted_revolved_hollow"
@@ -107,7 +106,7 @@ def test_a_mug_that_lies_is_hollow_about_its_own_axis(tmp_path):
 def test_an_ellipsoid_that_leans(tmp_path):
     p = np.zeros(13)
     p[7:12] = [0.03, 0.04, 0.065, 1.0, 1.0]
-    body = on_table(superquadric.body(p, 48, 24), turned_by(np.array([0.5, 0.3, 0.2])))
+    body = on_table(superquadric.body(p, 48, 24), lie.rotation(np.array([0.5, 0.3, 0.2])))
     found = shape_of(body, tmp_path)
     assert found.hypothesis == "superquadric"
     assert distance(found, body) < 0.006
@@ -127,7 +126,7 @@ def test_a_superquadric_between_a_box_and_a_cylinder_has_its_volume():
 def test_a_bottle_that_lies(tmp_path):
     radii = [(0.03, 0.0), (0.033, 0.01), (0.033, 0.11), (0.013, 0.15), (0.013, 0.18)]
     standing = solids.loft(np.stack([solids.ring(r, r, 2.0, z, 72) for r, z in radii]))
-    body = synthetic.placed(on_table(standing, turned_by(np.array([0.0, np.pi / 2 + 0.03, 0.0]))), 0.0, 0.0, 35)
+    body = synthetic.placed(on_table(standing, lie.rotation(np.array([0.0, np.pi / 2 + 0.03, 0.0]))), 0.0, 0.0, 35)
     found = shape_of(body, tmp_path)
     assert found.hypothesis == "lying"
     assert distance(found, body) < 0.003
