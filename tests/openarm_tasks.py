@@ -11,8 +11,8 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import Reset, TaskBundle, TaskObject, TaskSpec
 from dextera_build.geometry import kinematics, metrics
-from dextera_build.sim.model import compose, mjcf
-from tests import factories
+from dextera_build.sim.model import compose
+from tests import factories, twins
 
 BASE = factories.pose(-0.35, 0.0, -0.30)
 """T_world_base: the foot stands below the table, the arms reach over its edge."""
@@ -29,9 +29,7 @@ def bundle(
     timeout_s: float = 8.0,
 ) -> TaskBundle:
     """A task with the robot at `base` (4, 4), about object `thing` of `assets`, by label."""
-    scene = mjcf.scene(
-        assets, factories.background(half=0.5), factories.camera(), factories.support().camera_pose.matrix
-    )
+    scene = twins.scene(assets, factories.background(half=0.5))
     reset = Reset(position_m=0.02, yaw_rad=0.2, clutter_m=0.0, robot_rad=0.0)
     return TaskBundle(
         model=compose.with_robot(scene, robot, base),

@@ -14,9 +14,9 @@ from dextera_build.artifacts.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.task import TaskBundle, TaskObject, TaskSpec
 from dextera_build.artifacts.world import World
 from dextera_build.geometry import kinematics, metrics, transforms
-from dextera_build.sim.model import compose, mjcf
+from dextera_build.sim.model import compose
 from dextera_build.sim.model.model import at_home, compile_folder
-from tests import factories
+from tests import factories, twins
 from tests.rules.capture.cameras import CAMERA
 
 TWIN_FROM_TRUTH = factories.pose(0.05, -0.03, 0.0, 0.2)
@@ -82,9 +82,7 @@ def bundle(placed: dict[str, Asset], moved: np.ndarray | None = None) -> TaskBun
     x, y, z = STAND["position_m"]
     true_base = factories.pose(x, y, z, float(np.radians(STAND["yaw_deg"])))
     base = (np.eye(4) if moved is None else moved) @ TWIN_FROM_TRUTH @ true_base
-    scene = mjcf.scene(
-        placed, factories.background(half=0.7), factories.camera(), factories.support().camera_pose.matrix
-    )
+    scene = twins.scene(placed, factories.background(half=0.7))
     return TaskBundle(
         model=compose.with_robot(scene, robot(), base),
         robot=robot(),

@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.base import Value
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.errors import MachineError, install_extra
-from dextera_build.geometry import repair
+from dextera_build.geometry import repair, solids
 from dextera_build.geometry.repair import Triangles
 
 
@@ -99,14 +99,8 @@ def _coordinates(made: Triangles, uv: np.ndarray) -> np.ndarray:
 
 
 def _volume(mesh: Mesh) -> float | None:
-    import manifold3d
-
-    # It accepts only writable arrays.
-    data = manifold3d.Mesh(mesh.vertices.copy(), mesh.faces.astype(np.uint32))
-    solid = manifold3d.Manifold(data)
-    if solid.status() != manifold3d.Error.NoError or solid.is_empty():
-        return None
-    return float(solid.volume())
+    solid = solids.manifold(mesh.vertices, mesh.faces)
+    return None if solid.is_empty() else float(solid.volume())
 
 
 def _filtered(

@@ -65,15 +65,23 @@ class Element(Value):
 class Elements(Artifact):
     """The result of parsing."""
 
-    type_version: ClassVar[int] = 4
-    readers: ClassVar[former.Readers] = {1: former.from_depth, 2: former.unchanged, 3: former.unchanged}
+    type_version: ClassVar[int] = 5
+    readers: ClassVar[former.Readers] = {
+        1: former.from_depth,
+        2: former.unchanged,
+        3: former.unchanged,
+        4: former.unchanged,
+    }
 
     elements: tuple[Element, ...]
     """Every element, interactive and static."""
-    source: str
+    source: str = "proposed"
     """`proposed` or `scene.yaml`."""
     asset_source: AssetSource = "rgb"
     """Data from which the elements were proposed."""
+    regions: Annotated[np.ndarray, Array("H W", "int32")] | None = None
+    """Region above the support of each pixel of the photograph, 1.. from the largest, 0 elsewhere; None if the elements
+    were not proposed from regions."""
 
 
 class Support(Artifact):

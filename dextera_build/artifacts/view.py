@@ -16,6 +16,7 @@ from dextera_build.artifacts.image import DepthImage, Image, LabelImage, faded, 
 from dextera_build.artifacts.object import AssetSource, JointHint
 from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import upright
+from dextera_build.geometry.depth_view import DepthView
 
 
 class ObjectView(Artifact):
@@ -117,7 +118,7 @@ class Segmentation(Artifact):
 
 
 @dataclass(frozen=True)
-class Seen:
+class Seen(DepthView):
     """A view with its measurements, for code that needs both."""
 
     view: ObjectView
@@ -142,6 +143,11 @@ class Seen:
     def camera(self) -> Camera:
         """See `ObjectView.camera`."""
         return self.view.camera
+
+    @property
+    def k(self) -> np.ndarray:
+        """(3, 3) intrinsics of the crop [px]."""
+        return self.camera.matrix()
 
     @cached_property
     def depth(self) -> np.ndarray:

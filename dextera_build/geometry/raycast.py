@@ -8,13 +8,64 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from dextera_build.geometry import cameras, transforms
 
 NOTHING = np.uint32(0xFFFFFFFF)
+
+
+class Hits(NamedTuple):
+    """First hits of rays (...), as Open3D returns them."""
+
+    distance: np.ndarray
+    """(...) float32, in lengths of the direction; infinite without a hit."""
+    surface: np.ndarray
+    """(...) uint32, number of the mesh; `NOTHING` without a hit."""
+    face: np.ndarray
+    """(...) uint32, face of that mesh."""
+    weights: np.ndarray
+    """(..., 2) float32, barycentric weights of the face's second and third corner."""
+    normals: np.ndarray
+    """(..., 3) float32, unit normal of the face."""
+
+
+class RayScene:
+    """Triangle meshes that are prepared for rays and distances.
+
+    Args:
+        meshes: Vertices (V, 3) and faces (F, 3) of each.
+        threads: Number of threads that prepare them, 0 for all; one is enough for small meshes.
+    """
+
+    def __init__(self, *meshes: tuple[np.ndarray, np.ndarray], threads: int = 1) -> None:
+        import open3d as o3d
+
+        self._tensor = o3d.core.Tensor
+        self._scene = o3d.t.geometry.RaycastingScene(nthreads=threads)
+        for vertices, faces in meshes:
+            self._scene.add_triangles(
+                self._tensor(np.ascontiguousarray(vertices, np.float32)),
+                self._tensor(np.ascontiguousarray(faces, np.uint32)),
+            )
+
+    def cast(self, rays: np.ndarray) -> Hits:
+        """First hits of rays (..., 6), origin and direction."""
+        found = self._scene.cast_rays(self._tensor(np.ascontiguousarray(rays, np.float32)))
+        names = ("t_hit", "geometry_ids", "primitive_ids", "primitive_uvs", "primitive_normals")
+        return Hits(*(found[name].numpy() for name in names))
+
+    def occluded(self, rays: np.ndarray, far: float) -> np.ndarray:
+        """Whether rays (..., 6) hit anything before `far` lengths of their direction, (...) bool."""
+        rays = np.ascontiguousarray(rays, np.float32)
+        return np.asarray(self._scene.test_occlusions(self._tensor(rays), tfar=far).numpy())
+
+    def distances(self, points: np.ndarray) -> np.ndarray:
+        """Distance (N,) float32 of points (N, 3) to the nearest mesh."""
+        points = np.ascontiguousarray(points, np.float32)
+        return np.asarray(self._scene.compute_distance(self._tensor(points)).numpy())
 
 
 @dataclass(frozen=True)
@@ -70,15 +121,14 @@ def cast(surfaces: Sequence[Surface], rays: np.ndarray) -> Render:
     if not surfaces:
         empty = np.zeros(shape)
         return Render(empty, index, index.astype(np.int64), np.zeros((*shape, 3)), np.zeros((*shape, 3)))
-    answer = _answer(surfaces, rays)
-    geometry = answer["geometry_ids"].numpy()
-    hit = geometry != NOTHING
-    index[hit] = geometry[hit].astype(np.int32)
-    face = np.where(hit, answer["primitive_ids"].numpy().astype(np.int64), -1)
-    weights = answer["primitive_uvs"].numpy().astype(np.float64)
+    hits = _prepared(surfaces).cast(rays)
+    hit = hits.surface != NOTHING
+    index[hit] = hits.surface[hit].astype(np.int32)
+    face = np.where(hit, hits.face.astype(np.int64), -1)
+    weights = hits.weights.astype(np.float64)
     corner = np.stack([1.0 - weights.sum(axis=-1), weights[..., 0], weights[..., 1]], axis=-1)
-    normal = np.where(hit[..., None], answer["primitive_normals"].numpy(), 0.0).astype(np.float64)
-    depth = np.where(hit, answer["t_hit"].numpy(), np.inf).astype(np.float64)
+    normal = np.where(hit[..., None], hits.normals, 0.0).astype(np.float64)
+    depth = np.where(hit, hits.distance, np.inf).astype(np.float64)
     return Render(depth, index, face, corner, normal)
 
 
@@ -91,36 +141,25 @@ def distances(surfaces: Sequence[Surface], rays: np.ndarray) -> np.ndarray:
         surfaces: The scene; not empty.
         rays: (..., 6) float32 origin and direction in the world frame.
     """
-    return np.asarray(_answer(surfaces, rays)["t_hit"].numpy())
-
-
-def _answer(surfaces: Sequence[Surface], rays: np.ndarray) -> Any:
-    """Open3D's result for rays (..., 6)."""
-    import open3d as o3d
-
-    scene = surfaces.tree if isinstance(surfaces, Sorted) else _tree(surfaces)
-    return scene.cast_rays(o3d.core.Tensor(np.ascontiguousarray(rays, np.float32)))
+    return _prepared(surfaces).cast(rays).distance
 
 
 class Sorted(tuple[Surface, ...]):
-    """Surfaces with a prebuilt tree, for many renders."""
+    """Surfaces that are prepared once, for many renders."""
 
     @cached_property
-    def tree(self) -> Any:
-        """Open3D's scene."""
-        return _tree(self)
+    def scene(self) -> RayScene:
+        """All of them."""
+        return ray_scene(self)
 
 
-def _tree(surfaces: Sequence[Surface]) -> Any:
-    import open3d as o3d
+def ray_scene(surfaces: Sequence[Surface]) -> RayScene:
+    """Prepare surfaces for rays and distances."""
+    return RayScene(*((each.vertices, each.faces) for each in surfaces), threads=0)
 
-    scene = o3d.t.geometry.RaycastingScene(nthreads=0)
-    for surface in surfaces:
-        scene.add_triangles(
-            o3d.core.Tensor(np.ascontiguousarray(surface.vertices, np.float32)),
-            o3d.core.Tensor(np.ascontiguousarray(surface.faces, np.uint32)),
-        )
-    return scene
+
+def _prepared(surfaces: Sequence[Surface]) -> RayScene:
+    return surfaces.scene if isinstance(surfaces, Sorted) else ray_scene(surfaces)
 
 
 def shade(surfaces: Sequence[Surface], seen: Render) -> np.ndarray:

@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dextera_build.geometry import transforms
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 
 @dataclass(frozen=True)
@@ -29,9 +32,14 @@ class Solid:
 
     @property
     def volume(self) -> float:
-        """Enclosed volume [m^3], by the divergence theorem; negative if the surface is inside out."""
-        a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
-        return float((a * np.cross(b, c)).sum() / 6.0)
+        """See `volume`."""
+        return volume(self.vertices, self.faces)
+
+
+def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Enclosed volume [m^3], by the divergence theorem; negative if the surface is inside out."""
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    return float((a * np.cross(b, c)).sum() / 6.0)
 
 
 def box(size: Sequence[float] | np.ndarray, centre: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)) -> Solid:
@@ -104,39 +112,53 @@ def extrude_rings(outlines: Sequence[np.ndarray], low: float, high: float) -> So
     import manifold3d as m3
 
     section = m3.CrossSection([np.asarray(outline, np.float64) for outline in outlines], m3.FillRule.EvenOdd)
-    return _from_manifold(m3.Manifold.extrude(section, high - low).translate((0.0, 0.0, low)))
+    return from_manifold(m3.Manifold.extrude(section, high - low).translate((0.0, 0.0, low)))
 
 
 def union(parts: Sequence[Solid]) -> Solid:
     """The union of all parts."""
     import manifold3d as m3
 
-    return _from_manifold(m3.Manifold.batch_boolean([_to_manifold(part) for part in parts], m3.OpType.Add))
+    return from_manifold(m3.Manifold.batch_boolean([_to_manifold(part) for part in parts], m3.OpType.Add))
 
 
 def difference(body: Solid, taken: Solid) -> Solid:
     """`body` without `taken`."""
-    return _from_manifold(_to_manifold(body) - _to_manifold(taken))
+    return from_manifold(_to_manifold(body) - _to_manifold(taken))
 
 
 def intersection(one: Solid, other: Solid) -> Solid:
     """The part of `one` inside `other`; empty if one of them is open."""
-    return _from_manifold(_to_manifold(one) ^ _to_manifold(other))
+    return from_manifold(_to_manifold(one) ^ _to_manifold(other))
 
 
 def largest(body: Solid) -> Solid:
     """The connected component with the largest volume."""
-    parts = [_from_manifold(part) for part in _to_manifold(body).decompose()]
+    parts = [from_manifold(part) for part in _to_manifold(body).decompose()]
     return max(parts, key=lambda part: part.volume)
 
 
-def _to_manifold(solid: Solid) -> Any:
+def manifold(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
+    """A closed surface as a solid of manifold3d; an empty one if it is not closed.
+
+    Args:
+        vertices: (V, 3) [m]; in single precision, manifold3d merges what is within that precision.
+        faces: (F, 3) int.
+    """
     import manifold3d as m3
 
-    mesh = m3.Mesh64(np.ascontiguousarray(solid.vertices, np.float64), np.ascontiguousarray(solid.faces, np.uint64))
-    return m3.Manifold(mesh)
+    # It rejects read-only arrays, and the arrays of artifacts are read-only.
+    if vertices.dtype == np.float32:
+        return m3.Manifold(m3.Mesh(np.array(vertices, order="C"), np.array(faces, np.uint32, order="C")))
+    corners, triangles = np.array(vertices, np.float64, order="C"), np.array(faces, np.uint64, order="C")
+    return m3.Manifold(m3.Mesh64(corners, triangles))
 
 
-def _from_manifold(manifold: Any) -> Solid:
-    mesh = manifold.to_mesh64()
+def _to_manifold(solid: Solid) -> Manifold:
+    return manifold(np.asarray(solid.vertices, np.float64), solid.faces)
+
+
+def from_manifold(made: Manifold) -> Solid:
+    """The surface of a solid of manifold3d."""
+    mesh = made.to_mesh64()
     return Solid(np.array(mesh.vert_properties[:, :3], np.float64), np.array(mesh.tri_verts, np.int64))

@@ -9,6 +9,7 @@ from typing import Any
 
 from dextera_build.report.document import document
 from dextera_build.report.html import Html, tag
+from dextera_build.report.wording import count
 
 
 def page(rows: Sequence[Mapping[str, Any]], pictures: Mapping[str, bytes]) -> str:
@@ -24,7 +25,7 @@ def page(rows: Sequence[Mapping[str, Any]], pictures: Mapping[str, bytes]) -> st
         "header",
         None,
         tag("h1", None, "Asset library"),
-        tag("p", {"class": "sub"}, f"{_count(len(objects), 'object')}, {_count(others, 'background')}"),
+        tag("p", {"class": "sub"}, f"{count(len(objects), 'object')}, {count(others, 'background')}"),
         tag(
             "p",
             {"class": "filter"},
@@ -69,7 +70,7 @@ def _facts(row: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if row["kind"] == "object":
         yield "joints", "; ".join(_joint(joint) for joint in row["joints"]) or "none"
     yield "made from", {"rgb": "photograph", "rgbd": "photograph and depth"}.get(row["source"], row["source"])
-    pieces = _count(row["collision_pieces"], "collision piece")
+    pieces = count(row["collision_pieces"], "collision piece")
     yield "geometry", f"{row['triangles']:,} triangles, {pieces}"
     yield "node", row["nodes"][0] + (f" and {len(row['nodes']) - 1} more" if len(row["nodes"]) > 1 else "")
 
@@ -84,7 +85,3 @@ def _joint(joint: Mapping[str, Any]) -> str:
 
 def _mass(kilograms: float) -> str:
     return f"{kilograms:.2f} kg" if kilograms >= 1.0 else f"{1000 * kilograms:.0f} g"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"

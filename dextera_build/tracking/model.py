@@ -8,7 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from dextera_build.geometry import cameras, kinematics, transforms
+from dextera_build.geometry import cameras, kinematics, raycast, transforms
 
 RAYS = 1500
 """Approximate number of rays of one cast over the object's box."""
@@ -71,18 +71,9 @@ class Model:
         joints: Sequence[kinematics.JointLike] = (),
         mesh_sigma_m: float = MESH_SIGMA_M,
     ) -> None:
-        import open3d as o3d
-
-        self._tensor = o3d.core.Tensor
-        self.links, self.joints, self._scenes = dict(meshes), tuple(joints), []
+        self.links, self.joints = dict(meshes), tuple(joints)
         self.mesh_sigma_m = float(mesh_sigma_m)
-        for vertices, faces in meshes.values():
-            scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-            scene.add_triangles(
-                o3d.core.Tensor(np.ascontiguousarray(vertices, np.float32)),
-                o3d.core.Tensor(np.ascontiguousarray(faces, np.uint32)),
-            )
-            self._scenes.append(scene)
+        self._scenes = [raycast.RayScene(mesh) for mesh in meshes.values()]
         self._names = tuple(meshes)
         self._hulls = [_outer(vertices) for vertices, _ in meshes.values()]
         self.chains = self._ancestors()
@@ -168,10 +159,9 @@ class Model:
         directions = (ahead @ turn).astype(np.float32)
         origin = (-pose[:3, 3] @ turn).astype(np.float32)
         rays = np.concatenate([np.broadcast_to(origin, directions.shape), directions], axis=-1)
-        answer = self._scenes[link].cast_rays(self._tensor(np.ascontiguousarray(rays)))
-        depth = answer["t_hit"].numpy()
+        hits = self._scenes[link].cast(rays)
+        depth, normals = hits.distance, hits.normals
         drawn = np.isfinite(depth)
-        normals = answer["primitive_normals"].numpy()
         away = (normals * directions).sum(axis=-1) > 0
         normals = np.where(away[..., None], -normals, normals)
         points = origin + np.where(drawn, depth, 0)[..., None] * directions

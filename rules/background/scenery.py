@@ -8,7 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry import transforms
+from dextera_build.geometry.depth_view import DepthView
 
 from .patch import SUPPORT, Patch
 
@@ -16,7 +17,7 @@ SOME = np.s_[::4, ::4]
 
 
 @dataclass(frozen=True)
-class Scenery:
+class Scenery(DepthView):
     """The empty scene in the view of its camera."""
 
     pixels: np.ndarray  # (H, W, 3) uint8, without objects
@@ -38,7 +39,7 @@ class Scenery:
     @cached_property
     def _some(self) -> np.ndarray:
         """Points (h, w, 3) in the world frame [m], of every fourth row and column."""
-        return transforms.apply(self.world_from_camera, cameras.backproject(self.depth, self.k)[SOME])
+        return self.world_points(SOME)
 
     @cached_property
     def points(self) -> np.ndarray:
@@ -59,9 +60,8 @@ class Scenery:
 
         With `unmeasured`, pixels of no patch show the surface behind them at any depth.
         """
-        seen = transforms.apply(np.linalg.inv(self.world_from_camera), points)
-        row, column, inside = cameras.nearest_pixels(seen, self.k, self.labels.shape)
-        shown = inside & (np.abs(self.depth[row, column] - seen[..., 2]) < apart_m)
+        row, column, inside, z = self.find(points)
+        shown = inside & (np.abs(self.depth[row, column] - z) < apart_m)
         if unmeasured:
             shown |= inside & (self.depth[row, column] == 0)
         return self.pixels[row, column].astype(np.float32), shown

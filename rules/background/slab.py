@@ -5,8 +5,6 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dextera_build.geometry import cameras, transforms
-
 from .holes import shaded
 from .pieces import Piece
 from .scenery import Scenery
@@ -70,10 +68,9 @@ def _thickness(scenery: Scenery, edge: np.ndarray, most: float) -> float:
     levels = most * np.arange(1, LEVELS + 1) / LEVELS
     for number, level in enumerate(levels):
         points = np.column_stack([ring[facing], np.full(facing.sum(), -level)])
-        seen = transforms.apply(np.linalg.inv(scenery.world_from_camera), points)
-        row, column, inside = cameras.nearest_pixels(seen, scenery.k, scenery.labels.shape)
+        row, column, inside, z = scenery.find(points)
         shown = inside & (scenery.depth[row, column] > 0)
-        hides = shown & (scenery.depth[row, column] > seen[:, 2] + HIDES_M)
+        hides = shown & (scenery.depth[row, column] > z + HIDES_M)
         if shown.any() and hides.sum() > MOST_HIDDEN * shown.sum():
             return float(levels[max(0, number - 1)])
     return most

@@ -10,6 +10,7 @@ from dextera_build.artifacts.object import Body, Placement, Support
 from dextera_build.artifacts.table import Table
 from dextera_build.artifacts.world import Thing, World
 from dextera_build.geometry import kinematics, symmetry, transforms
+from dextera_build.geometry.raycast import RayScene
 from dextera_build.geometry.symmetry import Symmetry
 from dextera_build.rule import Context, Options, rule
 
@@ -122,15 +123,5 @@ def _nearest(found: np.ndarray, pose: np.ndarray, scale: float, alike: Symmetry)
 
 
 def _symmetry(body: Body) -> Symmetry:
-    import open3d as o3d
-
     vertices, faces = kinematics.posed_surface(body)
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(
-        o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(np.ascontiguousarray(faces, np.uint32))
-    )
-
-    def distances(points: np.ndarray) -> np.ndarray:
-        return np.asarray(scene.compute_distance(o3d.core.Tensor(points.astype(np.float32))).numpy())
-
-    return symmetry.find(vertices, faces, distances, samples=SAMPLES)
+    return symmetry.find(vertices, faces, RayScene((vertices, faces)).distances, samples=SAMPLES)

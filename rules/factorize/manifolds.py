@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dextera_build.artifacts.geometry import Mesh
+from dextera_build.geometry import solids
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -21,7 +22,7 @@ def solid(mesh: Mesh) -> Manifold:
     import manifold3d
 
     if mesh.uv is None:
-        data = manifold3d.Mesh(_contiguous(mesh.vertices, np.float32), _contiguous(mesh.faces, np.uint32))
+        made = solids.manifold(mesh.vertices, mesh.faces)
     else:
         # One vertex per face corner, because a seam vertex has two texture coordinates.
         corners = mesh.faces.reshape(-1)
@@ -34,8 +35,8 @@ def solid(mesh: Mesh) -> Manifold:
             merge_from_vert=doubled.astype(np.uint32),
             merge_to_vert=first[doubled].astype(np.uint32),
         )
-    made = manifold3d.Manifold(data)
-    if made.status() != manifold3d.Error.NoError or made.is_empty():
+        made = manifold3d.Manifold(data)
+    if made.is_empty():
         raise ValueError(f"the mesh is not a closed manifold ({made.status().name})")
     return made
 

@@ -13,13 +13,14 @@ from dextera_build.artifacts.image import Image, LabelImage
 from dextera_build.artifacts.object import AssetSource, Element, Support
 from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
 from dextera_build.geometry import upright
+from dextera_build.geometry.depth_view import DepthView
 from dextera_build.rule import Context
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Workspace:
+class Workspace(DepthView):
     """A photograph with the depth of the same pixels, in the world frame of its support."""
 
     photograph: Photograph
@@ -38,6 +39,11 @@ class Workspace:
     def camera(self) -> Camera:
         """Intrinsics of photograph and depth."""
         return self.photograph.camera
+
+    @property
+    def k(self) -> np.ndarray:
+        """(3, 3) intrinsics [px]."""
+        return self.camera.matrix()
 
     @property
     def world_from_camera(self) -> np.ndarray:

@@ -6,12 +6,16 @@ and centred on x and y unless noted otherwise; lengths in metres.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
+from dextera_build.geometry import solids, transforms
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 CELLS = ("front", "right", "back", "left", "top", "bottom")
 """Faces of a box in the order of its atlas: three columns, two rows, row by row from the upper left."""
@@ -129,8 +133,7 @@ def tube(path: np.ndarray, half_width: float, half_thickness: float, picture: np
 
 def volume(mesh: Mesh) -> float:
     """Signed volume of a closed mesh [m^3]; positive for outward faces."""
-    a, b, c = (mesh.vertices[mesh.faces[:, i]].astype(np.float64) for i in range(3))
-    return float((a * np.cross(b, c)).sum() / 6)
+    return solids.volume(mesh.vertices.astype(np.float64), mesh.faces)
 
 
 def union(meshes: list[Mesh]) -> Mesh:
@@ -151,15 +154,13 @@ def gap(one: Mesh, other: Mesh, most: float = 0.05) -> float:
 
 def moved(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     """Transform the mesh by a rigid (4, 4) motion."""
-    vertices = mesh.vertices.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    vertices = transforms.apply(matrix, mesh.vertices.astype(np.float64))
     return mesh.model_copy(update={"vertices": vertices.astype(np.float32)})
 
 
-def solid(mesh: Mesh) -> Any:
-    """The mesh as a `manifold3d.Manifold`; an empty one if it is not closed."""
-    import manifold3d
-
-    return manifold3d.Manifold(manifold3d.Mesh64(mesh.vertices.astype(np.float64), mesh.faces.astype(np.uint64)))
+def solid(mesh: Mesh) -> Manifold:
+    """See `dextera_build.geometry.solids.manifold`."""
+    return solids.manifold(mesh.vertices.astype(np.float64), mesh.faces)
 
 
 def _round_rectangle(x: float, y: float, radius: float) -> np.ndarray:

@@ -37,8 +37,7 @@ from dextera_build.artifacts.views import Views, encoded
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.gaussians.spherical_harmonics import flat
 from dextera_build.geometry import cameras
-from dextera_build.sim.model.description import describe
-from tests import factories, object_views, tabletops
+from tests import factories, object_views, tabletops, twins
 
 SHEET = Path(__file__).parents[2] / "dextera_build" / "docs" / "images" / "previews.jpg"
 _TILE, _LABEL, _COLUMNS = (312, 200), 24, 5
@@ -249,7 +248,7 @@ def scene() -> SceneDescription:
         "bowl": factories.bowl_asset(factories.pose(0.0, -0.2)),
         "laptop": factories.laptop_asset(factories.pose(0.12, 0.12)),
     }
-    return describe(assets, factories.background(), tabletops.LENS, tabletops.EYE)
+    return twins.described(assets, lens=tabletops.LENS, eye=tabletops.EYE)
 
 
 EXAMPLES: dict[str, Callable[[], Artifact]] = {

@@ -12,8 +12,8 @@ from dextera_build.artifacts.pose import Similarity
 from dextera_build.artifacts.splats import Splats
 from dextera_build.errors import ArtifactError
 from dextera_build.geometry import kinematics, lie, massprops, transforms
-from dextera_build.sim.model import mjcf, model, touching
-from tests import factories
+from dextera_build.sim.model import model, touching
+from tests import factories, twins
 
 TURN = lie.rotation(np.array([0.7, -1.9, 0.4]))
 
@@ -34,8 +34,7 @@ def drawer() -> Asset:
 
 
 def compiled(asset: Asset):
-    lens, table = factories.camera(), factories.support()
-    return model.compile_folder(mjcf.scene({"thing": asset}, factories.background(), lens, table.camera_pose.matrix))
+    return model.compile_folder(twins.scene({"thing": asset}))
 
 
 @pytest.mark.parametrize("made", [factories.laptop_asset(), drawer()], ids=["hinge", "slide"])

@@ -19,12 +19,11 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.errors import UsageError
 from dextera_build.geometry import kinematics, quaternions
-from dextera_build.sim.model.description import describe
 from dextera_build.view import save, scene, server
 from dextera_build.view.replay import ReplayView
 from dextera_build.view.show import show
 from dextera_build.view.task import TaskView
-from tests import episodes, factories
+from tests import episodes, factories, twins
 
 
 class Recorder:
@@ -187,7 +186,7 @@ def test_the_photograph_lies_on_its_own_pixels_however_much_is_shown(shown: Reco
         factories.capture().photograph.rgb,
         PointCloud(points=np.eye(3, dtype=np.float32)),
         factories.splats(5),
-        describe({"box": factories.box_asset()}, factories.background(), factories.camera(), np.eye(4)),
+        twins.described({"box": factories.box_asset()}, eye=np.eye(4)),
         Collection[Mesh](items={"a": factories.box_mesh((0, 0, 0), (1, 1, 1))}),
     ],
     ids=lambda artifact: artifact.name(),

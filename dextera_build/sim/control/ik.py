@@ -16,10 +16,6 @@ from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model.robot import load
 
 SOLVER = "daqp"
-POSITION_COST = 10.0
-"""Weight of a metre in the least squares, relative to a radian: a millimetre weighs as much as 0.6 degrees."""
-POSTURE_COST = 1e-2
-"""Weight of a radian away from the seed: resolves the arm's redundancy without displacing the hand."""
 DAMPING = 1e-6
 """Weight of a radian of motion in one iteration."""
 ITERATIONS = 120
@@ -28,6 +24,23 @@ STALLED = 12
 """Iterations without progress after which a descent ends, because the target is out of reach from there."""
 SEED_SPREAD_RAD = 0.6
 """Standard deviation of restarts around the seed [rad]."""
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Weights of the errors in the least squares."""
+
+    position: float
+    """Of a metre of the palm."""
+    rotation: float
+    """Of a radian of the palm."""
+    posture: float
+    """Of a radian of a joint away from the posture."""
+
+
+EXACT = Costs(position=10.0, rotation=1.0, posture=1e-2)
+"""A millimetre weighs as much as 0.6 degrees, and the posture resolves the arm's redundancy without displacing the
+hand."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +70,10 @@ class ArmKinematics:
     Args:
         robot: The embodiment; all joints but those of the arms are fixed at home.
         limbs: Name of a limb with a palm, or several.
+        costs: Weights of the errors.
     """
 
-    def __init__(self, robot: RobotModel, limbs: str | Sequence[str]) -> None:
+    def __init__(self, robot: RobotModel, limbs: str | Sequence[str], costs: Costs = EXACT) -> None:
         self.limbs: tuple[str, ...] = (limbs,) if isinstance(limbs, str) else tuple(limbs)
         """The limbs, in the order of targets."""
         moved = {name for limb in self.limbs for name in robot.limbs[limb].arm}
@@ -78,8 +92,9 @@ class ArmKinematics:
         self.home = np.array([joint.home for joint in arm])
         """(A,) home [rad]."""
         self._state = mink.Configuration(self._model)
-        self._palms = [mink.FrameTask(frame, "site", POSITION_COST, 1.0, lm_damping=1e-3) for frame in self._frames]
-        self._posture = mink.PostureTask(self._model, POSTURE_COST)
+        palm = (costs.position, costs.rotation)
+        self._palms = [mink.FrameTask(frame, "site", *palm, lm_damping=1e-3) for frame in self._frames]
+        self._posture, self._posture_cost = mink.PostureTask(self._model, costs.posture), costs.posture
         self._range = mink.ConfigurationLimit(self._model)
         self._speed = mink.VelocityLimit(self._model, {joint.name: joint.velocity for joint in arm})
         self._speeds = np.full(self._model.nv, np.inf)
@@ -140,6 +155,14 @@ class ArmKinematics:
         moved = np.asarray(self._state.q[self._address])
         return np.asarray(np.clip(moved, self.lower, self.upper) if np.isfinite(moved).all() else start[self._address])
 
+    def step(self, target: np.ndarray, joints: np.ndarray, posture: np.ndarray) -> np.ndarray:
+        """Joints (A,) [rad] after one step of the least squares from `joints` towards `target` and `posture` (A,)."""
+        self._state.update(self._spread(joints))
+        self._aim(target)
+        self._posture.set_target(self._spread(posture))
+        self._step(1.0, timed=False)
+        return np.array(self._state.q[self._address])
+
     def _descend(self, target: np.ndarray, guess: np.ndarray, rest: np.ndarray) -> Solution:
         self._state.update(self._spread(guess))
         self._aim(target)
@@ -196,8 +219,8 @@ class ArmKinematics:
         rows, errors = np.concatenate([each[0] for each in parts]), np.concatenate([each[1] for each in parts])
         joints, limits = self._state.q, self._range
         hessian = rows.T @ rows
-        hessian.flat[:: len(joints) + 1] += DAMPING + POSTURE_COST**2 + sum(each[2] for each in parts)
-        gradient = POSTURE_COST**2 * (joints - self._posture.target_q) - errors @ rows
+        hessian.flat[:: len(joints) + 1] += DAMPING + self._posture_cost**2 + sum(each[2] for each in parts)
+        gradient = self._posture_cost**2 * (joints - self._posture.target_q) - errors @ rows
         lower = np.maximum(limits.gain * (limits.lower - joints), -self._speeds * dt)
         upper = np.minimum(limits.gain * (limits.upper - joints), self._speeds * dt)
         free = np.linalg.solve(hessian, -gradient)
@@ -245,4 +268,4 @@ def _fix(joint: Any, position: float) -> None:
 
 
 def _cost(solution: Solution) -> float:
-    return POSITION_COST * solution.position_error_m + solution.rotation_error_rad
+    return EXACT.position * solution.position_error_m + EXACT.rotation * solution.rotation_error_rad

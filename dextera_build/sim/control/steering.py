@@ -11,16 +11,16 @@ import numpy as np
 
 from dextera_build.artifacts.policy import Channel, PolicyContract
 from dextera_build.artifacts.robot import RobotModel
-from dextera_build.geometry import quaternions
+from dextera_build.geometry import quaternions, transforms
 from dextera_build.policy.features import Fields
 from dextera_build.sim.model import robot as robots
 
 ITERATIONS = 3
 """Newton steps towards a nearby pose of the palm."""
 DAMPING = 0.05
-"""Damping of the least squares, in which rotation is weighted by `RADIAN_M`."""
+"""Weight of a radian of arm motion, relative to a metre of the palm."""
 RADIAN_M = 0.3
-"""Weight of a radian of palm rotation, in metres."""
+"""Weight of a radian of palm rotation, relative to a metre of the palm."""
 TURN_RAD = 0.3
 """Maximum rotation of the palm towards its target orientation per Newton step [rad]."""
 PLACE_M = 0.2
@@ -110,55 +110,49 @@ def _raw(inputs: Fields, channels: tuple[Channel, ...], name: str) -> np.ndarray
 
 
 class _Palm:
-    """Moves the palm of a limb by damped least squares on its own kinematics."""
+    """The palm of a limb: where it is, and joints that move it."""
 
     def __init__(
         self, robot: RobotModel, limb: str, names: tuple[str, ...], home: np.ndarray, turn: np.ndarray
     ) -> None:
+        # The solver is imported here, because joints are steered without one.
+        from dextera_build.sim.control import ik
+
+        self._kinematics = ik.ArmKinematics(robot, limb, ik.Costs(1.0, RADIAN_M, DAMPING))
+        self.arm = np.array([names.index(name) for name in self._kinematics.joints])
+        self._home = home[self.arm]
+        self._upright = quaternions.to_matrix(turn) if len(turn) else self._kinematics.pose(self._home)[:3, :3]
         self._model = robots.load(robot.model).compile()
         self._data = mujoco.MjData(self._model)
         own = robot.limbs[limb]
-        self._site = self._model.site(robot.frames[own.palm]).id
         self._address = np.array([self._model.joint(name).qposadr[0] for name in names])
-        self.arm = np.array([number for number, joint in enumerate(robot.joints) if joint.name in own.arm])
-        self._dofs = np.array([self._model.joint(names[number]).dofadr[0] for number in self.arm])
-        self._home = home[self.arm]
-        self._jacobian = np.zeros((6, self._model.nv))
-        self._tips = [self._model.site(robot.frames[role]).id for role in own.tips or (own.palm,)]
-        self._origin = np.zeros(6)
-        self._origin = self.places(home).astype(np.float64) * PLACE_M
-        self._upright = quaternions.to_matrix(turn) if len(turn) else self._pose(home)[1].copy()
+        self._sites = [self._model.site(robot.frames[role]).id for role in (own.palm, *(own.tips or (own.palm,)))]
+        self._origin = self._points(home)
 
     def moved(self, joints: np.ndarray, way: np.ndarray) -> np.ndarray:
         """Arm joints [rad] that move the palm from its position at `joints` (A,) by `way` (3,) [m] in the base."""
-        found = joints.copy()
-        goal = self._pose(found)[0] + way
+        found = joints[self.arm]
+        goal = self._kinematics.pose(found)[:3, 3] + way
         for _ in range(ITERATIONS):
-            place, turn = self._pose(found)
-            mujoco.mj_jacSite(self._model, self._data, self._jacobian[:3], self._jacobian[3:], self._site)
-            error = np.concatenate([goal - place, RADIAN_M * _turn(self._upright, turn)])
-            jacobian = self._jacobian[:, self._dofs] * np.array([1, 1, 1, RADIAN_M, RADIAN_M, RADIAN_M])[:, None]
-            inverse = jacobian.T @ np.linalg.inv(jacobian @ jacobian.T + DAMPING**2 * np.eye(6))
-            change = POSTURE * (self._home - found[self.arm])
-            found[self.arm] += inverse @ error + change - inverse @ (jacobian @ change)
-        return np.asarray(found[self.arm])
+            target = transforms.rigid(_turned(self._kinematics.pose(found)[:3, :3], self._upright), goal)
+            found = self._kinematics.step(target, found, found + POSTURE * (self._home - found))
+        return np.asarray(found)
 
     def places(self, joints: np.ndarray) -> np.ndarray:
         """Palm and mean fingertip (6,) float32 in the base, relative to home, in units of `PLACE_M`."""
-        palm, _ = self._pose(joints)
-        found = np.concatenate([palm, self._data.site_xpos[self._tips].mean(axis=0)])
-        return np.asarray((found - self._origin) / PLACE_M, np.float32)
+        return np.asarray((self._points(joints) - self._origin) / PLACE_M, np.float32)
 
-    def _pose(self, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _points(self, joints: np.ndarray) -> np.ndarray:
         self._data.qpos[self._address] = joints
         mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        return self._data.site_xpos[self._site].copy(), self._data.site_xmat[self._site].reshape(3, 3)
+        palm, tips = self._data.site_xpos[self._sites[0]], self._data.site_xpos[self._sites[1:]]
+        return np.concatenate([palm, tips.mean(axis=0)])
 
 
-def _turn(wanted: np.ndarray, now: np.ndarray) -> np.ndarray:
-    """Rotation vector (3,) [rad] from `now` to `wanted`, limited to `TURN_RAD`."""
-    quaternion, found = np.zeros(4), np.zeros(3)
-    mujoco.mju_mat2Quat(quaternion, (wanted @ now.T).ravel())
-    mujoco.mju_quat2Vel(found, quaternion, 1.0)
-    return np.asarray(found * min(1.0, TURN_RAD / max(float(np.linalg.norm(found)), 1e-9)))
+def _turned(now: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) from `now` towards `wanted` by at most `TURN_RAD`."""
+    angle = transforms.angle(now.T @ wanted)
+    if angle <= TURN_RAD:
+        return wanted
+    first, last = quaternions.from_matrix(now), quaternions.from_matrix(wanted)
+    return quaternions.to_matrix(quaternions.slerp(first, last, TURN_RAD / angle))

@@ -32,19 +32,17 @@ SUN = Light(label="sun", direction=(0.2, 0.3, -1.0), place=(0.0, 0.0, 1.5), diff
 
 
 def describe(
-    assets: Mapping[str, Asset], background: Background, camera: Camera, world_from_camera: np.ndarray
+    found: neighbours.Parted, background: Background, camera: Camera, world_from_camera: np.ndarray
 ) -> SceneDescription:
     """The complete twin in the world frame: every asset a free object, the background static.
 
-    Neighbours whose collision pieces overlap are cut back, see `neighbours`.
-
     Args:
-        assets: Label -> placed asset; the sanitized label is the object's name.
+        found: Placed assets from `parted`; the sanitized label is the object's name.
         background: Static surface and boxes in the world frame.
         camera: Intrinsics of the photograph [px].
         world_from_camera: (4, 4) T_world_camera, OpenCV axes.
     """
-    assets = parted(assets, background).assets
+    assets = found.assets
     link_names = names.link_names(assets)
     objects: list[ObjectNode] = []
     exclude: list[tuple[str, str]] = []
@@ -72,6 +70,8 @@ def describe(
 
 def parted(assets: Mapping[str, Asset], background: Background) -> neighbours.Parted:
     """The assets with collision pieces that overlap neither one another nor the background's, and that do not hover.
+
+    See `neighbours`.
 
     Raises:
         RuleError: A link of an asset has no collision pieces or no mass.

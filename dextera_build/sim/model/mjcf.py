@@ -15,11 +15,8 @@ import numpy as np
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Mesh, obj_text
 from dextera_build.artifacts.image import png
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.scene_description import (
     BodyNode,
     Box,
@@ -35,7 +32,6 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import convex, quaternions
 from dextera_build.geometry.cameras import GL_FROM_CV
 from dextera_build.sim.model import mjcf_contact, names
-from dextera_build.sim.model.description import describe
 
 PIXEL_M = 1e-6
 """Nominal sensor pitch of the camera; only ratios matter [m]."""
@@ -46,11 +42,6 @@ LIGHTS = 1.1
 """Sum of headlight and lights on a surface that faces both the camera and the lights halfway."""
 
 Element = ElementTree.Element
-
-
-def scene(assets: Mapping[str, Asset], background: Background, camera: Camera, world_from_camera: np.ndarray) -> Folder:
-    """Write the MJCF of a complete twin; the arguments are those of `describe`."""
-    return write(describe(assets, background, camera, world_from_camera))
 
 
 def write(description: SceneDescription) -> Folder:

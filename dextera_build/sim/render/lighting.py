@@ -8,7 +8,6 @@ removes the pattern. All samples are fixed: the same model gives the same bytes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -53,7 +52,7 @@ def light(
     points = (world_from_camera[:3, 3] + directions * seen.depth[..., None])[hit] + LIFT_M * normals
     row, column = np.nonzero(hit)
     tile = (row % PATTERN) * PATTERN + column % PATTERN
-    scene = _scene(surfaces)
+    scene = raycast.ray_scene(surfaces)
     sky, key = np.ones(hit.shape), np.ones(hit.shape)
     sky[hit] = _open(scene, points, _hemisphere(normals, tile), reach_m)
     key[hit] = _open(scene, points, _disc(-lamp / np.linalg.norm(lamp), radius_rad, tile), np.inf)
@@ -71,18 +70,6 @@ def _halved(camera: Camera) -> Camera:
         cx=(camera.cx + 0.5) / 2 - 0.5,
         cy=(camera.cy + 0.5) / 2 - 0.5,
     )
-
-
-def _scene(surfaces: Sequence[raycast.Surface]) -> Any:
-    import open3d as o3d
-
-    scene = o3d.t.geometry.RaycastingScene()
-    for surface in surfaces:
-        scene.add_triangles(
-            o3d.core.Tensor(np.ascontiguousarray(surface.vertices, np.float32)),
-            o3d.core.Tensor(np.ascontiguousarray(surface.faces, np.uint32)),
-        )
-    return scene
 
 
 def _sequence(tile: np.ndarray, sample: int) -> tuple[np.ndarray, np.ndarray]:
@@ -118,14 +105,11 @@ def _disc(towards: np.ndarray, radius: float, tile: np.ndarray) -> list[np.ndarr
     return made
 
 
-def _open(scene: Any, points: np.ndarray, directions: list[np.ndarray], reach: float) -> np.ndarray:
+def _open(scene: raycast.RayScene, points: np.ndarray, directions: list[np.ndarray], reach: float) -> np.ndarray:
     """Fraction of the directions that are free within `reach` [m]."""
-    import open3d as o3d
-
     free = np.zeros(len(points))
     for way in directions:
-        rays = o3d.core.Tensor(np.concatenate([points, way], axis=1).astype(np.float32))
-        free += ~scene.test_occlusions(rays, tfar=reach).numpy()
+        free += ~scene.occluded(np.concatenate([points, way], axis=1), reach)
     return np.asarray(free / len(directions))
 
 

@@ -19,18 +19,15 @@ MJCF. Lights are left to the viewer, as textures have that of the photograph.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import png
 from dextera_build.artifacts.mesh_usd import add_mesh, add_surface_material
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.scene import Background
 from dextera_build.artifacts.scene_description import (
     BodyNode,
     Contact,
@@ -44,7 +41,6 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import convex, transforms
 from dextera_build.geometry.cameras import GL_FROM_CV
 from dextera_build.sim.model import mjcf_contact, names
-from dextera_build.sim.model.description import describe
 from dextera_build.sim.usd import physx
 from dextera_build.sim.usd.prims import (
     add_camera,
@@ -58,17 +54,6 @@ from dextera_build.sim.usd.prims import (
     place,
 )
 from dextera_build.sim.usd.robot import add_robot
-
-
-def scene(
-    assets: Mapping[str, Asset],
-    background: Background,
-    camera: Camera,
-    world_from_camera: np.ndarray,
-    held: Collection[str] = (),
-) -> Folder:
-    """Write the USD of a complete twin; the arguments are those of `describe` and `write`."""
-    return write(describe(assets, background, camera, world_from_camera), held)
 
 
 def write(description: SceneDescription, held: Collection[str] = ()) -> Folder:

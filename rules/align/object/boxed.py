@@ -10,10 +10,10 @@ from dextera_build.artifacts.object import Body, Placement
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.view import Seen
 from dextera_build.errors import RuleError
-from dextera_build.geometry import cameras, kinematics, metrics, registration, transforms
+from dextera_build.geometry import kinematics, metrics, registration, transforms
 from dextera_build.geometry.registration import Similarity
 
-from .model_view import ModelView
+from . import model_view
 from .placed import Placed
 
 POINTS = 1500
@@ -26,11 +26,10 @@ def seen_points(seen: Seen) -> np.ndarray:
     Raises:
         RuleError: Nothing was measured.
     """
-    valid = seen.mask & (seen.depth > 0)
-    if not valid.any():
+    points = model_view.seen_points(seen, POINTS)
+    if not len(points):
         raise RuleError("nothing of the object was measured", hint="use backend `icp`, which places by silhouette")
-    points = cameras.backproject(seen.depth, seen.camera.matrix())[valid]
-    return transforms.apply(seen.world_from_camera, points)[:: max(1, len(points) // POINTS)]
+    return points
 
 
 def model_points(body: Body) -> np.ndarray:
@@ -107,7 +106,7 @@ def _similarity(matrix: np.ndarray, *, backwards: bool) -> Similarity | None:
 def judged(body: Body, seen: Seen, found: Similarity, method: str) -> Placed:
     """The placement of a baseline, which has no uncertainty, and how its render agrees with the view."""
     vertices, faces = kinematics.posed_surface(body)
-    score = ModelView(vertices, faces, seen).score(found)
+    score = model_view.ModelView(vertices, faces, seen).score(found)
     pose = Pose(parent="world", child="object", matrix=found.pose)
     placement = Placement(pose=pose, scale=found.scale, method=method)
     return Placed(placement, score.iou, score.violation, float(found.apply(vertices)[:, 2].min()))

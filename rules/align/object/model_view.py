@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from dextera_build.artifacts.object import Body
 from dextera_build.artifacts.view import Seen
-from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry import cameras, raycast
 from dextera_build.geometry.registration import Similarity
+
+from ..canonical import bodies
 
 FREE_SPACE_M = 0.01
 """Distance in front of the measured surface above which a model surface is in free space [m]."""
@@ -84,14 +85,7 @@ class ModelView:
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, seen: Seen, pixels: int = 20000) -> None:
-        import open3d as o3d
-
-        self._tensor = o3d.core.Tensor
-        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        self._scene.add_triangles(
-            o3d.core.Tensor(np.ascontiguousarray(vertices, np.float32)),
-            o3d.core.Tensor(np.ascontiguousarray(faces, np.uint32)),
-        )
+        self._scene = raycast.RayScene((vertices, faces))
         self._watch(seen, pixels)
 
     def coarser(self, seen: Seen, pixels: int) -> ModelView:
@@ -150,19 +144,12 @@ class ModelView:
 
     def painted(self, placed: Similarity, body: Body) -> tuple[np.ndarray, np.ndarray]:
         """Unlit colours (h, w, 3), 0..1, of the placed body, and its pixels inside the mask, (h, w) bool."""
-        answer = self._hits(placed)
-        where = np.isfinite(answer["t_hit"].numpy()) & self._known & self._mask
-        faces = answer["primitive_ids"].numpy()[where].astype(np.int64)
-        weights = answer["primitive_uvs"].numpy()[where].astype(np.float64)
+        hits = self._hits(placed)
+        where = np.isfinite(hits.distance) & self._known & self._mask
+        weights = hits.weights[where].astype(np.float64)
         corners = np.column_stack([1.0 - weights.sum(axis=1), weights])
-        pixels, first = np.zeros((*where.shape, 3)), 0
-        found = np.zeros((len(faces), 3))
-        for name in sorted(body.links):
-            mesh = body.links[name].mesh
-            own = (faces >= first) & (faces < first + len(mesh.faces))
-            found[own] = mesh.paint(faces[own] - first, corners[own])
-            first += len(mesh.faces)
-        pixels[where] = found
+        pixels = np.zeros((*where.shape, 3))
+        pixels[where] = bodies.paint(body, hits.face[where].astype(np.int64), corners)
         return pixels, where
 
     def thinned(self, pixels: np.ndarray) -> np.ndarray:
@@ -172,34 +159,30 @@ class ModelView:
 
     def distances(self, placed: Similarity, points: np.ndarray) -> np.ndarray:
         """Distance (N,) of world points to the placed surface [m]."""
-        local = np.ascontiguousarray(placed.unapply(points), np.float32)
-        return np.asarray(self._scene.compute_distance(self._tensor(local)).numpy() * placed.scale, np.float64)
+        return np.asarray(self._scene.distances(placed.unapply(points)) * placed.scale, np.float64)
 
     def model_distances(self, points: np.ndarray) -> np.ndarray:
         """Distance (N,) of model points (N, 3) to the surface, in model units."""
-        local = np.ascontiguousarray(points, np.float32)
-        return np.asarray(self._scene.compute_distance(self._tensor(local)).numpy(), np.float64)
+        return self._scene.distances(points).astype(np.float64)
 
     def _cast(self, placed: Similarity) -> tuple[np.ndarray, np.ndarray]:
         """Depth (h, w) [m], inf if empty, and model-frame normals (h, w, 3) towards the camera."""
-        answer = self._hits(placed)
+        hits = self._hits(placed)
         directions = self._directions @ placed.pose[:3, :3]
-        normals = answer["primitive_normals"].numpy().astype(np.float64)
+        normals = hits.normals.astype(np.float64)
         away = (normals * directions).sum(axis=-1) > 0.0
-        return answer["t_hit"].numpy().astype(np.float64), np.where(away[..., None], -normals, normals)
+        return hits.distance.astype(np.float64), np.where(away[..., None], -normals, normals)
 
-    def _hits(self, placed: Similarity) -> Any:
-        """Open3D's result for the rays."""
+    def _hits(self, placed: Similarity) -> raycast.Hits:
         # Rays are transformed to the model's frame; their parameter, and so the depth, is unchanged.
         rotation = placed.pose[:3, :3]
         origin = (self._origin - placed.pose[:3, 3]) @ rotation / placed.scale
         directions = self._directions @ rotation / placed.scale
         rays = np.concatenate([np.broadcast_to(origin, directions.shape), directions], axis=-1)
-        return self._scene.cast_rays(self._tensor(np.ascontiguousarray(rays, np.float32)))
+        return self._scene.cast(rays)
 
 
 def seen_points(seen: Seen, most: int = MOST) -> np.ndarray:
     """World points (N, 3) of the object's valid pixels, thinned evenly to about `most`."""
-    valid = seen.mask & (seen.depth > 0.0)
-    points = cameras.backproject(seen.depth, seen.camera.matrix())[valid]
-    return transforms.apply(seen.world_from_camera, points)[:: max(1, len(points) // most)]
+    points = seen.world_points(seen.mask & (seen.depth > 0.0))
+    return points[:: max(1, len(points) // most)]

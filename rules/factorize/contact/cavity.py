@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.artifacts.geometry import Hull, Mesh
+from dextera_build.geometry.raycast import RayScene
 
 _AROUND = 16
 """Number of horizontal rays cast from each point."""
@@ -40,17 +41,11 @@ def find(mesh: Mesh, cells: int = 40) -> Cavity:
 
 
 def _sheltered(mesh: Mesh, points: np.ndarray) -> np.ndarray:
-    import open3d as o3d
-
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(
-        o3d.core.Tensor(np.ascontiguousarray(mesh.vertices, np.float32)),
-        o3d.core.Tensor(np.ascontiguousarray(mesh.faces, np.uint32)),
-    )
+    scene = RayScene((mesh.vertices, mesh.faces))
 
     def free(at: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        rays = np.concatenate([at, np.broadcast_to(direction, at.shape)], axis=1).astype(np.float32)
-        return np.asarray(np.isinf(scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy()))
+        rays = np.concatenate([at, np.broadcast_to(direction, at.shape)], axis=1)
+        return np.asarray(np.isinf(scene.cast(rays).distance))
 
     # A point with open sky above is outside a closed mesh.
     points = points[free(points, np.array([0.0, 0.0, 1.0]))]

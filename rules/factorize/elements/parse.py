@@ -17,9 +17,9 @@ from dextera_build.rule import Context, Fraction, Options, rule
 
 from ..masks.marking import boxes
 from ..measured import Measurements, Workspace, of_workspace, robot_pixels
-from ..overlap import Box
+from ..overlap import Box, box_of
 from ..regions.heights import relief
-from ..regions.proposals import Proposal, scenery
+from ..regions.proposals import scenery
 from . import matching, scene_file
 from .nothing import causes
 
@@ -36,7 +36,7 @@ class ParseBackend(Protocol):
 
     def propose(
         self, ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Any
-    ) -> tuple[Element, ...] | None:
+    ) -> Elements | None:
         """Every object on the support with its box [px]; None if the backend leaves that to `scene.yaml`."""
         ...
 
@@ -67,16 +67,18 @@ def parse(
         if proposals is None:
             found = matching.boxed(wanted)
         else:
-            found = matching.match(wanted, proposals, options.match_iou, _at(depth) if depth.taken else None)
+            at = _at(depth, proposals.regions) if depth.taken else None
+            found = matching.match(wanted, proposals.elements, options.match_iou, at)
     elif proposals is None:
         ctx.fail("this backend proposes no elements, and no `scene.yaml` lists them", hint="give the input `scene`")
     else:
-        found, source = proposals, "proposed"
+        found, source = proposals.elements, "proposed"
     interactive = [element.name for element in found if element.interactive]
     if not interactive:
         _nothing(ctx, depth, found)
     everything = (*found, *([] if any(e.name == "support" for e in found) else [table]))
-    result = Elements(elements=everything, source=source, asset_source=depth.source())
+    regions = None if proposals is None else proposals.regions
+    result = Elements(elements=everything, source=source, asset_source=depth.source(), regions=regions)
     static = sum(not element.interactive for element in found)
     ctx.say(f"{', '.join(interactive)}" + (f"; {static} static" if static else ""))
     ctx.preview(boxes(photograph.rgb.pixels, found), "elements")
@@ -87,22 +89,22 @@ NEAR_PX = 4
 """Largest distance of a point from its region [px]: masks lack smeared borders and have holes."""
 
 
-def _at(measured: Measurements[Workspace]) -> matching.Find:
+def _at(measured: Measurements[Workspace], regions: np.ndarray | None) -> matching.Find:
     """The box of the region above the support with most pixels around a point."""
 
     def find(point: tuple[int, int]) -> Box | None:
-        workspace = measured.needed()
-        count, (height, width) = workspace.turns, workspace.depth.shape
-        box = upright.turned_box((point[0], point[1], point[0] + 1, point[1] + 1), (width, height), count)
-        around = slice(max(0, box[1] - NEAR_PX), box[3] + NEAR_PX), slice(max(0, box[0] - NEAR_PX), box[2] + NEAR_PX)
-        shares = [(int(thing.mask[around].sum()), thing.box) for thing in things()]
-        share, best = max(shares, default=(0, (0, 0, 0, 0)), key=lambda found: found[0])
-        level = workspace.upright().camera
-        return upright.turned_box(best, (level.width, level.height), -count) if share else None
+        column, row = point
+        seen = labels()
+        near = seen[max(0, row - NEAR_PX) : row + NEAR_PX + 1, max(0, column - NEAR_PX) : column + NEAR_PX + 1]
+        counts = np.bincount(near[near > 0])
+        return box_of(seen == int(counts.argmax())) if len(counts) else None
 
     @cache
-    def things() -> tuple[Proposal, ...]:
-        return scenery(measured.needed().upright()).objects
+    def labels() -> np.ndarray:
+        if regions is not None:
+            return regions
+        workspace = measured.needed()
+        return upright.turned(scenery(workspace.upright()).labels, -workspace.turns)
 
     return find
 

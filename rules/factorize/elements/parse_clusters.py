@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import Element
+from dextera_build.artifacts.object import Elements
+from dextera_build.geometry.upright import turned
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements, Workspace, turned_elements
@@ -18,13 +19,11 @@ BACKEND = Backend(
 )
 
 
-def propose(
-    ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Options
-) -> tuple[Element, ...]:
+def propose(ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Options) -> Elements:
     """Every object above the support with its box [px], largest first."""
     workspace = measured.needed()
-    level = workspace.upright()
+    level, turns = workspace.upright(), workspace.turns
     seen = scenery(level)
     found = naming.elements(seen.objects, seen.relief, colour_lab(level.pixels))
     size = (level.camera.width, level.camera.height)
-    return turned_elements(found, size, -workspace.turns)
+    return Elements(elements=turned_elements(found, size, -turns), regions=turned(seen.labels, -turns))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pydantic import PositiveInt
 
 from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import Element
+from dextera_build.artifacts.object import Elements
 from dextera_build.errors import RuleError
 from dextera_build.rule import Backend, Context, Options
 
@@ -45,7 +45,7 @@ class Qwen3VlOptions(Options):
 
 def propose(
     ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Qwen3VlOptions
-) -> tuple[Element, ...]:
+) -> Elements:
     """The elements named by the model, each with its box [px]."""
     speaker = ctx.load(_speaker, "qwen3_vl")
     pixels = photograph.rgb.pixels
@@ -53,7 +53,7 @@ def propose(
     def say(chat: Chat) -> str:
         return speaker.answer(pixels, chat, options.picture_tokens, options.answer_tokens)
 
-    return questions.elements(ask(say, options.attempts), GRID, pixels.shape)
+    return Elements(elements=questions.elements(ask(say, options.attempts), GRID, pixels.shape))
 
 
 def ask(say: Callable[[Chat], str], attempts: int) -> questions.Answer:

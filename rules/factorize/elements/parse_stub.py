@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import Element
+from dextera_build.artifacts.object import Element, Elements
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements, Workspace
@@ -14,12 +14,10 @@ BACKEND = Backend(
 )
 
 
-def propose(
-    ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Options
-) -> tuple[Element, ...]:
+def propose(ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Options) -> Elements:
     """One element per connected region above the support, in scan order."""
     found = []
     for number, blob in enumerate(blobs(measured.needed()), start=1):
         name = "object" if number == 1 else f"object_{number}"
         found.append(Element(name=name, category="object", phrase="object", interactive=not blob.cut, box=blob.box))
-    return tuple(found)
+    return Elements(elements=tuple(found))

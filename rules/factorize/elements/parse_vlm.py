@@ -11,7 +11,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import Element
+from dextera_build.artifacts.object import Elements
 from dextera_build.errors import MachineError
 from dextera_build.rule import Backend, Context, Options, Response
 
@@ -37,9 +37,7 @@ class VlmOptions(Options):
     """Name of the model, passed to the service."""
 
 
-def propose(
-    ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: VlmOptions
-) -> tuple[Element, ...]:
+def propose(ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: VlmOptions) -> Elements:
     """The elements named by the model, each with its box [px]."""
     if not options.model:
         hint = "`--set NODE.vlm.model=NAME`, or `vlm: {model: NAME}` at the node"
@@ -67,7 +65,7 @@ def propose(
         valid=lambda body: read(body, grid),
         repair=repair,
     )
-    return questions.elements(read(body, grid), grid, photograph.rgb.pixels.shape)
+    return Elements(elements=questions.elements(read(body, grid), grid, photograph.rgb.pixels.shape))
 
 
 def read(body: bytes, grid: questions.Grid) -> questions.Answer:

@@ -11,7 +11,7 @@ from pydantic import NonNegativeFloat
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.object import Body, Joint, Link, Shape
 from dextera_build.artifacts.view import Seen, State
-from dextera_build.geometry import cameras, transforms
+from dextera_build.geometry import transforms
 from dextera_build.rule import Backend, Context, Options
 
 from .. import manifolds
@@ -177,7 +177,7 @@ def _seen_angle(shape: Shape, seen: Seen, hinge: Hinge) -> float | None:
     if shape.pose is None:
         return None
     valid = seen.mask & (seen.depth > 0.0)
-    points = cameras.backproject(seen.depth, seen.camera.matrix())[valid]
+    points = seen.camera_points(valid)
     to_object = (shape.pose.inverse() @ seen.measured.camera_pose).matrix
     local = transforms.apply(to_object, points) - hinge.origin
     inside = hinge.turn(hinge.angle)[:3, :3] @ hinge.along

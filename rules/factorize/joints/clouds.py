@@ -8,6 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, normals, planes, regions, transforms
+from dextera_build.geometry.depth_view import DepthView
 
 MOST = 5000
 """Maximum number of points of a cloud; more change no estimate, because errors of neighbours are correlated."""
@@ -45,7 +46,7 @@ class Cloud:
 
 
 @dataclass(frozen=True)
-class Eye:
+class Eye(DepthView):
     """The camera of a sight, with its depth image."""
 
     depth: np.ndarray  # (H, W) image-plane z [m]; 0 where nothing was measured
@@ -66,10 +67,8 @@ class Eye:
 
     def _at(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Measured depth at the pixels of world points (N, 3), -1 outside the picture, and their own z [m]."""
-        local = transforms.apply(transforms.invert(self.world_from_camera), points)
-        rows, columns, inside = cameras.nearest_pixels(local, self.k, self.depth.shape)
-        there = self.depth[np.where(inside, rows, 0), np.where(inside, columns, 0)]
-        return np.where(inside, there, -1.0), local[:, 2]
+        rows, columns, inside, z = self.find(points)
+        return np.where(inside, self.depth[rows, columns], -1.0), z
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.object import Joint, JointHint, Link, Shape
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.view import Seen
-from dextera_build.geometry import cameras, kinematics, planes, solids, transforms
+from dextera_build.geometry import kinematics, planes, solids, transforms
 from dextera_build.rule import Context
 
 from .. import manifolds
@@ -97,7 +97,7 @@ def _front(ctx: Context, seen: Seen, hint: JointHint, corner: np.ndarray, pose: 
             needed=LEAST_POINTS,
             hint="give the box of the moving part's front, [left, top, right, bottom] in the whole photograph",
         )
-    points = cameras.backproject(seen.depth.astype(np.float64), seen.camera.matrix())[chosen]
+    points = seen.camera_points(chosen)
     sigma = planes.depth_sigma(points[:, 2])
     plane = planes.facing(planes.refine(planes.fit(points), points, sigma))
     on = np.abs(planes.distance(plane, points)) < 3.0 * sigma
@@ -109,8 +109,6 @@ def _front(ctx: Context, seen: Seen, hint: JointHint, corner: np.ndarray, pose: 
 
 def _prism(front: _Front, hint: JointHint, shape: Shape) -> Manifold:
     """The prism in front of and behind the front's outline, with the assumed depth of the part."""
-    import manifold3d
-
     span = shape.mesh.vertices.astype(np.float64) @ front.normal
     deep = DRAWER * (front.offset - float(span.min())) if hint.type == "prismatic" else PANEL_M
     turn = transforms.rotation_between(np.array([0.0, 0.0, 1.0]), front.normal)
@@ -119,9 +117,7 @@ def _prism(front: _Front, hint: JointHint, shape: Shape) -> Manifold:
     inside = flat[((flat[:, :2] >= low) & (flat[:, :2] <= high)).all(axis=1), :2]
     outline = _hull(inside)
     solid = solids.extrude(outline, front.offset - deep, front.offset + OUT_M)
-    return manifold3d.Manifold(
-        manifold3d.Mesh(np.ascontiguousarray(solid.vertices @ turn.T, np.float32), solid.faces.astype(np.uint32))
-    )
+    return solids.manifold((solid.vertices @ turn.T).astype(np.float32), solid.faces)
 
 
 def _hull(points: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.geometry import cameras, planes, regions, transforms
+from dextera_build.geometry import planes, regions
 
 from ..measured import Workspace
 
@@ -29,8 +29,7 @@ def relief(seen: Workspace) -> Relief:
     """Compute heights above the support and classify pixels by them."""
     depth = seen.depth.astype(np.float64)
     valid = depth > 0
-    camera_points = cameras.backproject(depth, seen.camera.matrix())
-    points = transforms.apply(seen.world_from_camera, camera_points)
+    points = seen.world_points()
     over = valid & regions.inside_convex(points[..., :2], seen.support.polygon, MARGIN_M)
     sigma = planes.depth_sigma(depth)
     height = np.where(valid, points[..., 2], 0.0)

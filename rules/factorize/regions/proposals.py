@@ -55,6 +55,14 @@ class Scenery:
     other: np.ndarray
     """(H, W) bool, raised pixels outside all objects."""
 
+    @property
+    def labels(self) -> np.ndarray:
+        """(H, W) int32, object of each pixel, 1.. in the order of `objects`; 0 elsewhere."""
+        labels = np.zeros(self.other.shape, np.int32)
+        for number, proposal in enumerate(self.objects, start=1):
+            labels[proposal.mask] = number
+        return labels
+
 
 def scenery(seen: Workspace) -> Scenery:
     """Split the pixels above the support into objects."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from dextera_build.artifacts.view import Seen
 from dextera_build.geometry import cameras, regions, transforms
+from dextera_build.geometry.depth_view import DepthView
 
 LEAST_POINTS = 150
 """Minimum number of pixels with trusted depth for a fit."""
@@ -35,7 +36,7 @@ class Silhouette:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class Evidence(DepthView):
     """One object seen by one camera. Points and rays are in the world frame; the object stands on z = 0."""
 
     base: float  # height above the support of the surface under the object [m]; 0 for the support itself

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.geometry import cameras, raycast, solids, transforms
+from dextera_build.geometry import raycast, solids, transforms
 from dextera_build.geometry.solids import Solid
 
 from .evidence import Evidence
@@ -117,7 +117,7 @@ def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> tuple[_P
     if len(rows) < 12:
         return None
     pixels = np.stack([columns, rows], axis=-1).astype(np.float64)
-    points = transforms.apply(object_from_camera, cameras.backproject(evidence.depth, evidence.k)[inner])
+    points = transforms.apply(object_from_camera, evidence.camera_points(inner))
     middle = np.median(points, axis=0)
     guess = float(np.arctan2(middle[1], middle[0]))
     best, least = None, np.inf

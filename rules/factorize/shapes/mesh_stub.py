@@ -11,7 +11,7 @@ from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.object import Shape
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.view import ObjectView, Seen
-from dextera_build.geometry import cameras, solids, transforms
+from dextera_build.geometry import solids, transforms
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements
@@ -30,14 +30,13 @@ def complete(
 ) -> Shape:
     """Return the world-axis-aligned box of the middle 96 % of the seen points, from the support up."""
     seen = measured.needed()
-    depth = seen.depth.astype(np.float64)
-    valid = seen.mask & (depth > 0)
+    valid = seen.mask & (seen.depth > 0)
     if int(valid.sum()) < common.least_points:
         ctx.fail(
             f"the view has {int(valid.sum())} pixels with depth, {common.least_points} are needed",
             hint="lower `least_points`",
         )
-    points = transforms.apply(seen.world_from_camera, cameras.backproject(depth, seen.camera.matrix())[valid])
+    points = seen.world_points(valid)
     low, high = np.quantile(points, [0.02, 0.98], axis=0)
     size = np.maximum(high - low, SMALLEST_M)
     size[2] = max(high[2], SMALLEST_M)

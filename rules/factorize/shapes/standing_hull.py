@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import cameras, convex, transforms
+from dextera_build.geometry import convex, transforms
 from dextera_build.geometry.solids import Solid
 
 from .evidence import Evidence
@@ -42,5 +42,4 @@ def with_feet(points: np.ndarray) -> np.ndarray:
 
 def _measured(evidence: Evidence) -> np.ndarray:
     """Points (N, 3) of all pixels of the mask with a depth, in the frame of `Evidence.points`."""
-    seen = evidence.mask & evidence.known & (evidence.depth > 0)
-    return transforms.apply(evidence.world_from_camera, cameras.backproject(evidence.depth, evidence.k)[seen])
+    return evidence.world_points(evidence.mask & evidence.known & (evidence.depth > 0))

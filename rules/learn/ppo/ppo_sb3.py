@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 BACKEND = Backend(
     summary="stable-baselines3 on MuJoCo, deterministic; goes on after an interruption",
     profiles=("cpu",),
-    packages=("stable-baselines3", "gymnasium", "torch", "mujoco", "safetensors"),
+    packages=("stable-baselines3", "gymnasium", "torch", "mujoco", "mink", "daqp", "safetensors"),
     extra="learn",
 )
 

@@ -20,7 +20,8 @@ def describe(
     `simulate.scene` and `simulate.usd` write the same description; a rule of a project may change it and write its own
     format.
     """
-    made = description.describe(assets.items, background, camera, support.camera_pose.matrix)
+    found = description.parted(assets.items, background)
+    made = description.describe(found, background, camera, support.camera_pose.matrix)
     ctx.metric("bodies", len(made.objects))
     ctx.say(", ".join(made.facts()))
     return made

@@ -32,7 +32,7 @@ def scene(ctx: Context, assets: Collection[Asset], background: Background, suppo
         _told(ctx, cut)
     for label, gap in found.feet.items():
         ctx.warn(f"{label} was seen {1000 * gap:.0f} mm above the support: it gets feet, which are not drawn")
-    model = mjcf.scene(placed, room, camera, support.camera_pose.matrix)
+    model = mjcf.write(description.describe(found, room, camera, support.camera_pose.matrix))
     joints = sum(len(asset.body.joints) for asset in placed.values())
     pieces = sum(len(part.hulls) for asset in placed.values() for part in asset.collision.links.values())
     mass = sum(link.mass_kg for asset in placed.values() for link in asset.physics.links.values())

@@ -54,7 +54,8 @@ def usd(
     """
     held = () if scene is None else scene.held
     room = metric(background, support.factor)
-    described = description.describe(assets.items, room, camera, support.camera_pose.matrix)
+    found = description.parted(assets.items, room)
+    described = description.describe(found, room, camera, support.camera_pose.matrix)
     if robot is not None:
         if base is None or (base.parent, base.child) != ("world", "base"):
             given = "nothing" if base is None else f"T_{base.parent}_{base.child}"

@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from dextera_build.geometry import kinematics, metrics, symmetry, transforms
+from dextera_build.geometry.raycast import RayScene
 from dextera_build.geometry.registration import Similarity
 from dextera_build.geometry.symmetry import Symmetry
 
@@ -36,20 +37,10 @@ class Error:
 
 def truth(known: Known) -> Truth:
     """Symmetry and samples of a view's object."""
-    import open3d as o3d
-
     vertices, faces = kinematics.posed_surface(known.asset)
-    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(
-        o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(np.ascontiguousarray(faces, np.uint32))
-    )
-
-    def distances(points: np.ndarray) -> np.ndarray:
-        return np.asarray(scene.compute_distance(o3d.core.Tensor(points.astype(np.float32))).numpy())
-
     return Truth(
         Similarity(known.scale, known.pose),
-        symmetry.find(vertices, faces, distances, samples=1000),
+        symmetry.find(vertices, faces, RayScene((vertices, faces)).distances, samples=1000),
         metrics.sample_surface(vertices, faces, 40000, 0),
     )
 

@@ -26,6 +26,7 @@ from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.object import Body, Link
 from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import kinematics, lie, metrics, transforms
+from dextera_build.geometry.raycast import RayScene
 from dextera_build.statistics import Z90
 from dextera_build.testing import RuleRunner
 
@@ -51,20 +52,12 @@ class Surface:
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, seed: int) -> None:
-        import open3d as o3d
-
-        self._tensor = o3d.core.Tensor
-        self._scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        self._scene.add_triangles(
-            o3d.core.Tensor(np.ascontiguousarray(vertices, np.float32)),
-            o3d.core.Tensor(np.ascontiguousarray(faces, np.uint32)),
-        )
+        self._scene = RayScene((vertices, faces))
         self.points = metrics.sample_surface(vertices, faces, 3000, seed)
 
     def distances(self, points: np.ndarray) -> np.ndarray:
         """Distance (N,) of points to the surface [m]."""
-        found = self._scene.compute_distance(self._tensor(np.ascontiguousarray(points, np.float32)))
-        return np.asarray(found.numpy(), np.float64)
+        return self._scene.distances(points).astype(np.float64)
 
 
 def error(found: Surface, true: Surface, origin: np.ndarray) -> np.ndarray:

@@ -82,13 +82,7 @@ def surface_of(mesh: Mesh) -> raycast.Surface:
 
 def joins(vertices: np.ndarray, faces: np.ndarray) -> int:
     """Triangles with corners on different things, none of which has all of them within `JOINED_M`."""
-    import open3d as o3d
-
-    near = []
-    for each in surfaces(THINGS):
-        shape = o3d.t.geometry.RaycastingScene()
-        shape.add_triangles(each.vertices.astype(np.float32), each.faces.astype(np.uint32))
-        near.append(shape.compute_distance(vertices.astype(np.float32)).numpy() < JOINED_M)
+    near = [raycast.RayScene((each.vertices, each.faces)).distances(vertices) < JOINED_M for each in surfaces(THINGS)]
     corners = np.array(near)[:, faces]
     return int((corners.any(axis=0).all(axis=1) & ~corners.all(axis=2).any(axis=0)).sum())
 

@@ -8,9 +8,9 @@ import pytest
 
 from dextera_build.artifacts.object import Asset, Joint, Placement
 from dextera_build.geometry import kinematics
-from dextera_build.sim.model import mjcf, model, touching
+from dextera_build.sim.model import model, touching
 from dextera_build.testing import RuleRunner
-from tests import factories, object_views
+from tests import factories, object_views, twins
 
 
 @pytest.fixture
@@ -41,8 +41,7 @@ def deepest(asset: Asset) -> float:
 
 
 def compiled(asset: Asset):
-    lens, table = factories.camera(), factories.support()
-    return model.compile_folder(mjcf.scene({"laptop": asset}, factories.background(), lens, table.camera_pose.matrix))
+    return model.compile_folder(twins.scene({"laptop": asset}))
 
 
 @pytest.mark.parametrize("scale", [0.5, 2.0])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import mink
 import numpy as np
 import pytest
 
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.geometry import transforms
+from dextera_build.sim.control import ik
 from dextera_build.sim.control.ik import ArmKinematics
 from tests.robots import robot_recipes
 
@@ -44,6 +46,21 @@ def test_a_pose_that_the_arm_has_is_reached_within_its_limits(arm: ArmKinematics
     assert (found.joints >= arm.lower).all()
     assert (found.joints <= arm.upper).all()
     assert found.margin_rad == pytest.approx(np.minimum(found.joints - arm.lower, arm.upper - found.joints).min())
+
+
+@pytest.mark.parametrize("dt", [0.01, np.inf])
+def test_a_step_is_that_of_mink(arm: ArmKinematics, dt: float) -> None:
+    """Its own solution of the same problem is for speed alone."""
+    arm._state.update(arm._spread(drawn(arm, 3)))
+    arm._aim(arm.pose(drawn(arm, 4)))
+    arm._state.update(arm._spread(drawn(arm, 3)))
+    arm._posture.set_target(arm._spread(arm.home))
+    limits = (arm._range, arm._speed) if np.isfinite(dt) else (arm._range,)
+    seconds = dt if np.isfinite(dt) else 1.0
+    velocity = mink.solve_ik(
+        arm._state, [*arm._palms, arm._posture], seconds, solver=ik.SOLVER, damping=ik.DAMPING, limits=limits
+    )
+    assert np.allclose(arm._displacement(dt), velocity * seconds, atol=1e-6)
 
 
 def test_a_goal_out_of_reach_says_how_far_it_is(arm: ArmKinematics) -> None:

@@ -55,6 +55,16 @@ def test_the_palm_goes_where_it_is_steered_along_the_axes_of_the_base():
     assert np.allclose(moved[3:], 0, atol=1e-3)
 
 
+def test_a_step_beyond_the_range_of_a_joint_ends_at_its_limit():
+    steer = steering(lead_rad=1.0)
+    limit = task_bundles.robot().joints[0].upper
+    sent = HOME.copy()
+    sent[0] = limit - 0.01
+    found = steer.targets(np.array([1.0, 0.5, 0.0]), sent, sent)[-1]
+    assert limit - 0.003 < found[0] <= limit
+    assert found[1] == pytest.approx(HOME[1] + 0.025, abs=0.001)
+
+
 def test_targets_go_evenly_and_what_is_not_steered_stays_at_home():
     sent = HOME + np.array([0.1, 0.1, 0.1, 0.0, -0.02])
     found = steering().targets(np.array([1.0, 0, 0]), sent, sent)

@@ -10,9 +10,8 @@ from dextera_build.artifacts.scene_description import Attachment, Box, SceneDesc
 from dextera_build.errors import RuleError
 from dextera_build.geometry import kinematics, transforms
 from dextera_build.sim.model import attached, mjcf, model
-from dextera_build.sim.model.description import describe
 from dextera_build.sim.usd import writer
-from tests import factories, task_bundles
+from tests import factories, task_bundles, twins
 from tests.artifacts.test_base import Memory
 
 ASSETS = {
@@ -24,8 +23,7 @@ PLACE = factories.pose(0.4, -0.3, 0.0, yaw=0.8)
 
 @pytest.fixture(scope="module")
 def described() -> SceneDescription:
-    table = factories.support()
-    return describe(ASSETS, factories.background(), factories.camera(), table.camera_pose.matrix)
+    return twins.described(ASSETS)
 
 
 def robot(prefix: str, place: np.ndarray = PLACE) -> Attachment:
@@ -88,14 +86,8 @@ def test_a_link_that_cannot_be_touched_or_weighs_nothing_is_one_error(part, what
     laptop = ASSETS["laptop"]
     whole = getattr(laptop, part)
     less = whole.model_copy(update={"links": {"base": whole.links["base"]}})
-    table = factories.support()
     with pytest.raises(RuleError, match=f"link `lid` of `laptop` has no {what}") as caught:
-        describe(
-            {"laptop": laptop.model_copy(update={part: less})},
-            factories.background(),
-            factories.camera(),
-            table.camera_pose.matrix,
-        )
+        twins.described({"laptop": laptop.model_copy(update={part: less})})
     assert caught.value.facts[what] == "base"
 
 

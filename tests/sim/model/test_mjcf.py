@@ -9,15 +9,14 @@ import pytest
 from dextera_build.artifacts.geometry import Hull
 from dextera_build.artifacts.object import Asset, Collision, Joint, Link, Pieces
 from dextera_build.geometry import cameras, kinematics, quaternions, transforms
-from dextera_build.sim.model import mjcf, mjcf_contact, model, names
+from dextera_build.sim.model import mjcf_contact, model, names
 from dextera_build.sim.render import rendering
-from tests import factories
+from tests import factories, twins
 
 
 def build(assets: dict[str, Asset], lens: object = None) -> object:
-    table = factories.support()
     camera = lens or factories.camera()
-    return mjcf.scene(assets, factories.background(), camera, table.camera_pose.matrix)
+    return twins.scene(assets, lens=camera)
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +114,7 @@ def test_the_camera_projects_as_the_intrinsics_say() -> None:
     cubes = {
         f"cube_{i}": factories.box_asset(factories.pose(x, y), (0.02, 0.02, 0.02)) for i, (x, y) in enumerate(places)
     }
-    loaded = model.compile_folder(mjcf.scene(cubes, factories.background(), lens, table.camera_pose.matrix))
+    loaded = model.compile_folder(twins.scene(cubes, lens=lens))
     data = model.at_home(loaded)
     with mujoco.Renderer(loaded, lens.height, lens.width) as renderer:
         renderer.update_scene(data, camera="capture")
@@ -249,7 +248,7 @@ def test_the_lid_needs_more_than_its_weight_to_move() -> None:
 
 def test_the_texture_stands_upright_in_the_render() -> None:
     lens, table = factories.camera(), factories.support()
-    loaded = model.compile_folder(mjcf.scene({}, factories.background(), lens, table.camera_pose.matrix))
+    loaded = model.compile_folder(twins.scene({}, lens=lens))
     pixels = rendering.render_rgb(loaded, model.at_home(loaded), lens, table.camera_pose.matrix).astype(int)
     near, far = pixels[-10, 160], pixels[90, 160]
     assert near[1] > far[1] + 10, "green grows towards the picture's lower border, which is the near side"

@@ -9,9 +9,9 @@ import pytest
 from dextera_build.artifacts.object import Asset
 from dextera_build.geometry import transforms
 from dextera_build.geometry.convex import Convex
-from dextera_build.sim.model import mjcf, model
+from dextera_build.sim.model import model
 from dextera_build.sim.model.neighbours import TOUCH_M, Cut, parted
-from tests import factories
+from tests import factories, twins
 
 SIZE = (0.1, 0.1, 0.1)
 
@@ -40,8 +40,7 @@ def cut(assets: dict[str, Asset], *static: np.ndarray) -> tuple[dict[str, Asset]
 
 def drift(assets: dict[str, Asset]) -> float:
     """How far a body moves within 2 s [m]."""
-    table = factories.support()
-    scene = mjcf.scene(assets, factories.background(), factories.camera(), table.camera_pose.matrix)
+    scene = twins.scene(assets)
     loaded = model.compile_folder(scene)
     data = model.at_home(loaded)
     start = data.xpos.copy()

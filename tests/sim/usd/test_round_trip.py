@@ -16,11 +16,10 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.scene_description import Attachment, Contact, SceneDescription
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import attached, inventory, mjcf_contact
-from dextera_build.sim.model.description import describe
 from dextera_build.sim.model.forward import Kinematics
 from dextera_build.sim.model.model import at_home, compile_folder
 from dextera_build.sim.usd import check, reader, writer
-from tests import factories, task_bundles
+from tests import factories, task_bundles, twins
 from tests.robots.robot_recipes import built
 from tests.robots.robot_recipes import described as described_robot
 
@@ -39,8 +38,7 @@ def described(robots: dict[str, RobotModel]) -> SceneDescription:
         "bowl": factories.bowl_asset(factories.pose(0.3, -0.2)),
         "laptop": factories.laptop_asset(factories.pose(0.1, 0.2, 0.0, -0.4), opening=1.9),
     }
-    table = factories.support()
-    made = describe(assets, factories.background(), factories.camera(), table.camera_pose.matrix)
+    made = twins.described(assets)
     return made.model_copy(update={"attachments": tuple(_attached(name, robots[name]) for name in PLACES)})
 
 
@@ -110,8 +108,7 @@ def small() -> SceneDescription:
         "box": factories.box_asset(factories.pose(-0.25, 0.1, 0.0, 0.3)),
         "laptop": factories.laptop_asset(factories.pose(0.1, 0.2, 0.0, -0.4), opening=1.9),
     }
-    table = factories.support()
-    made = describe(assets, factories.background(), factories.camera(), table.camera_pose.matrix)
+    made = twins.described(assets)
     base = Pose(parent="world", child="base", matrix=factories.pose(0.4, -0.3, 0.0, yaw=0.8))
     here = Attachment(prefix="robot/", robot=task_bundles.robot(), pose=base)
     return made.model_copy(update={"attachments": (here,)})

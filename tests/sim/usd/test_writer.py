@@ -14,7 +14,7 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.geometry import cameras, kinematics, quaternions, transforms
 from dextera_build.sim.usd import check as usd_check
 from dextera_build.sim.usd import writer as usd
-from tests import factories
+from tests import factories, twins
 
 LENS = factories.camera(640, 480)
 
@@ -30,7 +30,7 @@ def assets() -> dict[str, Asset]:
 
 @pytest.fixture(scope="module")
 def folder(assets: dict[str, Asset]) -> Folder:
-    return usd.scene(assets, factories.background(), LENS, factories.support().camera_pose.matrix)
+    return usd.write(twins.described(assets, lens=LENS))
 
 
 @pytest.fixture(scope="module")
@@ -140,9 +140,7 @@ def test_the_camera_projects_as_the_intrinsics_say(stage: Any) -> None:
 
 
 def test_bytes_are_stable_and_paths_relative(assets: dict[str, Asset], folder: Folder) -> None:
-    again = usd.scene(
-        dict(reversed(assets.items())), factories.background(), LENS, factories.support().camera_pose.matrix
-    )
+    again = usd.write(twins.described(dict(reversed(assets.items())), lens=LENS))
     assert again.files == folder.files
     assert "@/" not in folder.files["scene.usda"].decode()
     assert "@./textures/box.png@" in folder.files["scene.usda"].decode()

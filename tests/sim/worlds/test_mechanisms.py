@@ -10,9 +10,9 @@ import pytest
 
 from dextera_build.artifacts.geometry import Hull, Mesh
 from dextera_build.artifacts.object import Asset, Body, Collision, Joint, Link, Pieces
-from dextera_build.sim.model import mjcf, model
+from dextera_build.sim.model import model
 from dextera_build.sim.worlds import settle
-from tests import factories
+from tests import factories, twins
 
 Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
 PARTS: dict[str, tuple[list[Corners], list[Corners], dict[str, Any]]] = {
@@ -74,9 +74,7 @@ def _joined(meshes: list[Mesh]) -> Mesh:
 
 def loaded(name: str) -> tuple[Any, Any, Any]:
     """Model, state at home and the joint's rows."""
-    made = mjcf.scene(
-        {name: asset(name)}, factories.background(), factories.camera(), factories.support().camera_pose.matrix
-    )
+    made = twins.scene({name: asset(name)})
     compiled = model.compile_folder(made)
     return compiled, model.at_home(compiled), compiled.joint(f"{name}_part_move")
 
@@ -100,9 +98,7 @@ def friction(compiled: Any, joint: Any) -> float:
 
 @pytest.mark.parametrize("name", PARTS)
 def test_it_rests_for_five_seconds_where_it_was_seen(name: str) -> None:
-    made = mjcf.scene(
-        {name: asset(name)}, factories.background(), factories.camera(), factories.support().camera_pose.matrix
-    )
+    made = twins.scene({name: asset(name)})
     run = settle.let_go(made, (name,), 5.0)
     (motion,) = run.motions
     assert motion.joints < 1e-3

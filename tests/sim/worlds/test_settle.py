@@ -7,14 +7,13 @@ import pytest
 
 from dextera_build.artifacts.object import Asset
 from dextera_build.geometry import transforms
-from dextera_build.sim.model import mjcf, names, neighbours
+from dextera_build.sim.model import names, neighbours
 from dextera_build.sim.worlds import settle
-from tests import factories
+from tests import factories, twins
 
 
 def run(assets: dict[str, Asset], seconds: float = 2.0) -> dict[str, settle.Motion]:
-    table = factories.support()
-    scene = mjcf.scene(assets, factories.background(), factories.camera(), table.camera_pose.matrix)
+    scene = twins.scene(assets)
     result = settle.let_go(scene, tuple(names.body_names(assets).values()), seconds)
     assert not result.diverged
     return {motion.name: motion for motion in result.motions}
@@ -87,7 +86,7 @@ def test_penetration_is_measured_and_does_not_throw(monkeypatch: pytest.MonkeyPa
 
 def test_energy_rises_in_a_fall_and_dies_at_rest() -> None:
     assets = {"box": factories.box_asset(factories.pose(z=0.05), mass=0.4)}
-    scene = mjcf.scene(assets, factories.background(), factories.camera(), factories.support().camera_pose.matrix)
+    scene = twins.scene(assets)
     energy = settle.let_go(scene, ("box",), 2.0).energy_j
     assert len(energy) == 200
     assert energy.max() == pytest.approx(0.4 * 9.81 * 0.05, rel=0.15)

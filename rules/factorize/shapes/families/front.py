@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.geometry import transforms
+from dextera_build.geometry import solids, transforms
 from dextera_build.geometry.solids import Solid
 
 from ..evidence import Evidence
@@ -47,8 +47,7 @@ class Front:
         if not parts:
             return None
         largest = _standing(max(parts, key=lambda part: float(part.volume())))
-        mesh = _simplified(largest).to_mesh64() if fine else largest.to_mesh64()
-        return Solid(np.array(mesh.vert_properties[:, :3], np.float64), np.array(mesh.tri_verts, np.int64))
+        return solids.from_manifold(_simplified(largest) if fine else largest)
 
 
 def front_of(evidence: Evidence) -> Front | None:

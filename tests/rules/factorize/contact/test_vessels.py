@@ -12,10 +12,10 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.object import Body, Collision, Link, Shape
 from dextera_build.geometry import solids
 from dextera_build.geometry.solids import Solid
-from dextera_build.sim.model import mjcf, model, names
+from dextera_build.sim.model import model, names
 from dextera_build.testing import RuleRunner
 from rules.factorize import manifolds
-from tests import factories, object_views
+from tests import factories, object_views, twins
 from tests.benchmarks import catalogue
 from tests.rules.factorize import synthetic_views as synthetic
 from tests.rules.factorize.contact.test_collision import rests_at
@@ -86,9 +86,7 @@ def test_compiled_mass_and_inertia_are_volume_times_density(tmp_path, name):
     seen = object_views.view(mesh, np.eye(4), material="ceramic")
     physics = RuleRunner(tmp_path).run("factorize.physics", body=body, traits=seen.traits)
     asset = factories.bowl_asset().model_copy(update={"body": body, "physics": physics})
-    scene = mjcf.scene(
-        {"vessel": asset}, factories.background(), factories.camera(), factories.support().camera_pose.matrix
-    )
+    scene = twins.scene({"vessel": asset})
     loaded = model.compile_folder(scene)
     compiled = loaded.body(names.link_names({"vessel": asset})["vessel", "base"])
     density = 2300.0

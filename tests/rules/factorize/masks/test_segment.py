@@ -29,6 +29,21 @@ def segmented(runner, capture, profile: str = "cpu"):
     return runner.run("factorize.segment", profile=profile, **chosen)
 
 
+def test_regions_of_the_elements_are_not_found_again(runner, monkeypatch):
+    scene = tabletops.tabletop((tabletops.box(0.08, 0.08, 0.1, RED), factories.pose(-0.1)))
+    given = {**factories.shot(scene.capture), "support": runner.run("align.support", **factories.shot(scene.capture))}
+    elements = runner.run("factorize.parse", **given)
+    assert elements.regions.max() == 1
+    backend = runner.find("factorize.segment").backends["depth"].module
+    again = runner.run("factorize.segment", **given, elements=elements.model_copy(update={"regions": None}))
+    monkeypatch.setattr(backend, "scenery", None)
+    found = runner.run("factorize.segment", **given, elements=elements)
+    assert np.array_equal(found.map.labels, again.map.labels)
+    smaller = elements.model_copy(update={"regions": elements.regions[:-1]})
+    with pytest.raises(RuleError, match="the elements are of another picture"):
+        runner.run("factorize.segment", **given, elements=smaller)
+
+
 def scores(segmentation, truth: np.ndarray) -> list[float]:
     """Best IoU of each true thing."""
     found = segmentation.map.labels
