@@ -12,6 +12,8 @@ LOCK := .ci/requirements.lock
 # The report and the tests render without a display.
 export MUJOCO_GL ?= egl
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Tests start hundreds of processes; each would compile the package anew.
+unexport PYTHONDONTWRITEBYTECODE
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
@@ -29,12 +31,12 @@ demo: setup ## Build twin/laptop_scene and write its report
 	$(BIN)/dxb build twin/laptop_scene
 	$(BIN)/dxb report
 
-test: setup ## Run the tests that take less than four seconds each
-	$(BIN)/python -m pytest -n 2 -m 'not slow' $(ARGS)
+test: setup ## Run the quick tests, those of less than four seconds each
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow' $(ARGS)
 
-test-all: setup servers meshes $(VENV)/.robots $(VENV)/.repair ## Run every test, those in a browser and on published meshes included
+test-all: setup servers meshes $(VENV)/.robots $(VENV)/.repair ## Run every test, also the slow ones, in a browser and on published meshes
 	@.ci/system browser
-	PYTHONPATH=$(VENV)/robots:$(CURDIR)/$(VENV)/repair:$(CURDIR)/$(VENV)/ray $(BIN)/python -m pytest -n 2 $(ARGS)
+	PYTHONPATH=$(VENV)/robots:$(CURDIR)/$(VENV)/repair:$(CURDIR)/$(VENV)/ray $(BIN)/python -m pytest -n 2 --dist worksteal $(ARGS)
 
 servers: setup $(VENV)/servers/.installed $(VENV)/ray/.installed ## Install the servers and the Ray that slow tests start
 	@.ci/system servers

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 
@@ -12,10 +13,24 @@ from dextera_build.store.store import Store
 
 # MuJoCo reads it once, when it is imported; a test may do that before `dextera_build.sim` does.
 os.environ.setdefault("MUJOCO_GL", "egl")
+# One thread, as workers of builds have: processes that share the cores would spend up to half of their time on waiting.
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
 
 # How fast the machine is, and what else it has to do, says nothing of the code.
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("same", settings.get_profile("search"), derandomize=True)
+
+
+# What is imported and collected stays to the end: the collector of garbage would look through it again and again.
+gc.disable()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtestloop() -> None:
+    """Begin to collect garbage, of what tests leave."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_configure(config: pytest.Config) -> None:

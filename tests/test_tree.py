@@ -8,6 +8,7 @@ import statistics
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -58,6 +59,7 @@ def tracked() -> list[Path]:
 
 FILES = tracked()
 SOURCES = [p for p in FILES if p.suffix == ".py" and p.relative_to(REPO).parts[0] in {"dextera_build", "rules"}]
+KNOWN = set(SOURCES)
 TESTS = [p for p in FILES if p.suffix == ".py" and p.relative_to(REPO).parts[0] == "tests"]
 RULES = [p for p in SOURCES if p.relative_to(REPO).parts[0] == "rules"]
 
@@ -74,8 +76,13 @@ def functions(path: Path) -> Iterator[tuple[str, int]]:
             yield f"{name(path)}:{node.lineno} {node.name}", (node.end_lineno or node.lineno) - node.lineno + 1
 
 
-def imports(path: Path, *, top_only: bool) -> Iterator[tuple[int, str]]:
+@cache
+def imports(path: Path, *, top_only: bool) -> tuple[tuple[int, str], ...]:
     """(level, module) of imports; `from . import a` gives (1, "a"). What only a type checker sees is left out."""
+    return tuple(_imports(path, top_only))
+
+
+def _imports(path: Path, top_only: bool) -> Iterator[tuple[int, str]]:
     stack: list[ast.AST] = list(ast.parse(path.read_text()).body)
     while stack:
         node = stack.pop()
@@ -182,6 +189,7 @@ def test_rules_import_only_what_is_below_them():
     assert [(place, ".".join(parts)) for place, parts in ours if parts[1] not in RULE_MAY_IMPORT] == []
 
 
+@cache
 def source(path: Path, level: int, module: str) -> Path | None:
     """The first-party file that an import loads, if it is one."""
     parts = module.split(".")
@@ -189,7 +197,7 @@ def source(path: Path, level: int, module: str) -> Path | None:
     for depth in range(len(parts), 0, -1):
         file = base.joinpath(*parts[:depth])
         for candidate in (file.with_suffix(".py"), file / "__init__.py"):
-            if candidate in SOURCES:
+            if candidate in KNOWN:
                 return candidate
     return None
 
@@ -208,9 +216,10 @@ def heavy(path: Path) -> Iterator[str]:
                 yield f"{name(here)} imports {module}"
 
 
-@pytest.mark.parametrize("path", [p for p in RULES if "@rule(" in p.read_text()], ids=name)
-def test_a_rule_file_imports_light_packages_only(path):
-    assert list(heavy(path)) == []
+def test_a_rule_file_imports_light_packages_only():
+    files = [path for path in RULES if "@rule(" in path.read_text()]
+    assert len(files) > 50
+    assert {name(path): found for path in files if (found := list(heavy(path)))} == {}
 
 
 TEXTS = [p for p in FILES if p.suffix in {".py", ".md", ".yaml", ".yml", ".toml", ".lock", ".sh", ".css", ".js", ""}]

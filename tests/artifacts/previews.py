@@ -53,7 +53,7 @@ def table(angle: float = -1.57) -> tabletops.Tabletop:
         (mug(), factories.pose(0.05, 0.16, 0.0, -0.6)),
     )
     eye = factories.look_at((0.7 * np.cos(angle), 0.7 * np.sin(angle), 0.5), (0.0, 0.02, 0.03))
-    return tabletops.tabletop(*things, eye=eye, wall=True)
+    return tabletops.tabletop(*things, eye=eye, wall=True, lens=tabletops.FINE)
 
 
 def mug() -> Artifact:
@@ -74,7 +74,7 @@ def view() -> ObjectView:
         rgb=Image(pixels=shown),
         mask=np.ascontiguousarray(table().labels.labels[part] == 1),
         occluder=np.zeros(shown.shape[:2], bool),
-        camera=tabletops.LENS.crop(90, 100, 250, 180),
+        camera=tabletops.FINE.crop(90, 100, 250, 180),
         phrase="yellow carton",
     )
 
@@ -82,7 +82,7 @@ def view() -> ObjectView:
 def cloud() -> PointCloud:
     """Every third measured pixel of `table`, in the world."""
     depth = table().capture.measured.depth.depth[::3, ::3].astype(np.float64)  # type: ignore[union-attr]
-    rays = cameras.rays(tabletops.LENS.height, tabletops.LENS.width, tabletops.LENS.matrix())[::3, ::3]
+    rays = cameras.rays(tabletops.FINE.height, tabletops.FINE.width, tabletops.FINE.matrix())[::3, ::3]
     seen = (depth > 0) & (depth < 1.2)  # the things and the table, not the wall
     eye = table().world_from_camera
     points = (rays[seen] * depth[seen][:, None]) @ eye[:3, :3].T + eye[:3, 3]
@@ -121,7 +121,7 @@ def rig() -> Rig:
         matrix = np.eye(4)
         matrix[:3, :3], matrix[:3, 3] = turn, place
         poses[label] = Pose(parent="rig", child=label, matrix=matrix)
-    return Rig(cameras=dict.fromkeys(places, tabletops.LENS), poses=poses)
+    return Rig(cameras=dict.fromkeys(places, tabletops.FINE), poses=poses)
 
 
 def views() -> Views:
@@ -133,7 +133,7 @@ def views() -> Views:
         images={name: encoded(each.capture.photograph.rgb.pixels) for name, each in zip(names, seen, strict=True)},
         names=names,
         camera=("camera",) * len(angles),
-        cameras={"camera": tabletops.LENS},
+        cameras={"camera": tabletops.FINE},
         poses=np.array([each.world_from_camera for each in seen]),
         points=cloud(),
     )
@@ -147,7 +147,7 @@ def panorama() -> Panorama:
     level = ways[..., 1:2]
     room = np.where(level > 0.35, (120, 110, 100), np.where(level < -0.35, (225, 225, 220), (190, 185, 175)))
     ahead = ways[..., 2] > 0.2
-    spots = tabletops.LENS.matrix() @ np.where(ahead[..., None], ways, (0.0, 0.0, 1.0)).reshape(-1, 3).T
+    spots = tabletops.FINE.matrix() @ np.where(ahead[..., None], ways, (0.0, 0.0, 1.0)).reshape(-1, 3).T
     at = np.rint(spots[:2] / spots[2]).astype(int).reshape(2, 320, 640)
     seen = ahead & (at[0] >= 0) & (at[0] < 640) & (at[1] >= 0) & (at[1] < 480)
     shown = room.astype(np.uint8)
@@ -185,7 +185,7 @@ def calibration() -> Calibration:
     return Calibration(
         mount="eye_on_base",
         pose=Pose(parent="base", child="camera", matrix=eye, covariance=spread),
-        camera=tabletops.LENS,
+        camera=tabletops.FINE,
         method="Park",
         board=Board(kind="charuco", columns=9, rows=6, square_m=0.03, marker_m=0.022),
         residuals=random.gamma(4.0, [[0.0005, 0.0004]], (12, 2)),
@@ -217,7 +217,7 @@ def rgbd() -> RgbdVideo:
         for number, rgb in enumerate(moving())
     ]
     with tempfile.TemporaryDirectory() as folder:
-        made = RgbdVideo.write(Path(folder, "a.zip"), tabletops.LENS.crop(60, 100, 320, 240), frames)
+        made = RgbdVideo.write(Path(folder, "a.zip"), tabletops.FINE.crop(60, 100, 320, 240), frames)
         return made.model_copy(update={"file": type(made.file)(data=made.file.data)})
 
 
@@ -248,7 +248,7 @@ def scene() -> SceneDescription:
         "bowl": factories.bowl_asset(factories.pose(0.0, -0.2)),
         "laptop": factories.laptop_asset(factories.pose(0.12, 0.12)),
     }
-    return twins.described(assets, lens=tabletops.LENS, eye=tabletops.EYE)
+    return twins.described(assets, lens=tabletops.FINE, eye=tabletops.EYE)
 
 
 EXAMPLES: dict[str, Callable[[], Artifact]] = {
@@ -267,7 +267,7 @@ EXAMPLES: dict[str, Callable[[], Artifact]] = {
     "Panorama": panorama,
     "FeatureMap": features,
     "Rig": rig,
-    "BrownConrady": lambda: BrownConrady(**tabletops.LENS.model_dump(), k1=-0.28, k2=0.07, p1=0.001, p2=0.0),
+    "BrownConrady": lambda: BrownConrady(**tabletops.FINE.model_dump(), k1=-0.28, k2=0.07, p1=0.001, p2=0.0),
     "KannalaBrandt": lambda: KannalaBrandt(width=640, height=480, fx=210.0, fy=210.0, cx=320.0, cy=240.0, k1=-0.02),
     "Equirectangular": lambda: Equirectangular(width=640, height=320),
     "DepthNoise": lambda: DepthNoise(constant_m=0.001, quadratic_per_m=0.002, farthest_m=3.0),

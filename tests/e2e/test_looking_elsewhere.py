@@ -20,9 +20,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Space:
     """A project that built a scene of a box on a table."""
     space = Space(tmp_path_factory.mktemp("made"))
     box = factories.box_mesh((-0.05, -0.05, 0.0), (0.05, 0.05, 0.1), colour=(0.8, 0.2, 0.2))
-    seen = tabletops.tabletop((box, np.eye(4))).capture
+    seen = tabletops.tabletop((box, np.eye(4)), lens=tabletops.FINE).capture
     assert seen.measured is not None
-    space.write("shot/capture.json", json.dumps(tabletops.LENS.model_dump() | {"depth_scale_m": 0.001}))
+    space.write("shot/capture.json", json.dumps(tabletops.FINE.model_dump() | {"depth_scale_m": 0.001}))
     Image.fromarray(seen.photograph.rgb.pixels).save(space.root / "shot/rgb.png")
     Image.fromarray(np.round(seen.measured.depth.depth * 1000).astype(np.uint16)).save(space.root / "shot/depth.png")
     prepare(space)

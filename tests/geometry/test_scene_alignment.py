@@ -13,8 +13,9 @@ from dextera_build.geometry.scene_alignment import Level, Problem, align, align_
 from dextera_build.geometry.scene_pose import ScenePose, flow, nearing
 from dextera_build.geometry.scene_terms import Correspondences, Weights, sparse
 from dextera_build.geometry.uncertainty import invert
+from tests.installed import needs
 
-pytest.importorskip("scipy")
+needs("scipy")
 
 K = np.array([[266.0, 0, 159.5], [0, 266.0, 119.5], [0, 0, 1]])
 SIZE = (240, 320)
@@ -138,9 +139,8 @@ def photo(light: Exposure = SAME) -> tuple[np.ndarray, np.ndarray]:
     return light.of(drawn.rgb), drawn.depth * SCALE
 
 
-@pytest.mark.parametrize("axis", range(6))
 @pytest.mark.parametrize("part", ["rgb", "ssim", "surface"])
-def test_photometric_slopes_are_derivatives(axis, part):
+def test_photometric_slopes_are_derivatives(part):
     weights = Weights(rgb=float(part == "rgb"), ssim=float(part == "ssim"), surface=float(part == "surface"))
     rgb, depth = photo()
     valid = np.zeros(SIZE, bool)
@@ -152,10 +152,10 @@ def test_photometric_slopes_are_derivatives(axis, part):
         found = photometric(drawn, rgb, valid, K, weights, UNIT, SAME)
         return found + surface_term.surface(drawn, pose.scale, depth, valid, K, weights, UNIT)
 
-    step = np.zeros(7)
-    step[axis] = 1e-4
-    slope = (at(here.moved(step, UNIT)).value - at(here.moved(-step, UNIT)).value) / 2e-4
-    assert at(here).gradient[axis] == pytest.approx(slope, rel=0.05, abs=0.02 * np.abs(at(here).gradient).max())
+    gradient = at(here).gradient
+    steps = 1e-4 * np.eye(7)[:6]
+    slopes = [(at(here.moved(step, UNIT)).value - at(here.moved(-step, UNIT)).value) / 2e-4 for step in steps]
+    assert gradient[:6] == pytest.approx(slopes, rel=0.05, abs=0.02 * np.abs(gradient).max())
 
 
 def test_the_mean_does_not_grow_with_omega():

@@ -62,7 +62,7 @@ def space(tmp_path: Path) -> Space:
     made.write("dxb.toml", "")
     made.write("rules/factorize/mesh_known.py", MESH.format(size=SIZE))
     things = [(tabletops.box(*SIZE, COLOURS[name]), place) for name, place in PLACES.items()]
-    scene = tabletops.tabletop(*things, half=0.8, noise=0.0)
+    scene = tabletops.tabletop(*things, half=0.8, noise=0.0, lens=tabletops.FINE)
     (tmp_path / "shot").mkdir()
     photograph = scene.capture.photograph
     Image.fromarray(photograph.rgb.pixels).save(tmp_path / "shot/rgb.png")

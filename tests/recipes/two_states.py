@@ -36,7 +36,7 @@ def write(folder: Path) -> None:
             for s in posed.values()
         ]
         box = (tabletops.box(0.07, 0.05, 0.06, (0.75, 0.15, 0.1)), place)
-        capture = tabletops.tabletop(*links, box, eye=EYE).capture
+        capture = tabletops.tabletop(*links, box, eye=EYE, lens=tabletops.FINE).capture
         assert capture.measured is not None
         made = folder / name
         made.mkdir(parents=True)

@@ -15,11 +15,11 @@ from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.video import Video, encoder
 from dextera_build.code.loader import Library
 from dextera_build.testing import RuleRunner
+from tests.installed import needs
 from tests.rules.align import tiny_sam3_video
 
 torch = pytest.importorskip("torch")
-pytest.importorskip("transformers")
-pytest.importorskip("av")
+needs("transformers", "av")
 
 COUNT, SHAPE = 12, (40, 64)
 

@@ -13,10 +13,11 @@ from dextera_build.artifacts.image import Image
 from dextera_build.artifacts.matches import Matches
 from dextera_build.code.loader import Library
 from dextera_build.testing import RuleRunner
+from tests.installed import needs
 from tests.rules.align import painted, tiny_lightglue
 
 torch = pytest.importorskip("torch")
-pytest.importorskip("transformers")
+needs("transformers")
 
 NAME = "superpoint_lightglue"
 

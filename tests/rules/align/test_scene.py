@@ -17,11 +17,11 @@ from dextera_build.gaussians import splatting
 from dextera_build.geometry import metrics, transforms
 from dextera_build.testing import RuleRunner
 from tests import factories
+from tests.installed import needs
 from tests.rules.align import painted
 
 cv2 = pytest.importorskip("cv2")
-pytest.importorskip("open3d")
-pytest.importorskip("pycolmap")
+needs("open3d", "pycolmap")
 
 FACTOR = 0.37
 SMALL = {"widths": [160], "points": 1500}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.object import Asset, Support
 from dextera_build.artifacts.pose import Pose
@@ -20,6 +21,7 @@ from tests import factories
 from tests.benchmarks.tracking import scene
 
 RATE, COUNT = 10.0, 7
+LENS = Camera(width=320, height=240, fx=300.0, fy=300.0, cx=159.5, cy=119.5)
 
 
 def path(time: float) -> np.ndarray:
@@ -42,14 +44,14 @@ def support(time: float) -> Support:
 @pytest.fixture(scope="module")
 def film() -> list[tuple[RgbdFrame, np.ndarray]]:
     mesh = asset(np.eye(4)).body.links["base"].mesh
-    made = scene.Sequence("rule", {"box": scene.Actor({"base": mesh}, path)}, camera, COUNT / RATE, RATE)
+    made = scene.Sequence("rule", {"box": scene.Actor({"base": mesh}, path)}, camera, COUNT / RATE, RATE, LENS)
     return list(scene.frames(made))
 
 
 @pytest.fixture
 def video(tmp_path: Path, film: list[tuple[RgbdFrame, np.ndarray]]) -> RgbdVideo:
     posed = (RgbdFrame(f.stamp, f.rgb, f.depth, camera(f.stamp)) for f, _ in film)
-    return RgbdVideo.write(tmp_path / "film.zip", scene.CAMERA, posed)
+    return RgbdVideo.write(tmp_path / "film.zip", LENS, posed)
 
 
 @pytest.fixture

@@ -13,11 +13,11 @@ from dextera_build.learning import flux2
 from dextera_build.testing import RuleRunner
 from rules.background.holes import hole
 from rules.background.static_flux2 import Flux2Options
+from tests.installed import needs
 from tests.rules.background import tiny_flux2
 from tests.rules.background.test_static import segmented, striped_table, with_box
 
-pytest.importorskip("diffusers")
-pytest.importorskip("transformers")
+needs("diffusers", "transformers")
 
 
 @pytest.fixture(scope="module")

@@ -25,11 +25,12 @@ from dextera_build.geometry import lie, raycast, transforms
 from dextera_build.testing import RuleRunner
 from rules.benchmark import errors
 from tests import factories
+from tests.installed import needs
 from tests.rules.benchmark.test_scene_alignment_error import EVIDENCE
 from tests.rules.reference.drawn_objects import block
 from tests.rules.reference.posed import worlds
 
-pytest.importorskip("open3d")
+needs("open3d")
 LENS = Camera(width=320, height=240, fx=300.0, fy=300.0, cx=159.5, cy=119.5)
 EYE = factories.look_at((0.1, -0.6, 0.5))
 ELSEWHERE = transforms.rigid(lie.rotation(np.array([0.0, 0.0, 0.7])), np.array([0.3, -0.2, 0.0]))

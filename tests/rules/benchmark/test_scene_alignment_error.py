@@ -17,9 +17,10 @@ from dextera_build.artifacts.scene_fit import SceneEvidence, SceneFit
 from dextera_build.errors import RuleError
 from dextera_build.geometry import transforms
 from dextera_build.testing import RuleRunner
+from tests.installed import needs
 from tests.rules.align import painted
 
-pytest.importorskip("open3d")
+needs("open3d")
 
 POSES = {
     0: painted.motion((0, 0, 0), (1.0, 2.0, 3.0)),

@@ -24,6 +24,7 @@ def scene() -> tabletops.Tabletop:
         (tabletops.box(0.1, 0.08, 0.15, (0.8, 0.2, 0.2)), factories.pose(-0.15, 0.05, yaw=0.4)),
         (tabletops.cylinder(0.05, 0.12, (0.2, 0.5, 0.8)), factories.pose(0.1, 0.05)),
         half=0.35,
+        lens=tabletops.FINE,
     )
 
 
@@ -31,7 +32,7 @@ def warnings(tmp_path, scene, depth=None, scale: float = 0.001, **changes: float
     """Warnings of capture.folder about the scene with changed intrinsics or depth counts."""
     assert scene.capture.measured is not None
     counts = np.round(scene.capture.measured.depth.depth * 1000).astype(np.uint16) if depth is None else depth
-    lens = tabletops.LENS.model_dump()
+    lens = tabletops.FINE.model_dump()
     told = {
         **{key: lens[key] for key in ("width", "height", "fx", "fy", "cx", "cy")},
         "depth_scale_m": scale,
@@ -87,7 +88,9 @@ def test_8_bit_is_told_at_any_step_and_also_in_16_bit(tmp_path, scene):
 def test_noise_is_called_so(tmp_path, scene):
     noise = np.random.default_rng(2).integers(400, 1200, scene.labels.labels.shape).astype(np.uint16)
     assert any("which is noise" in text for text in warnings(tmp_path, scene, noise))
-    assert not any("which is noise" in text for text in warnings(tmp_path, tabletops.tabletop(noise=3.0)))
+    assert not any(
+        "which is noise" in text for text in warnings(tmp_path, tabletops.tabletop(noise=3.0, lens=tabletops.FINE))
+    )
 
 
 def test_holes_in_the_depth_are_told(tmp_path, scene):

@@ -27,9 +27,17 @@ def runner(tmp_path):
     return RuleRunner(tmp_path)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def scene():
     return tabletops.tabletop((tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(0.0, 0.0, yaw=0.5)))
+
+
+@pytest.fixture(scope="module")
+def given(scene, tmp_path_factory):
+    """The photograph with its depth, its support, and what the CPU found in it."""
+    runner, shot = RuleRunner(tmp_path_factory.mktemp("given")), factories.shot(scene.capture)
+    support = runner.run("align.support", **shot)
+    return {**shot, "support": support, "elements": runner.run("factorize.parse", **shot, support=support)}
 
 
 def context() -> Context:
@@ -69,14 +77,13 @@ def test_depth_of_another_picture_is_refused(scene):
     small = scene.capture.photograph.model_copy(update={"rgb": Image(pixels=np.zeros((4, 5, 3), np.uint8))})
     with pytest.raises(RuleError, match="the depth is of another picture") as caught:
         of_workspace(context(), small, scene.capture.measured, factories.support())
-    assert caught.value.facts == {"photograph": "5 x 4 px", "depth": "640 x 480 px"}
+    assert caught.value.facts == {"photograph": "5 x 4 px", "depth": "320 x 240 px"}
     assert caught.value.hint == "take both from one capture"
 
 
 @pytest.mark.parametrize("profile", ["cpu", "stub"])
-def test_every_asset_rule_of_the_cpu_says_rgbd(runner, scene, profile):
-    support = runner.run("align.support", **factories.shot(scene.capture))
-    given = {**factories.shot(scene.capture), "support": support}
+def test_every_asset_rule_of_the_cpu_says_rgbd(runner, given, profile):
+    given = {name: given[name] for name in ("photograph", "measured", "support")}
     elements = runner.run("factorize.parse", profile=profile, **given)
     found = runner.run("factorize.segment", profile=profile, **given, elements=elements)
     (instance,) = found.items.values()
@@ -91,16 +98,14 @@ def test_every_asset_rule_of_the_cpu_says_rgbd(runner, scene, profile):
     "rule", ["factorize.parse", "factorize.segment", "factorize.mesh"], ids=lambda name: str(name).split(".")[1]
 )
 @pytest.mark.parametrize("profile", ["cpu", "stub"])
-def test_without_depth_the_backends_of_the_cpu_refuse_in_one_way(runner, scene, rule, profile):
-    support = runner.run("align.support", **factories.shot(scene.capture))
-    elements = runner.run("factorize.parse", **factories.shot(scene.capture), support=support)
-    given = {
-        "factorize.parse": {"photograph": scene.capture.photograph, "support": support},
-        "factorize.segment": {"photograph": scene.capture.photograph, "support": support, "elements": elements},
+def test_without_depth_the_backends_of_the_cpu_refuse_in_one_way(runner, given, rule, profile):
+    asked = {
+        "factorize.parse": {name: given[name] for name in ("photograph", "support")},
+        "factorize.segment": {name: given[name] for name in ("photograph", "support", "elements")},
         "factorize.mesh": {"view": object_views.view(BOX, np.eye(4)).view},
     }[rule]
     with pytest.raises(RuleError, match="with the help of measured depth, but the capture has no depth"):
-        runner.run(rule, profile=profile, **given)
+        runner.run(rule, profile=profile, **asked)
 
 
 def test_a_backend_that_reads_the_photograph_alone_is_labelled_rgb(tmp_path):

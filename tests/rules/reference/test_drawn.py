@@ -97,10 +97,16 @@ def test_gaps_before_the_fall_are_as_told(seed: int) -> None:
             assert any(not places._apart(one, other, most) for one, other in itertools.combinations(outlines, 2))
 
 
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> World:
+    return world(tmp_path_factory.mktemp("drawn"), "apart", backend="stub")
+
+
 @pytest.mark.parametrize("pitch", [15.0, 45.0, 90.0])
 @pytest.mark.parametrize("roll", [0.0, 90.0, 180.0])
-def test_the_camera_looks_at_the_middle_from_where_it_is_told(tmp_path: Path, pitch: float, roll: float) -> None:
-    drawn = world(tmp_path, "apart", backend="stub")
+def test_the_camera_looks_at_the_middle_from_where_it_is_told(
+    tmp_path: Path, drawn: World, pitch: float, roll: float
+) -> None:
     viewpoint = Viewpoint(seed=3, distance_m=0.9, pitch_deg=pitch, roll_deg=roll, width_px=320)
     aimed: World = RuleRunner(tmp_path).run("reference.look_at", world=drawn, viewpoint=viewpoint)
     corners = [posed(thing).vertices for thing in drawn.objects.values()]

@@ -16,10 +16,11 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras, transforms
 from dextera_build.sim.worlds.tried import TriedWorld
 from dextera_build.testing import RuleRunner
+from tests.installed import needs
 from tests.rules.reference.drawn_objects import block
 from tests.rules.reference.posed import worlds
 
-pytest.importorskip("mujoco")
+needs("mujoco")
 VIEW = Viewpoint(seed=4, distance_m=0.9, pitch_deg=40.0, roll_deg=0.0, width_px=320)
 NEAR = {"distance_m": [0.6, 0.9], "joints_deg": {"lean": 110.0}, "least_hand": 0.002, "least_seen": 0.005}
 

@@ -23,23 +23,31 @@ PUSH = {"name": "Push", "primitive": "push", "object": "blue_box", "by_m": (0.1,
 PLACE = {"name": "Place", "primitive": "pick_and_place", "object": "blue_box", "into": "bowl"}
 
 
-@pytest.fixture
-def make(tmp_path):
-    runner = RuleRunner(tmp_path)
-    assets = Collection[Asset](
+@pytest.fixture(scope="module")
+def assets():
+    return Collection[Asset](
         items={
             "Blue Box": factories.box_asset(place=factories.pose(0.3, 0.0), mass=0.4),
             "laptop": factories.laptop_asset(place=factories.pose(-0.3, 0.2)),
             "bowl": factories.bowl_asset(factories.pose(0.0, 0.35), radius=0.09, height=0.07),
         }
     )
-    scene = runner.run(
+
+
+@pytest.fixture(scope="module")
+def scene(assets, tmp_path_factory):
+    return RuleRunner(tmp_path_factory.mktemp("scene")).run(
         "simulate.scene",
         assets=assets,
         background=factories.background(0.8),
         support=factories.support(0.8),
         camera=factories.camera(),
     )
+
+
+@pytest.fixture
+def make(tmp_path, assets, scene):
+    runner = RuleRunner(tmp_path)
     base = Pose(parent="world", child="base", matrix=factories.pose(0.0, -0.5, 0.0, yaw=1.5))
 
     def run(options, profile="cpu", **changed):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import cv2
 import numpy as np
 
@@ -94,10 +96,11 @@ def capture(pixels: np.ndarray) -> Capture:
     return Capture(photograph=Photograph(rgb=Image(pixels=pixels), camera=CAMERA))
 
 
+@cache
 def taken(
     board: Board, seed: int = 1, count: int = 8, *, in_hand: bool = False, errors: Errors | None = None, **how: object
 ) -> tuple[RobotViews, Solution]:
-    """A calibration capture with its truth."""
+    """A calibration capture with its truth, drawn once; it is not to be changed."""
     reverse = bool(how.pop("reverse", False))
     errors = errors or Errors(0.0, 0.0003, 0.0005)
     views, _, truth = hand_eyes.simulate(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from dextera_build.testing import RuleRunner
 from tests.rules.align.calibration import boards
 
 
+@cache
 def pictures(shift_m: float = 0.0, turn_rad: float = 0.0) -> tuple[RobotViews, RobotViews, np.ndarray]:
     """Eight pictures for a calibration, three more after the camera was moved, and T_camera_now."""
     views, truth = boards.taken(boards.CHARUCO, seed=6, count=11)
@@ -33,24 +35,25 @@ def pictures(shift_m: float = 0.0, turn_rad: float = 0.0) -> tuple[RobotViews, R
     return parts[0], parts[1], now
 
 
-def calibrated(tmp_path: Path, views: RobotViews) -> Calibration:
-    found = RuleRunner(tmp_path).run("align.hand_eye", views=views)
+@pytest.fixture(scope="module")
+def calibration(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
+    found = RuleRunner(tmp_path_factory.mktemp("before")).run("align.hand_eye", views=pictures()[0])
     assert isinstance(found, Calibration)
     return found
 
 
-def test_a_camera_that_stayed_is_unmoved(tmp_path: Path) -> None:
-    before, after, _ = pictures()
+def test_a_camera_that_stayed_is_unmoved(tmp_path: Path, calibration: Calibration) -> None:
+    _, after, _ = pictures()
     runner = RuleRunner(tmp_path)
-    runner.run("align.camera_motion", views=after, calibration=calibrated(tmp_path, before))
+    runner.run("align.camera_motion", views=after, calibration=calibration)
     assert runner.outcome.metrics["verdict"][0] == 0
     assert runner.outcome.line.startswith("unmoved")
 
 
-def test_a_camera_that_moved_by_two_centimetres_is_told_where_it_is(tmp_path: Path) -> None:
-    before, after, now = pictures(0.02, 0.0175)
+def test_a_camera_that_moved_by_two_centimetres_is_told_where_it_is(tmp_path: Path, calibration: Calibration) -> None:
+    _, after, now = pictures(0.02, 0.0175)
     runner = RuleRunner(tmp_path)
-    found = runner.run("align.camera_motion", views=after, calibration=calibrated(tmp_path, before))
+    found = runner.run("align.camera_motion", views=after, calibration=calibration)
     assert runner.outcome.metrics["verdict"][0] == 1
     assert (found.parent, found.child) == ("camera", "camera_now")
     gap = hand_eye.apart(now, found.matrix)
@@ -59,25 +62,22 @@ def test_a_camera_that_moved_by_two_centimetres_is_told_where_it_is(tmp_path: Pa
     assert "moved" in runner.outcome.warnings[0]
 
 
-def test_errors_in_which_a_motion_could_hide_are_unsure(tmp_path: Path) -> None:
-    before, after, _ = pictures()
+def test_errors_in_which_a_motion_could_hide_are_unsure(tmp_path: Path, calibration: Calibration) -> None:
+    _, after, _ = pictures()
     runner = RuleRunner(tmp_path)
-    found = calibrated(tmp_path, before)
-    runner.run("align.camera_motion", views=after, calibration=found, options={"notable_m": 0.0002})
+    runner.run("align.camera_motion", views=after, calibration=calibration, options={"notable_m": 0.0002})
     assert runner.outcome.metrics["verdict"][0] == 2
 
 
-def test_a_calibration_without_residuals_says_nothing(tmp_path: Path) -> None:
-    before, after, _ = pictures()
-    bare = calibrated(tmp_path, before).model_copy(update={"residuals": None})
+def test_a_calibration_without_residuals_says_nothing(tmp_path: Path, calibration: Calibration) -> None:
+    _, after, _ = pictures()
+    bare = calibration.model_copy(update={"residuals": None})
     with pytest.raises(RuleError, match="no residuals"):
         RuleRunner(tmp_path).run("align.camera_motion", views=after, calibration=bare)
 
 
-def test_the_stub_says_unmoved(tmp_path: Path) -> None:
-    before, after, _ = pictures()
+def test_the_stub_says_unmoved(tmp_path: Path, calibration: Calibration) -> None:
+    _, after, _ = pictures()
     runner = RuleRunner(tmp_path)
-    runner.run(
-        "align.camera_motion", backend="stub", profile="stub", views=after, calibration=calibrated(tmp_path, before)
-    )
+    runner.run("align.camera_motion", backend="stub", profile="stub", views=after, calibration=calibration)
     assert runner.outcome.line.startswith("unmoved")

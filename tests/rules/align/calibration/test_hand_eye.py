@@ -30,8 +30,20 @@ def refused(tmp_path: Path, views: RobotViews, match: str, **inputs: object) -> 
     return caught.value
 
 
-@pytest.mark.parametrize("in_hand", [False, True], ids=["eye_on_base", "eye_in_hand"])
-@pytest.mark.parametrize("board", [boards.MARKER, boards.GRID, boards.CHARUCO, boards.CHESS], ids=lambda b: b.kind)
+KINDS = [boards.MARKER, boards.GRID, boards.CHARUCO, boards.CHESS]
+
+
+@pytest.mark.parametrize(
+    ("board", "in_hand"),
+    [
+        # Half of the pairs have every kind and both mounts.
+        pytest.param(
+            board, in_hand, marks=[pytest.mark.slow] if (number + in_hand) % 2 else [], id=f"{board.kind}-{mount}"
+        )
+        for number, board in enumerate(KINDS)
+        for in_hand, mount in ((False, "eye_on_base"), (True, "eye_in_hand"))
+    ],
+)
 def test_every_kind_of_board_gives_the_camera(tmp_path: Path, board: object, in_hand: bool) -> None:
     views, truth = boards.taken(board, in_hand=in_hand)
     found, runner = solved(tmp_path, views)

@@ -46,7 +46,7 @@ def foreign(name: str, folder: Path) -> Solid:
 def photographed(standing: Solid, folder: Path, family: str) -> tuple[Shape, Collision]:
     """Shape and collision pieces from one noisy view of the vessel."""
     runner = RuleRunner(folder)
-    seen = synthetic.view(synthetic.placed(standing, 0.01, 0.02, 20), synthetic.Eye(distance=0.7, pitch_deg=45))
+    seen = synthetic.view(synthetic.placed(standing, 0.01, 0.02, 20), synthetic.fine(distance=0.7, pitch_deg=45))
     options = {"primitives": {"hypotheses": (family, "mirrored")}}
     shape = runner.run("factorize.mesh", options=options, **object_views.sights(seen))
     body = Body(links={"base": Link(mesh=shape.mesh, walls=shape.walls)}, pose=shape.pose, hollow=shape.hollow)

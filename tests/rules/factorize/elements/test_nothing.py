@@ -74,7 +74,7 @@ def test_a_unit_that_is_ten_times_too_large_is_suspected(tmp_path):
 
 @pytest.mark.slow
 def test_depth_that_is_noise_is_called_so(tmp_path):
-    scene = tabletops.tabletop((BOX, factories.pose()))
+    scene = tabletops.tabletop((BOX, factories.pose()), lens=tabletops.FINE)
     noise = np.random.default_rng(2).uniform(0.4, 1.2, scene.labels.labels.shape)
     error = error_of(tmp_path, with_depth(scene.capture, noise))
     assert "the depth is noise: neighbouring pixels differ by 2" in error.message
@@ -91,7 +91,9 @@ def test_a_unit_that_is_too_small_is_suspected(tmp_path):
 
 def test_an_object_cut_together_with_the_support_beneath_it_is_told(tmp_path):
     """Where the lower border cuts the object, nothing of it stands over the support that is seen."""
-    scene = tabletops.tabletop((tabletops.box(0.12, 0.12, 0.12, (0.8, 0.2, 0.2)), factories.pose(0.0, -0.1)))
+    scene = tabletops.tabletop(
+        (tabletops.box(0.12, 0.12, 0.12, (0.8, 0.2, 0.2)), factories.pose(0.0, -0.1)), lens=tabletops.FINE
+    )
     top = int(np.nonzero(scene.labels.labels)[0].min())
     photo, measured = scene.capture.photograph, scene.capture.measured
     assert measured is not None

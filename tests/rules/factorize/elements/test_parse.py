@@ -18,14 +18,23 @@ def runner(tmp_path):
     return RuleRunner(tmp_path)
 
 
+THREE = (
+    (tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(-0.16, 0.02, yaw=0.5)),
+    (tabletops.bowl(WHITE), factories.pose(0.03, -0.1)),
+    (tabletops.cylinder(0.035, 0.12, BLUE), factories.pose(0.18, 0.06)),
+)
+"""A red box, a white bowl and a blue cylinder, apart."""
+
+
 @pytest.fixture(scope="module")
 def three():
-    """A red box, a white bowl and a blue cylinder, apart."""
-    return tabletops.tabletop(
-        (tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(-0.16, 0.02, yaw=0.5)),
-        (tabletops.bowl(WHITE), factories.pose(0.03, -0.1)),
-        (tabletops.cylinder(0.035, 0.12, BLUE), factories.pose(0.18, 0.06)),
-    )
+    return tabletops.tabletop(*THREE)
+
+
+@pytest.fixture(scope="module")
+def fine():
+    """The same with the pixels that tell the cylinder's shape."""
+    return tabletops.tabletop(*THREE, lens=tabletops.FINE)
 
 
 def parsed(runner, scene, text: str | None = None, profile: str = "cpu"):
@@ -38,8 +47,8 @@ def interactive(elements) -> dict[str, object]:
     return {element.name: element for element in elements.elements if element.interactive}
 
 
-def test_things_are_named_by_colour_and_shape(runner, three):
-    found = interactive(parsed(runner, three))
+def test_things_are_named_by_colour_and_shape(runner, fine):
+    found = interactive(parsed(runner, fine))
     assert set(found) == {"red_box", "white_bowl", "blue_cylinder"}
     assert found["white_bowl"].category == "bowl"
     assert found["white_bowl"].material == "ceramic"
@@ -47,10 +56,10 @@ def test_things_are_named_by_colour_and_shape(runner, three):
     assert all(element.body_type == "rigid" for element in found.values())
 
 
-def test_boxes_are_tight(runner, three):
-    found = interactive(parsed(runner, three))
+def test_boxes_are_tight(runner, fine):
+    found = interactive(parsed(runner, fine))
     for number, name in enumerate(("red_box", "white_bowl", "blue_cylinder"), start=1):
-        rows, columns = np.nonzero(three.labels.labels == number)
+        rows, columns = np.nonzero(fine.labels.labels == number)
         truth = np.array([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
         assert np.abs(truth - found[name].box).max() <= 4, name
 
@@ -82,7 +91,7 @@ def test_a_box_on_a_board_is_no_laptop(runner):
     assert {element.category for element in interactive(parsed(runner, scene)).values()} == {"box"}
 
 
-def test_what_reaches_out_of_the_image_is_static(runner, three):
+def test_what_reaches_out_of_the_image_is_static(runner):
     arm = factories.box_mesh((-0.03, -0.02, 0.2), (0.03, 0.05, 1.2), colour=(0.3, 0.3, 0.3))
     scene = tabletops.tabletop(
         (tabletops.box(0.1, 0.06, 0.14, RED), factories.pose(-0.16, 0.02, yaw=0.5)),
@@ -101,6 +110,7 @@ def test_what_stands_on_furniture_is_found(runner):
         (tabletops.cylinder(0.03, 0.1, BLUE), factories.pose(-0.08, 0.27, 0.12)),
         (tabletops.box(0.06, 0.05, 0.08, RED), factories.pose(0.07, 0.25, 0.12)),
         eye=factories.look_at((0.0, -0.75, 0.75)),
+        lens=tabletops.FINE,
     )
     found = parsed(runner, scene).elements
     assert {element.phrase.split()[0] for element in found if element.interactive} == {"white", "blue", "red"}
@@ -152,8 +162,8 @@ def test_the_same_photograph_gives_the_same_bytes(runner, three):
     assert runner.encode(parsed(runner, three)) == runner.encode(parsed(runner, three))
 
 
-def test_a_scene_file_renames_by_words_and_by_box(runner, three):
-    left, top, right, bottom = interactive(parsed(runner, three))["blue_cylinder"].box
+def test_a_scene_file_renames_by_words_and_by_box(runner, fine):
+    left, top, right, bottom = interactive(parsed(runner, fine))["blue_cylinder"].box
     text = f"""
 elements:
   - {{name: salad_bowl, phrase: a white bowl, material: plastic}}
@@ -161,7 +171,7 @@ elements:
     box: [{left - 3}, {top + 2}, {right + 2}, {bottom}]
     material: metal
 """
-    elements = parsed(runner, three, text)
+    elements = parsed(runner, fine, text)
     found = interactive(elements)
     assert set(found) == {"salad_bowl", "can"}
     assert found["salad_bowl"].category == "bowl"
@@ -178,9 +188,9 @@ def test_a_scene_file_may_call_a_thing_static(runner, three):
     assert [element.name for element in elements if element.interactive] == ["vase"]
 
 
-def test_an_element_that_matches_nothing_lists_the_proposals(runner, three):
+def test_an_element_that_matches_nothing_lists_the_proposals(runner, fine):
     with pytest.raises(RuleError) as caught:
-        parsed(runner, three, "elements:\n  - name: vase\n    phrase: green vase\n")
+        parsed(runner, fine, "elements:\n  - name: vase\n    phrase: green vase\n")
     assert caught.value.message == "`vase` matches nothing that stands out from the support"
     assert str(caught.value.where) == "$scene:2:5"
     for name in ("red_box", "white_bowl", "blue_cylinder"):

@@ -11,11 +11,12 @@ from dextera_build.errors import RuleError
 from dextera_build.rule.pretrained import unload
 from dextera_build.testing import RuleRunner
 from tests import factories, tabletops
+from tests.installed import needs
 
 from . import tiny_qwen3_vl
 from .test_parse_vlm import MUG
 
-pytest.importorskip("transformers")
+needs("transformers")
 
 
 @pytest.fixture(scope="module", autouse=True)

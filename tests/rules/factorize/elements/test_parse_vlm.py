@@ -42,11 +42,15 @@ def service(monkeypatch):
         yield made
 
 
+@pytest.fixture(scope="module")
+def support(scene, tmp_path_factory):
+    return RuleRunner(tmp_path_factory.mktemp("support")).run("align.support", **factories.shot(scene.capture))
+
+
 @pytest.fixture
-def parse(tmp_path, scene):
+def parse(tmp_path, scene, support):
     def run(mode="record", **options):
         runner = RuleRunner(tmp_path, calls=Recorder(Store(tmp_path / "store"), mode))
-        support = runner.run("align.support", **factories.shot(scene.capture))
         return runner.run(
             "factorize.parse",
             backend="vlm",

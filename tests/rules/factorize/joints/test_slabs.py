@@ -68,7 +68,14 @@ def test_a_box_with_an_open_lid_is_hollow_and_closes(runner, side):
     assert lid[:, 2].min() == pytest.approx(rim, abs=0.001)
 
 
-@pytest.mark.parametrize("name", ["box", "stacked books", "bowl", "mug", "bracket", "cup"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "stacked books",
+        "mug",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("box", "bowl", "bracket", "cup")),
+    ],
+)
 def test_what_has_no_hinge_gets_none(runner, name):
     thing = Thing({"base": dict(rigid(3))[name]}, ())
     place = sight.stand(thing, np.random.default_rng(3), 0.6, PITCH)

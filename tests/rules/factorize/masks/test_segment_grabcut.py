@@ -103,7 +103,7 @@ def test_a_box_outside_of_the_photograph_is_refused(tmp_path):
     scene = tabletops.tabletop()
     with pytest.raises(RuleError, match="the box of `box` lies outside of the photograph") as caught:
         cut(tmp_path, scene.capture, listed(box=(700, 0, 800, 90)))
-    assert caught.value.facts == {"box": "[700, 0, 800, 90]", "photograph": "640 x 480 px"}
+    assert caught.value.facts == {"box": "[700, 0, 800, 90]", "photograph": "320 x 240 px"}
 
 
 def test_elements_without_boxes_are_refused(tmp_path):

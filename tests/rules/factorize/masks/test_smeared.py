@@ -33,7 +33,7 @@ def with_smear(scene: tabletops.Tabletop) -> Capture:
 
 
 def test_a_smear_stays_in_the_background_with_a_warning(tmp_path):
-    scene = tabletops.tabletop((BOX, factories.pose(-0.1, 0.0, yaw=0.4)))
+    scene = tabletops.tabletop((BOX, factories.pose(-0.1, 0.0, yaw=0.4)), lens=tabletops.FINE)
     runner = RuleRunner(tmp_path)
     found = segmented(runner, with_smear(scene))
     assert len(found.names) == 1
@@ -44,7 +44,7 @@ def test_a_smear_stays_in_the_background_with_a_warning(tmp_path):
 
 
 def test_if_nothing_can_become_a_body_each_reason_is_told(tmp_path):
-    scene = tabletops.tabletop((tabletops.box(0.1, 0.1, 0.002, (0.8, 0.2, 0.2)), factories.pose()))
+    scene = tabletops.tabletop((tabletops.box(0.1, 0.1, 0.002, (0.8, 0.2, 0.2)), factories.pose()), lens=tabletops.FINE)
     with pytest.raises(RuleError, match="nothing that was found can become a body") as caught:
         segmented(RuleRunner(tmp_path), with_smear(scene))
     assert "depth" in str(caught.value.facts["objects"])

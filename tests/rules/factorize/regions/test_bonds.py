@@ -12,7 +12,7 @@ from dextera_build.geometry import transforms
 from rules.factorize.measured import Workspace
 from rules.factorize.regions import bonds, grouping, heights, partition, patches, proposals, relations
 from tests import factories
-from tests.tabletops import Tabletop, bowl, box, tabletop
+from tests.tabletops import FINE, Tabletop, bowl, box, tabletop
 
 
 def at(x: float, y: float, z: float = 0.0) -> np.ndarray:
@@ -48,7 +48,7 @@ def parts_of(shown: Tabletop) -> tuple[patches.Surfaces, np.ndarray]:
 
 
 def test_a_body_of_two_round_parts_is_one_object() -> None:
-    found = proposals.scenery(workspace(tabletop(*snowman())))
+    found = proposals.scenery(workspace(tabletop(*snowman(), lens=FINE)))
     assert len(found.objects) == 1
 
 
@@ -67,12 +67,12 @@ def test_a_box_on_a_box_stays_two() -> None:
 
 def test_without_bonds_the_round_parts_are_two(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(grouping, "join_bonded", lambda parts: None)
-    found = proposals.scenery(workspace(tabletop(*snowman())))
+    found = proposals.scenery(workspace(tabletop(*snowman(), lens=FINE)))
     assert len(found.objects) == 2
 
 
 def test_features_are_bounded_and_the_same_in_any_order() -> None:
-    parts = partition.Grouping(*parts_of(tabletop(*snowman())))
+    parts = partition.Grouping(*parts_of(tabletop(*snowman(), lens=FINE)))
     known = bonds.Bonds(parts.surfaces)
     assert parts.contacts
     for (a, b), contact in parts.contacts.items():
@@ -96,7 +96,7 @@ def test_features_are_bounded_and_the_same_in_any_order() -> None:
     ],
 )
 def test_bonds_must_be_surer_across_steps_and_sharp_creases(contact: relations.Contact, gentle: bool) -> None:
-    parts = partition.Grouping(*parts_of(tabletop(*snowman())))
+    parts = partition.Grouping(*parts_of(tabletop(*snowman(), lens=FINE)))
     assert parts.bonds.gentle(contact) == gentle
 
 

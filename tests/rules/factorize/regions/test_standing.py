@@ -16,10 +16,13 @@ from tests import factories, tabletops
 
 
 @pytest.mark.slow
-def test_the_foot_of_a_thing_is_not_beyond_the_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_foot_of_a_thing_is_not_beyond_the_table(tmp_path: Path) -> None:
     # Large pictures are divided in blocks, and those at a foot show both thing and table.
-    monkeypatch.setattr(tabletops, "LENS", tabletops.LENS.scaled(2.0))
-    scene = tabletops.tabletop((tabletops.box(0.1, 0.06, 0.14, (0.7, 0.1, 0.1)), factories.pose(yaw=0.5)), noise=1.0)
+    scene = tabletops.tabletop(
+        (tabletops.box(0.1, 0.06, 0.14, (0.7, 0.1, 0.1)), factories.pose(yaw=0.5)),
+        noise=1.0,
+        lens=tabletops.FINE.scaled(2.0),
+    )
     capture = scene.capture
     assert capture.measured is not None
     support = RuleRunner(tmp_path).run("align.support", **factories.shot(capture))

@@ -12,7 +12,7 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import metrics, solids, transforms
 from dextera_build.geometry.solids import Solid
 from dextera_build.testing import RuleRunner
-from tests.rules.factorize.synthetic_views import Eye, view
+from tests.rules.factorize.synthetic_views import fine, view
 
 NAMES = ("bounding_box", "convex_hull", "poisson")
 
@@ -27,7 +27,7 @@ POST = solids.union([solids.box((0.2, 0.2, 0.03), (0, 0, 0.015)), solids.box((0.
 
 
 def mesh(tmp_path: Path, body: Solid, backend: str, **options: object) -> Shape:
-    seen = view(body, Eye())
+    seen = view(body, fine())
     made: Shape = RuleRunner(tmp_path).run(
         "factorize.mesh", view=seen.view, measured=seen.measured, backend=backend, options=options
     )

@@ -60,7 +60,7 @@ def on_table(body: Solid, turn: np.ndarray) -> Solid:
 )
 def test_a_rectangular_vessel_is_hollow_and_its_walls_leave_the_cavity_free(tmp_path, size, slope, pitch):
     body = synthetic.placed(basket(size, slope, 0.005, 0.006), 0.02, 0.01, 25)
-    found = shape_of(body, tmp_path, synthetic.Eye(distance=0.9, pitch_deg=pitch))
+    found = shape_of(body, tmp_path, synthetic.fine(distance=0.9, pitch_deg=pitch))
     assert found.hypothesis == "open_box"
     assert found.hollow
     assert np.sort(found.mesh.extent) == pytest.approx(np.sort(size), abs=0.006)

@@ -20,9 +20,10 @@ from dextera_build.geometry import solids, transforms
 from dextera_build.store.store import Store
 from dextera_build.testing import RuleRunner
 from tests import object_views
+from tests.installed import needs
 from tests.rules.factorize.shapes.tencent import SECRET_ID, SECRET_KEY, serving_tencent
 
-pytest.importorskip("tencentcloud.ai3d")
+needs("tencentcloud.ai3d")
 SCALE, SHIFT = 7.0, np.array([0.3, -0.2, 0.5])
 
 

@@ -69,7 +69,7 @@ def inside_and_in_cavity(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     ("size", "yaw", "eye", "seed"),
     [
         ((0.06, 0.158, 0.21), 25, synthetic.Eye(), 0),
-        ((0.04, 0.09, 0.175), -35, synthetic.Eye(pitch_deg=28), 1),
+        pytest.param((0.04, 0.09, 0.175), -35, synthetic.Eye(pitch_deg=28), 1, marks=pytest.mark.slow),
         ((0.15, 0.10, 0.06), 3, synthetic.Eye(distance=1.0), 2),
     ],
 )
@@ -158,7 +158,7 @@ def test_a_handle_makes_a_loop(tmp_path):
     mug = synthetic.cup(0.04, 0.04, 0.095, 0.004, 0.006)
     cavity = solids.extrude(solids.ring(0.036, 0.036, 2.0, 0.0, 72)[:, :2], 0.006, 0.2)
     body = solids.difference(solids.union([mug, ring]), cavity)
-    found = shape_of(synthetic.view(synthetic.placed(body, 0, 0, -15), synthetic.Eye(distance=0.6)), tmp_path)
+    found = shape_of(synthetic.view(synthetic.placed(body, 0, 0, -15), synthetic.fine(distance=0.6)), tmp_path)
     assert found.hypothesis == "revolved_hollow"
     assert found.mesh.is_closed
     reach = float(np.linalg.norm(found.mesh.vertices[:, :2], axis=1).max())
@@ -258,7 +258,7 @@ def test_the_texture_shows_the_photograph_on_the_seen_side(tmp_path):
 
 def test_every_allowed_family_is_scored(tmp_path):
     runner = RuleRunner(tmp_path)
-    seen = synthetic.view(can(0.033, 0.12), synthetic.Eye())
+    seen = synthetic.view(can(0.033, 0.12), synthetic.fine())
     found = runner.run(
         "factorize.mesh",
         options={"primitives": {"hypotheses": ("box", "cylinder", "extruded")}},

@@ -70,7 +70,9 @@ def check_stands(shape: Shape) -> None:
     assert not shape.hollow
 
 
-@pytest.mark.parametrize(("body", "yaw"), [(duck(), 20.0), (lumps(), 0.0), (lumps(), -30.0)])
+@pytest.mark.parametrize(
+    ("body", "yaw"), [(duck(), 20.0), (lumps(), -30.0), pytest.param(lumps(), 0.0, marks=pytest.mark.slow)]
+)
 def test_an_irregular_body_is_found_within_three_millimetres(tmp_path: Path, body: Solid, yaw: float) -> None:
     body = synthetic.placed(body, 0.02, 0.03, yaw)
     found = mirrored(synthetic.view(body, synthetic.Eye()), tmp_path)
@@ -116,7 +118,7 @@ def test_the_body_equals_its_mirror_image(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_hole_and_a_gap_of_the_mask_and_lost_depth(tmp_path: Path) -> None:
     body = synthetic.placed(lumps(), 0.0, 0.0, 10)
-    seen = synthetic.view(body, synthetic.Eye())
+    seen = synthetic.view(body, synthetic.fine())
     rows, columns = seen.view.mask.shape
     middle, part = (rows // 2, columns // 2), {}
     part["hole"], part["gap"], part["half"] = (np.ones_like(seen.view.mask) for _ in range(3))

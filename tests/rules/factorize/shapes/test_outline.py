@@ -19,8 +19,7 @@ def seen(solid, turn_deg=0.0):
     return view.mask, view.occluder
 
 
-@pytest.mark.parametrize("turn_deg", [0.0, 77.0, 200.0])
-@pytest.mark.parametrize("unit", [1.0, 35.0])
+@pytest.mark.parametrize(("turn_deg", "unit"), [(0.0, 1.0), (77.0, 35.0), (200.0, 1.0)])
 def test_the_right_body_is_recognised_in_any_turn_and_unit(turn_deg, unit):
     mug = object_views.mug()
     found = explain(unit * mug.vertices + 3.0, mug.faces, *seen(mug, turn_deg))
