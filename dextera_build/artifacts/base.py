@@ -42,7 +42,7 @@ class Artifact(BaseModel):
     type_version: ClassVar[int] = 1
     """Incremented when the fields change, together with a reader of the previous version."""
     readers: ClassVar[Mapping[int, Callable[[dict[str, Any]], dict[str, Any]]]] = {}
-    """Version -> function that converts the fields of a value of that version to those of the next; see `former.py`."""
+    """Version -> function that converts the fields of a value of that version to those of the next."""
     former_fields: ClassVar[Mapping[str, Any]] = {}
     """Field that exists only in former versions -> its artifact type then."""
     saves: ClassVar[tuple[str, ...]] = ()

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 from pydantic import model_validator
 
-from dextera_build.artifacts import camera_files, former
+from dextera_build.artifacts import camera_files
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.intrinsics import Intrinsics
@@ -113,20 +112,8 @@ class Measured(Artifact):
     """Depth registered to the photograph, same size and intrinsics."""
 
 
-def _measured_apart(fields: dict[str, Any]) -> dict[str, Any]:
-    """Version 1 stored the picture, its depth and the camera in one structure."""
-    return {
-        "photograph": Photograph(rgb=fields["rgb"], camera=fields["camera"]),
-        "measured": Measured(depth=fields["depth"]),
-    }
-
-
 class Capture(Artifact):
     """A photograph of a workspace, with simultaneous measurements."""
-
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: _measured_apart}
-    former_fields: ClassVar[Mapping[str, Any]] = {"rgb": Image, "depth": DepthImage, "camera": Camera}
 
     photograph: Photograph
     """The picture with its camera."""

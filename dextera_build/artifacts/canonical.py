@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
@@ -25,8 +25,6 @@ class SymmetryAxis(Value):
 
 class CanonicalFrame(Artifact):
     """Canonical axes of an object: functional up is +z, its front is +x, the origin is at the centre of its base."""
-
-    type_version: ClassVar[int] = 1
 
     pose: Annotated[Pose, Frames("canonical", "object")]
     """T_canonical_object, without scale."""

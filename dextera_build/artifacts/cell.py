@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
-from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
@@ -37,9 +36,6 @@ class Cell(Artifact):
     Every field except `eye` is available to the cell; only the renderer of the camera may read `eye`. Therefore only
     `evaluate.*` uses a cell.
     """
-
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.unchanged}
 
     assets: dict[str, Asset]
     """Root body of the task -> the twin's asset, placed as in the photograph; the tracker has no other information."""

@@ -6,17 +6,15 @@ import math
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.content import Content, Get, OnDisk, Stored
 from dextera_build.artifacts.identity import check
 from dextera_build.artifacts.lazy import contents
-from dextera_build.artifacts.limb import ONLY
 from dextera_build.artifacts.reasons import tally
 from dextera_build.artifacts.variation import EXACT, Twist, Variation
 from dextera_build.errors import ArtifactError
@@ -32,9 +30,6 @@ Origin = Literal["operator", "synthesis", "policy", "replay"]
 
 class Start(Artifact):
     """The complete initial state of an episode, with its random dynamics."""
-
-    type_version: ClassVar[int] = 4
-    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged, 3: former.unchanged}
 
     seed: int
     """Seed of the draw."""
@@ -74,21 +69,8 @@ class Segment(Value):
     """Limbs that move; empty: the only one."""
 
 
-def _one_hand(fields: former.Fields) -> former.Fields:
-    """Version 1 stored the palm pose of one hand (T, 7)."""
-    return {**fields, "hand": fields["hand"][:, None]}
-
-
-def _one_limb(fields: former.Fields) -> former.Fields:
-    """Version 1 supported only robots with one hand."""
-    return {**fields, "limb_names": (ONLY,)}
-
-
 class Episode(Artifact):
     """One attempt. Arrays are sampled at control rate: row t is the observation, then the command."""
-
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: _one_hand}
 
     start: Start
     """Its initial state."""
@@ -122,9 +104,6 @@ class Episode(Artifact):
 
 class Episodes(Artifact):
     """Episodes of one task, readable without the task's model."""
-
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: _one_limb}
 
     items: dict[str, Episode]
     """Index -> kept episode, in order."""

@@ -2,7 +2,7 @@
 
 Plain JSON values are unchanged, and
 
-    {"type": "Image", "file": "photo.png"}       a type with a file format: PNG, GLB, PLY, NPZ, ZIP
+    {"type": "Image", "file": "photo.png"}       a type with a file format: PNG, GLB, PLY, ZIP
     {"type": "Pose", "fields": {...}}              any other artifact, `Value`, dataclass or named tuple
     {"type": "array", "file": "mask.npy"}        an array: NPY, never with pickled objects
     {"type": "bytes", "file": "data"}            bytes, and the content of a `File`
@@ -30,7 +30,6 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from dextera_build.artifacts.arrays import Array, check_array
 from dextera_build.artifacts.base import Artifact, File, Folder
 from dextera_build.artifacts.content import SMALL
-from dextera_build.artifacts.feature_map import FeatureMap
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image, png
 from dextera_build.artifacts.labels import path_fault
@@ -40,7 +39,6 @@ from dextera_build.artifacts.splats import Splats
 from dextera_build.errors import ArtifactError
 
 _SUFFIXES: dict[type[Artifact], str] = {
-    FeatureMap: ".npz",
     Image: ".png",
     MaskTrack: ".zip",
     Mesh: ".glb",

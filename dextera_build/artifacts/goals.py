@@ -163,12 +163,3 @@ Goal = LiftGoal | ArticulateGoal | PushGoal | ReorientGoal | PlaceGoal | Handove
 """The goal of a task; its type identifies the primitive."""
 Primitive = Literal["lift", "articulate", "push", "pick_and_reorient", "pick_and_place", "handover"]
 """Kind of objective; each has a file in `dextera_build.sim.primitives`."""
-
-
-def former(
-    primitive: str, height_m: float = 0.0, joints: dict[str, float] | None = None, tolerance: float = 0.0
-) -> Goal:
-    """The goal of a task stored when lifting and articulating were the only primitives."""
-    if primitive == "articulate":
-        return ArticulateGoal(joints=joints or {}, tolerance=tolerance)
-    return LiftGoal(height_m=height_m)

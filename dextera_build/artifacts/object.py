@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
-from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Hull, Mesh
@@ -65,14 +64,6 @@ class Element(Value):
 class Elements(Artifact):
     """The result of parsing."""
 
-    type_version: ClassVar[int] = 5
-    readers: ClassVar[former.Readers] = {
-        1: former.from_depth,
-        2: former.unchanged,
-        3: former.unchanged,
-        4: former.unchanged,
-    }
-
     elements: tuple[Element, ...]
     """Every element, interactive and static."""
     source: str = "proposed"
@@ -90,12 +81,6 @@ class Support(Artifact):
     World: origin on the plane at the centre of the visible support, z along the plane's normal (up), x the camera's
         right projected onto the plane, y = z cross x (away from the camera).
     """
-
-    type_version: ClassVar[int] = 3
-    readers: ClassVar[former.Readers] = {
-        1: former.pose("world_from_camera", "camera_pose", "world", "camera"),
-        2: former.unchanged,
-    }
 
     camera_pose: Annotated[Pose, Frames("world", "camera")]
     """T_world_camera, camera in OpenCV axes."""
@@ -141,12 +126,6 @@ class Certainty(Value):
 
 class Shape(Artifact):
     """A closed, textured mesh of one object, with its agreement with the photograph."""
-
-    type_version: ClassVar[int] = 3
-    readers: ClassVar[former.Readers] = {
-        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.source),
-        2: former.unchanged,
-    }
 
     mesh: Mesh
     """Closed, in the object frame: origin at the centre of the base, z up in its resting pose."""
@@ -228,13 +207,6 @@ class Link(Artifact):
 class Body(Artifact):
     """An object's links and joints. A rigid object has one link, `base`, and no joint."""
 
-    type_version: ClassVar[int] = 4
-    readers: ClassVar[former.Readers] = {
-        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.source),
-        2: former.unchanged,
-        3: former.unchanged,
-    }
-
     links: dict[str, Link]
     """Name -> link; `base` is the root."""
     joints: tuple[Joint, ...] = ()
@@ -281,9 +253,6 @@ class Inertial(Value):
 class Physics(Artifact):
     """Mass, inertia and contact properties of every link."""
 
-    type_version: ClassVar[int] = 3
-    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged}
-
     links: dict[str, Inertial]
     """Link -> mass properties."""
     friction: float
@@ -304,9 +273,6 @@ class Physics(Artifact):
 
 class Pieces(Artifact):
     """Convex pieces of one link."""
-
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.unchanged}
 
     hulls: tuple[Hull, ...]
     """At least one."""
@@ -331,13 +297,6 @@ class Collision(Artifact):
 class Placement(Artifact):
     """Pose and scale of a body."""
 
-    type_version: ClassVar[int] = 4
-    readers: ClassVar[former.Readers] = {
-        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.from_depth),
-        2: former.unchanged,
-        3: former.unchanged,
-    }
-
     pose: Annotated[Pose, Frames("world", "object")]
     """T_world_object of the scaled body (root link); without a covariance if the method states none."""
     scale: float
@@ -359,13 +318,6 @@ class Placement(Artifact):
 
 class Asset(Artifact):
     """A simulation-ready object, scaled to metres and placed."""
-
-    type_version: ClassVar[int] = 4
-    readers: ClassVar[former.Readers] = {
-        1: former.both(former.pose("world_from_object", "pose", "world", "object"), former.from_depth),
-        2: former.unchanged,
-        3: former.unchanged,
-    }
 
     body: Body
     """Links and joints, scaled."""

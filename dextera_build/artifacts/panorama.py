@@ -11,7 +11,6 @@ from typing import Annotated, ClassVar, Self
 import numpy as np
 from pydantic import model_validator
 
-from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.formats import unreadable
 from dextera_build.artifacts.frames import Frames
@@ -30,9 +29,6 @@ class Panorama(Artifact):
     """A panorama in all directions around one point."""
 
     saves: ClassVar[tuple[str, ...]] = (".json",)
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.unchanged}
-
     image: Image
     """Equirectangular picture; its centre is straight ahead."""
     pose: Annotated[Pose, Frames(None, "camera")]

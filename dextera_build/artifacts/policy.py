@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Value
 
 Encoding = Literal["plain", "pose", "picture"]
@@ -55,9 +54,6 @@ class PolicyContract(Value):
 
 class Checkpoint(Artifact):
     """A trained policy."""
-
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.unchanged}
 
     weights: bytes
     """safetensors; never a pickle."""

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 from pydantic import Field, model_validator
 
-from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Artifact, Folder, Value
 from dextera_build.artifacts.limb import Grip as Grip
 from dextera_build.artifacts.limb import Gripper as Gripper
@@ -32,23 +31,8 @@ class Follower(Value):
     """Its position when the leader is at 0 [rad or m]."""
 
 
-def _without_grips(fields: former.Fields) -> former.Fields:
-    """Version 1 stored the grips of its one hand next to the joints, and had no limbs."""
-    grips = fields.pop("grips", {})
-    limbs = limbs_of(fields)
-    fitting = {
-        name: {key: grip for key, grip in grips.items() if {*grip.open, *grip.closed} <= set(limb.hand)}
-        for name, limb in limbs.items()
-    }
-    return {**fields, "limbs": {name: limb.model_copy(update={"grips": fitting[name]}) for name, limb in limbs.items()}}
-
-
 class RobotModel(Artifact):
     """A robot as data."""
-
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: _without_grips}
-    former_fields: ClassVar[Mapping[str, Any]] = {"grips": dict[str, Grip]}
 
     model: Folder
     """`robot.xml` (MJCF) and the files that it names, relative; root body `base`, fixed to the world, z up."""

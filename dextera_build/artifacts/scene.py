@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
-from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
@@ -33,9 +32,6 @@ class SupportBox(Value):
 class Background(Artifact):
     """The static scene with the objects removed."""
 
-    type_version: ClassVar[int] = 3
-    readers: ClassVar[former.Readers] = {1: former.from_depth, 2: former.unchanged}
-
     image: Image
     """The photograph with objects inpainted."""
     depth: DepthImage
@@ -54,13 +50,6 @@ class Background(Artifact):
 
 class Scene(Artifact):
     """A simulated scene that loads in MuJoCo."""
-
-    type_version: ClassVar[int] = 4
-    readers: ClassVar[former.Readers] = {
-        1: former.pose("world_from_camera", "camera_pose", "world", "camera"),
-        2: former.unchanged,
-        3: former.unchanged,
-    }
 
     model: Folder
     """`scene.xml` and the files that it names, relative."""
@@ -101,9 +90,6 @@ class Settled(Value):
 class SettleReport(Artifact):
     """Result of the settle check."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.unchanged}
-
     bodies: tuple[Settled, ...]
     """One row per body."""
     seconds: float
@@ -127,9 +113,6 @@ class TruthObject(Artifact):
 
 class Truth(Artifact):
     """The true state of a reference world; only `evaluate.*` may use it."""
-
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.pose("world_from_camera", "camera_pose", "reference", "camera")}
 
     objects: dict[str, TruthObject]
     """Name -> object; the robot and the table are not among them."""

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
-from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
@@ -59,9 +58,6 @@ class Box(Value):
 
 class Geom(Artifact):
     """A shape fixed to a body or to the world, either visual or for collision."""
-
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.unchanged}
 
     label: Name
     """Unique in the scene."""
@@ -248,9 +244,6 @@ class Attachment(Artifact):
 
 class SceneDescription(Artifact):
     """A scene: world frame z up; poses and joint positions of the nodes are the home keyframe."""
-
-    type_version: ClassVar[int] = 3
-    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged}
 
     objects: tuple[ObjectNode, ...]
     """Free objects."""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from dextera_build.artifacts import former, goals
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
@@ -84,16 +83,6 @@ class TaskSpec(Value):
         """Kind of objective."""
         return self.goal.primitive
 
-    @model_validator(mode="before")
-    @classmethod
-    def _with_goal(cls, fields: dict[str, Any]) -> dict[str, Any]:
-        """Specs stored before goals existed have the fields of both primitives instead."""
-        if "primitive" not in fields:
-            return fields
-        parts = {name: fields[name] for name in ("primitive", "height_m", "joints", "tolerance") if name in fields}
-        rest = {name: value for name, value in fields.items() if name not in parts}
-        return {**rest, "goal": goals.former(**parts)}
-
 
 class Cavity(Artifact):
     """The cavity of an upright container, by columns of a grid: open above, closed below and around."""
@@ -116,13 +105,6 @@ class Cavity(Artifact):
 
 class TaskObject(Artifact):
     """One movable object of a task's model."""
-
-    type_version: ClassVar[int] = 4
-    readers: ClassVar[former.Readers] = {
-        1: former.pose("world_from_object", "pose", "world", "object"),
-        2: former.unchanged,
-        3: former.unchanged,
-    }
 
     joints: tuple[str, ...]
     """Joints inside the object, in the order of the model."""
@@ -157,14 +139,6 @@ class TaskBundle(Artifact):
     In a reference or perturbed world every body and joint has its name and frame from the twin, as if the twin's assets
     were tracked there, so that states, actions and success have the same meaning.
     """
-
-    type_version: ClassVar[int] = 5
-    readers: ClassVar[former.Readers] = {
-        1: former.pose("world_from_base", "base_pose", "world", "base"),
-        2: former.unchanged,
-        3: former.unchanged,
-        4: former.unchanged,
-    }
 
     model: Folder
     """`scene.xml` and its files: scene and robot, whose names begin with `robot/`. No camera: see `View`."""
@@ -201,19 +175,8 @@ class TaskBundle(Artifact):
         return tuple(name for thing in self.objects.values() for name in thing.joints)
 
 
-def _of_the_photograph(fields: former.Fields) -> former.Fields:
-    """Version 2 had no such field: only the photograph's camera had a covariance."""
-    return {**fields, "photographed": fields["camera_pose"].covariance is not None}
-
-
 class View(Artifact):
     """A camera of policies and films."""
-
-    type_version: ClassVar[int] = 3
-    readers: ClassVar[former.Readers] = {
-        1: former.pose("world_from_camera", "camera_pose", "world", "camera"),
-        2: _of_the_photograph,
-    }
 
     camera: Camera
     """Intrinsics at the rendered size."""

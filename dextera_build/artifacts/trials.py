@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.reasons import tally
@@ -60,9 +59,6 @@ class Trial(Value):
 class Attempt(Artifact):
     """Complete outcome of one seed: a trial, or the reason for its exclusion."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.unchanged}
-
     seed: int
     """Seed of the start."""
     episode: Episode | None = None
@@ -79,9 +75,6 @@ class Attempt(Artifact):
 
 class Trials(Artifact):
     """Trials of one actor in one task of one world. Equal seeds give equal starts."""
-
-    type_version: ClassVar[int] = 4
-    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged, 3: former.unchanged}
 
     actor: Actor
     """Source of the actions."""

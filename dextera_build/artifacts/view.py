@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
@@ -21,8 +20,6 @@ from dextera_build.geometry.depth_view import DepthView
 
 class ObjectView(Artifact):
     """One object in the photograph: a crop. It contains no measurements, and neither name nor traits of the object."""
-
-    type_version: ClassVar[int] = 2
 
     rgb: Image
     """Crop of the photograph around the mask, with a margin."""
@@ -65,9 +62,6 @@ class State(Artifact):
 class Traits(Artifact):
     """Properties of an object from parsing; separate from its view, so that a new material rebuilds no mesh."""
 
-    type_version: ClassVar[int] = 3
-    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged}
-
     category: str
     """See `Element.category`."""
     body_type: Literal["rigid", "articulated"]
@@ -106,8 +100,6 @@ class InstanceMap(Artifact):
 
 class Segmentation(Artifact):
     """All objects and the map from which they were cropped."""
-
-    type_version: ClassVar[int] = 2
 
     items: dict[str, Instance]
     """Element name -> object; opened by `each`."""

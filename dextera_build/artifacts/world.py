@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
-from dextera_build.artifacts import former
 from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
@@ -74,9 +73,6 @@ class Hinge(Value):
 class Thing(Artifact):
     """An object of a reference world."""
 
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.pose("world_from_thing", "pose", "reference", "thing")}
-
     parts: dict[str, Part]
     """Textured pieces; they may overlap at joints between them."""
     surface: Mesh
@@ -107,9 +103,6 @@ class RobotStand(Value):
 
 class World(Artifact):
     """A reference world. Its frame, `reference`: z up, the table's top is z = 0."""
-
-    type_version: ClassVar[int] = 2
-    readers: ClassVar[former.Readers] = {1: former.pose("world_from_camera", "camera_pose", "reference", "camera")}
 
     objects: dict[str, Thing]
     """Objects on the table, by name; included in the ground truth."""

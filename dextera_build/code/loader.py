@@ -29,6 +29,7 @@ from dextera_build.code.importer import IMPORTER, install, refused, watched
 from dextera_build.code.machine import Machine
 from dextera_build.code.modules import PACKAGE as PACKAGE
 from dextera_build.code.modules import read
+from dextera_build.code.renamed import renamed
 from dextera_build.code.syntax import tree
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 
@@ -254,7 +255,7 @@ class Library:
             # The project's own rules are found without searching installed distributions.
             found = _among(self._first, path) or _among(self.roots, path)
             if found is None:
-                raise self._unknown(path, where)
+                raise renamed(path, where) or self._unknown(path, where)
             self._found[path] = found
         return self._found[path]
 

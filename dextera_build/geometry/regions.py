@@ -1,4 +1,4 @@
-"""Connected regions of masks and outlines of point sets, without an image library."""
+"""Connected regions of masks and outlines of point sets."""
 
 from __future__ import annotations
 
@@ -7,23 +7,10 @@ import numpy as np
 
 def label(mask: np.ndarray) -> tuple[np.ndarray, int]:
     """4-connected regions of a (H, W) bool mask: (H, W) int32 with 1.. in scan order, and their number."""
-    height, width = mask.shape
-    padded = np.zeros((height, width + 2), np.int8)
-    padded[:, 1:-1] = mask
-    change = np.diff(padded, axis=1)
-    rows, starts = np.nonzero(change == 1)
-    ends = np.nonzero(change == -1)[1]
-    parent = np.arange(len(rows))
-    first = np.searchsorted(rows, np.arange(height + 1))
-    for row in range(1, height):
-        _join_rows(parent, starts, ends, (first[row - 1], first[row]), (first[row], first[row + 1]))
-    roots = np.array([_root(parent, index) for index in range(len(parent))], dtype=np.int64)
-    kinds, number = np.unique(roots, return_inverse=True)
-    flat = np.zeros(height * width + 1, np.int32)
-    np.add.at(flat, rows * width + starts, number + 1)
-    np.add.at(flat, rows * width + ends, -(number + 1))
-    labels = np.cumsum(flat[:-1], dtype=np.int32).reshape(height, width)
-    return labels, len(kinds)
+    from scipy import ndimage
+
+    labels, count = ndimage.label(mask)
+    return labels, count
 
 
 def largest(mask: np.ndarray, weight: np.ndarray | None = None) -> np.ndarray:
@@ -101,13 +88,6 @@ def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> float:
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
-def _root(parent: np.ndarray, index: int) -> int:
-    while parent[index] != index:
-        parent[index] = parent[parent[index]]
-        index = int(parent[index])
-    return index
-
-
 def without_pinholes(mask: np.ndarray) -> np.ndarray:
     """A mask (H, W) bool without holes smaller than 1/500 of it, which are errors, not handles."""
     holes, _ = label(~mask)
@@ -115,17 +95,3 @@ def without_pinholes(mask: np.ndarray) -> np.ndarray:
     small = sizes < max(12.0, 0.002 * np.count_nonzero(mask))
     small[0] = False
     return np.asarray(mask | small[holes])
-
-
-def _join_rows(
-    parent: np.ndarray, starts: np.ndarray, ends: np.ndarray, above: tuple[int, int], below: tuple[int, int]
-) -> None:
-    upper, lower = int(above[0]), int(below[0])
-    while upper < above[1] and lower < below[1]:
-        if starts[upper] < ends[lower] and starts[lower] < ends[upper]:
-            a, b = _root(parent, upper), _root(parent, lower)
-            parent[max(a, b)] = min(a, b)
-        if ends[upper] < ends[lower]:
-            upper += 1
-        else:
-            lower += 1

@@ -78,6 +78,13 @@ class CallMaker:
         """The rule that a declaration names."""
         return self._library.find(decl.rule, decl.place)
 
+    def returned(self, decl: CallDecl, address: Address) -> Any:
+        """The artifact type of the results of a declaration."""
+        rule = self.rule_file(decl).rule
+        given = [decl.arguments[rule.typed_by]] if rule.typed_by in decl.arguments else []
+        given += [each.value for each in self._settings if each.call == address and each.option == (rule.typed_by,)]
+        return rule.returned({rule.typed_by: given[-1].value} if given else {})
+
     def values(self, decl: CallDecl, values: matrix.Values | None) -> dict[str, Node]:
         """Arguments of a call that change with one copy of its matrix; `values` is None outside a matrix.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -231,8 +232,8 @@ class _Planner:
                 )
             if isinstance(decl, CallDecl):
                 self._pending[address] = (decl, scope)
-                found = self.maker.rule_file(decl)
-                scope.names[name] = Bound(Output(address), lambda found=found: found.rule.returns)  # type: ignore[misc]
+                self.maker.rule_file(decl)  # an unknown rule is refused here
+                scope.names[name] = Bound(Output(address), partial(self.maker.returned, decl, address))
             elif isinstance(decl, UseDecl):
                 scope.names[name] = UseName(self._use(decl, scope, f"{address[-1]}/", group))
             elif isinstance(decl, MatrixDecl):

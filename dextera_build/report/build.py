@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -24,17 +23,6 @@ from dextera_build.runs.events import Event
 
 LIMIT = 5_000_000
 """Maximum size of a report [bytes]; pictures are made coarser until it fits."""
-
-
-def read_events(path: Path) -> list[dict[str, Any]]:
-    """The events of an `events.jsonl`; a torn last line is left out."""
-    events = []
-    for line in path.read_text(encoding="utf-8").splitlines():
-        try:
-            events.append(json.loads(line))
-        except ValueError:
-            continue
-    return [event for event in events if isinstance(event, dict) and "event" in event]
 
 
 def build(

@@ -72,6 +72,7 @@ class Rule(Generic[P, R]):
     tolerance: Tolerance = Tolerance()
     discovers: bool = False
     runs: Mapping[str, str] = field(default_factory=dict)
+    typed_by: str = ""
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
         """Call the plain function."""
@@ -117,6 +118,11 @@ class Rule(Generic[P, R]):
         """The artifact type of the result."""
         return typing.get_type_hints(self.function, include_extras=True)["return"]
 
+    def returned(self, options: Mapping[str, Any]) -> Any:
+        """The artifact type of the result under these options: of several, the one that the option `typed_by` names."""
+        named = options.get(self.typed_by) if self.typed_by else None
+        return next((kind for kind in get_args(self.returns) if kind.__name__ == named), self.returns)
+
 
 def rule(  # noqa: PLR0913 - one argument per declaration
     *,
@@ -132,6 +138,7 @@ def rule(  # noqa: PLR0913 - one argument per declaration
     tolerance: Tolerance | None = None,
     discovers: bool = False,
     runs: Mapping[str, str] | None = None,
+    typed_by: str = "",
 ) -> Callable[[Callable[P, R]], Rule[P, R]]:
     """Declare the decorated function as the rule of its file; both must have the same name.
 
@@ -156,6 +163,7 @@ def rule(  # noqa: PLR0913 - one argument per declaration
         discovers: Whether calls discover the project files they read, with `ctx.read`, `ctx.glob`, `ctx.exists`.
         runs: Inputs that are run by code beside the rules that made them, `{"checkpoint": "policy"}` for `policy.py`;
             `ctx.companion` gives it. It is part of the key.
+        typed_by: Option that names the type of the result, one of those that the function may return.
     """
     for name in resources or {}:
         if ":" not in name:
@@ -168,9 +176,8 @@ def rule(  # noqa: PLR0913 - one argument per declaration
         named = dict(resources or {})
         allowed = tolerance or Tolerance()
         needs = (cpus, memory_gb, gpus, named)
-        return Rule(
-            function, version, packages, *needs, retries, retry_on, retry_wait_s, allowed, discovers, dict(runs or {})
-        )
+        again = (retries, retry_on, retry_wait_s)
+        return Rule(function, version, packages, *needs, *again, allowed, discovers, dict(runs or {}), typed_by)
 
     return mark
 

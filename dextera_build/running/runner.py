@@ -99,7 +99,8 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         files |= unnamed.imported(found.path, opened_on_import)
         _warn_of_unnamed(ctx, files, task, reads)
         # Before the scratch folder is removed, because the result may refer to files in it.
-        reply = _stored(store, found, result, ctx) | ({"calls": calls.made} if calls.made else {})
+        wanted = rule.returned(options.model_dump())
+        reply = _stored(store, found, wanted, result, ctx) | ({"calls": calls.made} if calls.made else {})
         return reply | ({"reads": reads.finish()} if reads is not None else {})
 
 
@@ -319,10 +320,9 @@ def _exchange(store: Store, project: str, listed: str | None) -> Exchange | None
     return exchange
 
 
-def _stored(store: Store, found: RuleFile, result: Any, ctx: Context) -> dict[str, Any]:
+def _stored(store: Store, found: RuleFile, wanted: Any, result: Any, ctx: Context) -> dict[str, Any]:
     from dextera_build.recipe.kinds import fits, type_name
 
-    wanted = found.rule.returns
     if not fits(wanted, type(result)):
         raise RuleError(
             f"{found.path} returned {type(result).__name__}, but {type_name(wanted)} is declared",

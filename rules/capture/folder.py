@@ -29,7 +29,7 @@ def folder(ctx: Context, folder: Folder, *, options: FolderOptions) -> Capture:
     A `depth.npy` contains metres.
 
     A photograph is rotated by its EXIF orientation, and `distortion` (OpenCV's k1 k2 p1 p2 k3 ...) is removed. Without
-    intrinsics in `capture.json`, they are read from `camera_info.yaml` or `cameras.txt`, as for `capture.lens`, or from
+    intrinsics in `capture.json`, they are read from `camera_info.yaml` or `cameras.txt`, as for `capture.file`, or from
     the focal length in the EXIF, with a warning.
     """
     picture = _one_of(ctx, folder, RGB)

@@ -18,14 +18,12 @@ import dextera_build.artifacts as package
 from dextera_build.artifacts.arrays import Array
 from dextera_build.artifacts.base import Artifact, Folder
 from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
-from dextera_build.artifacts.feature_map import FeatureMap
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.noise import ColourNoise, DepthNoise
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose, Similarity
-from dextera_build.artifacts.pretrained import Adapter, PretrainedModel
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene_description import (
@@ -44,7 +42,6 @@ from dextera_build.artifacts.scene_description import (
 )
 from dextera_build.artifacts.splats import Splats
 from dextera_build.artifacts.trials import Operated, Trials
-from dextera_build.artifacts.weights import Weights
 from tests.artifacts import generated_cameras
 from tests.artifacts import generated_scenes as scenes
 
@@ -166,39 +163,6 @@ def _room(draw: Draw) -> dict[str, Any]:
     return fields | {"points": points}
 
 
-def _feature_map(draw: Draw) -> dict[str, Any]:
-    return _fields(draw, FeatureMap) | {name: draw(st.integers(1, 10_000)) for name in ("width", "height")}
-
-
-def _arrays(draw: Draw) -> dict[str, np.ndarray]:
-    kinds = st.sampled_from(["float32", "float16", "float64", "int64", "uint8", "bool"])
-    shapes = arrays.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=3)
-    return draw(
-        st.dictionaries(
-            LABELS, st.tuples(kinds, shapes).map(lambda each: np.ones(each[1], each[0])), min_size=1, max_size=4
-        )
-    )
-
-
-def _weights(draw: Draw) -> dict[str, Any]:
-    made = Weights.of(_arrays(draw), draw(st.dictionaries(LABELS, LABELS, max_size=2)), draw(st.integers(1, 100)))
-    return {name: getattr(made, name) for name in Weights.model_fields}
-
-
-def _pretrained(draw: Draw) -> dict[str, Any]:
-    config = draw(st.dictionaries(LABELS, st.integers(0, 9) | LABELS | st.none(), max_size=3))
-    reference, digest = draw(LABELS), draw(st.from_regex("[0-9a-f]{64}", fullmatch=True))
-    return {"reference": reference, "digest": digest, "config": config, "weights": draw(st.none() | values(Weights))}
-
-
-def _adapter(draw: Draw) -> dict[str, Any]:
-    rank, inputs, outputs = draw(st.tuples(*3 * [st.integers(1, 4)]))
-    pairs = {"lora_A": np.ones((rank, inputs), np.float32), "lora_B": np.ones((outputs, rank), np.float32)}
-    modules = draw(st.lists(LABELS, min_size=1, max_size=2, unique=True))
-    weights = Weights.of({f"{name}.{side}.weight": array for name in modules for side, array in pairs.items()})
-    return {"base": "0" * 64, "base_reference": draw(LABELS), "weights": weights, "rank": rank, "alpha": 2.0}
-
-
 def _attachment(draw: Draw) -> dict[str, Any]:
     return {"prefix": "robot/", "robot": draw(values(RobotModel)), "pose": scenes.pose(draw, "world", "base")}
 
@@ -222,11 +186,7 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     PointCloud: _point_cloud,
     Splats: _splats,
     Room: _room,
-    FeatureMap: _feature_map,
     Operated: _operated,
-    Weights: _weights,
-    PretrainedModel: _pretrained,
-    Adapter: _adapter,
     Material: scenes.material,
     Contact: scenes.contact,
     Box: scenes.box,

@@ -16,7 +16,6 @@ import numpy as np
 
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.calibration import Board, Calibration
-from dextera_build.artifacts.feature_map import FeatureMap
 from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt
 from dextera_build.artifacts.mask_track import MaskTrack
@@ -102,13 +101,6 @@ def splats() -> Splats:
         flat(points.colours / 255.0),
     )
     return Splats.of(made, "world")
-
-
-def features() -> FeatureMap:
-    """Colours and their differences in cells of 16 px."""
-    cells = pixels().reshape(30, 16, 40, 16, 3).astype(np.float32)
-    mean, spread = cells.mean(axis=(1, 3)), cells.std(axis=(1, 3))
-    return FeatureMap(features=np.concatenate([mean, spread], -1), width=640, height=480, network="mean and spread")
 
 
 def rig() -> Rig:
@@ -265,7 +257,6 @@ EXAMPLES: dict[str, Callable[[], Artifact]] = {
     "Room": lambda: Room(splats=splats(), points=cloud()),
     "Views": views,
     "Panorama": panorama,
-    "FeatureMap": features,
     "Rig": rig,
     "BrownConrady": lambda: BrownConrady(**tabletops.FINE.model_dump(), k1=-0.28, k2=0.07, p1=0.001, p2=0.0),
     "KannalaBrandt": lambda: KannalaBrandt(width=640, height=480, fx=210.0, fy=210.0, cx=320.0, cy=240.0, k1=-0.02),

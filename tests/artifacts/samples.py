@@ -1,7 +1,8 @@
 """Stored values of every artifact type and version, in `samples.json`: what a dxb of that version wrote.
 
 `python -m tests.artifacts.samples` adds a sample of each type whose version has none. It never replaces one: a sample
-that today's code cannot read shows that a version, or a reader of the version before, is missing.
+that today's code cannot read shows that a version, or a reader of the version before, is missing. Until 0.1.0 is tagged
+all types are of version 1, and the sample of a type that changes is deleted and made again.
 """
 
 from __future__ import annotations

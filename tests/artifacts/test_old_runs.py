@@ -1,11 +1,10 @@
-"""A run of an earlier version: listed, shown, compared and read.
+"""A run whose types have other fields today: listed, shown and compared.
 
-`run_of_version_1.tar.gz` is the store of a project in which an earlier dxb built one node, a `Support` of version 1.
+`run_of_version_1.tar.gz` is the store of a project in which an earlier dxb built one node, a `Support`.
 """
 
 from __future__ import annotations
 
-import json
 import tarfile
 from pathlib import Path
 
@@ -57,11 +56,6 @@ def test_it_is_listed_and_shown(space: Space) -> None:
     assert "type\tSupport\n" in shown
     assert "field world_from_camera\tfloat64 (4, 4)" in shown
     assert space.dxb("report", "0001", "-o", "page.html").code == 0
-
-
-def test_its_artifact_is_read(space: Space) -> None:
-    assert space.dxb("get", "lab/scene:look", "-o", "out").code == 0
-    assert json.loads((space.root / "out/look.camera_pose.json").read_text())["child"] == "camera"
 
 
 def test_it_is_compared_with_a_run_of_today(space: Space) -> None:

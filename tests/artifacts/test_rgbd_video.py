@@ -14,6 +14,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import png
 from dextera_build.artifacts.rgbd_video import RgbdFrame, RgbdVideo
 from dextera_build.artifacts.ros import messages
+from dextera_build.artifacts.ros.cdr import Cdr
 from dextera_build.artifacts.ros.recording import Recording
 from dextera_build.artifacts.stream import Stream
 from dextera_build.errors import ArtifactError
@@ -96,6 +97,15 @@ def test_an_archive_of_something_else_is_refused(tmp_path: Path):
         RgbdVideo.load(tmp_path / "a.zip")
 
 
+def image(stamp: int, counts: np.ndarray) -> bytes:
+    """`sensor_msgs/Image` of depth: uint16 [mm] as `16UC1`, float32 [m] as `32FC1`."""
+    encoding = "16UC1" if counts.dtype == np.uint16 else "32FC1"
+    seconds, nanoseconds = divmod(stamp, messages.SECOND)
+    head = Cdr().i32(seconds).u32(nanoseconds).string("camera")
+    head.u32(*counts.shape).string(encoding).boolean(False).u32(counts.strides[0])
+    return head.u8s(counts.tobytes()).bytes()
+
+
 def recording(path: Path, unit: str) -> Stream:
     """Three frames at 30 Hz, colour 4 ms after depth, with depth in millimetres or metres."""
     with path.open("wb") as out, Recording(out) as written:
@@ -105,7 +115,7 @@ def recording(path: Path, unit: str) -> Stream:
             depth = np.round(frame.depth * 1000).astype(np.uint16) if unit == "mm" else frame.depth.copy()
             if unit == "m":
                 depth[frame.depth == 0] = np.nan
-            written.send("/depth", "sensor_msgs/Image", time, messages.depth_image(time, "camera", depth))
+            written.send("/depth", "sensor_msgs/Image", time, image(time, depth))
             later = time + 4_000_000
             picture = messages.compressed_image(later, "camera", "png", png(frame.rgb))
             written.send("/colour", "sensor_msgs/CompressedImage", later, picture)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.robot import Grip, Gripper, Limb, RobotJoint, RobotModel, _without_grips
+from dextera_build.artifacts.robot import Gripper, Limb, RobotJoint, RobotModel
 
 ARM = """
 <body name="{side}_upper"><joint name="{side}_elbow" type="hinge"/>
@@ -65,15 +65,6 @@ def test_without_a_description_names_decide(model: dict[str, bytes]) -> None:
     robot = torso(model=Folder(files=model), frames={})
     assert robot.limbs["arm"].arm == ("waist", "l_elbow", "l_wrist", "r_elbow", "r_wrist")
     assert robot.limbs["arm"].hand == ("l_bend", "r_bend")
-
-
-def test_version_1_gives_its_grips_to_the_hand_that_can_do_them() -> None:
-    robot = torso()
-    fields = {name: getattr(robot, name) for name in RobotModel.model_fields if name != "limbs"}
-    pinch = Grip(against="thumb", open={"r_bend": 0.0}, closed={"r_bend": 0.5})
-    read = RobotModel(**_without_grips({**fields, "grips": {"pinch": pinch}}))
-    assert read.limbs["right"].grips == {"pinch": pinch}
-    assert read.limbs["left"].grips == {}
 
 
 def test_a_gripper_has_a_finger_that_opposes_the_other() -> None:

@@ -7,25 +7,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import Artifact, Collection, File
-from dextera_build.artifacts.camera import Camera, Capture
+from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.difference import differences
-from dextera_build.artifacts.former import Readers
 from dextera_build.artifacts.identity import identity, parse, spelled
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.task import View
 from dextera_build.errors import ArtifactError
 from dextera_build.store.store import Store
 from tests.artifacts import generated, samples
 
 KINDS = {identity(kind): kind for kind in generated.kinds()}
 SAMPLES = samples.read()
-UNREADABLE = {"ObjectView", "Segmentation"}
-"""Types whose version 1 held depth, which version 2 keeps apart; their readers would have nothing to put there."""
 
 
 @pytest.mark.parametrize("name", SAMPLES)
@@ -33,11 +26,6 @@ def test_every_stored_version_is_read(name: str) -> None:
     stored, kind = samples.blobs(SAMPLES[name]), KINDS[parse(name)[0]]
     key = SAMPLES[name]["key"]
     assert json.loads(stored[key])["artifact"] == name
-    if name in UNREADABLE:
-        with pytest.raises(ArtifactError, match="was stored by an earlier dxb") as caught:
-            kind.decode(key, stored.__getitem__)
-        assert caught.value.code == "DXB-A116"
-        return
     value = kind.decode(key, stored.__getitem__)
     again: dict[str, bytes] = {}
     back = kind.decode(value.encode(lambda data: keep(again, data)), again.__getitem__)
@@ -58,40 +46,15 @@ def test_a_type_that_changed_has_a_new_version(name: str) -> None:
     assert sample is not None, "`python -m tests.artifacts.samples` adds a sample of the new version"
     assert sample["fields"] == samples.structure(KINDS[name]), (
         f"the fields of {name} changed: increment `type_version`, add a reader of the version before to `readers`, and "
-        "a sample with `python -m tests.artifacts.samples`"
+        "a sample with `python -m tests.artifacts.samples`; before 0.1.0 is tagged, only replace the sample"
     )
-
-
-def test_version_1_of_a_capture_and_of_a_support_mean_the_same_today() -> None:
-    for name, kind in (("Capture", Capture), ("Support", Support)):
-        stored = samples.blobs(SAMPLES[name])
-        header = json.loads(stored[SAMPLES[name]["key"]])["fields"]
-        value: Any = kind.decode(SAMPLES[name]["key"], stored.__getitem__)
-        if name == "Capture":
-            assert Camera.decode(header["camera"]["$ref"], stored.__getitem__) == value.photograph.camera
-            assert value.measured is not None
-            depth = json.loads(stored[header["depth"]["$ref"]])["fields"]["depth"]["$array"]
-            assert value.measured.depth.depth.tobytes() == stored[depth[2]]
-        else:
-            matrix = np.frombuffer(stored[header["world_from_camera"]["$array"][2]]).reshape(4, 4)
-            assert np.array_equal(value.camera_pose.matrix, matrix)
-            assert (value.camera_pose.parent, value.camera_pose.child) == ("world", "camera")
-
-
-def test_version_2_of_a_view_with_a_covariance_was_the_photograph_s_camera(store: Store) -> None:
-    camera = Camera(width=4, height=3, fx=1.0, fy=1.0, cx=0.0, cy=0.0)
-    for covariance in (None, np.eye(6)):
-        pose = Pose(parent="world", child="camera", matrix=np.eye(4), covariance=covariance)
-        parts = {"camera": {"$ref": camera.encode(store.writer)}, "camera_pose": {"$ref": pose.encode(store.writer)}}
-        found = View.decode(stored(store, "View@2", **parts, samples=1), store.reader)
-        assert found.photographed is (covariance is not None)
 
 
 class Cup(Artifact):
     """Version 3: a height, with readers of both versions before."""
 
     type_version: ClassVar[int] = 3
-    readers: ClassVar[Readers] = {
+    readers: ClassVar[Mapping[int, Any]] = {
         1: lambda fields: {"height_mm": fields["size"]},
         2: lambda fields: {"height_m": fields["height_mm"] / 1000, "lens": fields.get("lens")},
     }
@@ -112,6 +75,13 @@ def test_readers_lead_from_version_to_version(store: Store) -> None:
     camera = Camera(width=4, height=3, fx=1.0, fy=1.0, cx=0.0, cy=0.0)
     old = stored(store, "tests.Cup@2", height_mm=90.0, lens={"$ref": camera.encode(store.writer)})
     assert Cup.decode(old, store.reader) == Cup(height_m=0.09, lens=camera)
+
+
+def test_a_version_without_a_reader_says_so(store: Store) -> None:
+    made: Any = type("Cup", (Artifact,), {"type_version": 2, "__module__": __name__, "__annotations__": {}})
+    with pytest.raises(ArtifactError, match="was stored by an earlier dxb") as caught:
+        made.decode(stored(store, "tests.Cup"), store.reader)
+    assert caught.value.code == "DXB-A116"
 
 
 def test_a_newer_version_says_so(store: Store) -> None:

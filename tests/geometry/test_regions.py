@@ -6,23 +6,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import ndimage
 
 from dextera_build.geometry import regions
 
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])
 
 
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 10**6), st.floats(0.2, 0.8))
-def test_labels_agree_with_scipy(seed, density):
-    mask = np.random.default_rng(seed).random((17, 23)) < density
+def test_labels_count_in_scan_order():
+    mask = np.array([[0, 1, 0, 1], [1, 0, 0, 1], [1, 0, 1, 1]], bool)
     labels, count = regions.label(mask)
-    wanted, number = ndimage.label(mask)
-    assert count == number
-    assert np.array_equal(labels > 0, mask)
-    pairs = {(int(a), int(b)) for a, b in zip(labels[mask], wanted[mask], strict=True)}
-    assert len(pairs) == number
+    assert (count, labels.dtype) == (3, np.int32)
+    assert labels.tolist() == [[0, 1, 0, 2], [3, 0, 0, 2], [3, 0, 2, 2]]
 
 
 def test_an_empty_mask_has_no_region():

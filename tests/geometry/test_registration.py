@@ -108,25 +108,6 @@ def test_a_model_out_of_sight_stays_where_it_is():
     assert registration.icp(behind, visible, partial_view(), Search(lie.FREE, 1.0, 0.1)) is behind
 
 
-def test_extents_ignore_flying_pixels():
-    rng = np.random.default_rng(0)
-    points = rng.uniform(-0.5, 0.5, (20000, 3)) * [0.12, 0.06, 0.08]
-    noisy = points + rng.normal(0.0, 0.0015, points.shape)
-    noisy[::150] += rng.uniform(-0.1, 0.1, noisy[::150].shape)
-    assert np.ptp(noisy, axis=0)[1] > 1.4 * 0.06
-    assert registration.robust_extent(noisy) == pytest.approx([0.12, 0.06, 0.08], rel=0.03)
-
-
-def test_extent_ratios_use_whole_axes_only():
-    rng = np.random.default_rng(0)
-    model = rng.uniform(0.0, 1.0, (5000, 3)) * [3.0, 2.0, 4.0]
-    seen = 0.1 * model[model[:, 2] > 2.0]
-    every = registration.extent_scale(model, seen, np.array([False, False, True]))
-    assert every == pytest.approx(0.05, rel=0.05)
-    assert registration.extent_scale(model, seen, np.array([True, True, False])) == pytest.approx(0.1, rel=0.01)
-    assert registration.extent_scale(model, seen, np.zeros(3, bool)) is None
-
-
 def test_cube_rotations_are_the_group_of_24():
     found = registration.cube_rotations()
     assert found.shape == (24, 3, 3)

@@ -57,13 +57,6 @@ def compressed_image(stamp: int, frame: str, kind: str, data: bytes) -> bytes:
     return _header(stamp, frame).string(kind).u8s(data).bytes()
 
 
-def depth_image(stamp: int, frame: str, counts: np.ndarray) -> bytes:
-    """`sensor_msgs/Image` of depth: (H, W) uint16 [mm] as `16UC1`, float32 [m] as `32FC1`."""
-    kind, data = ("16UC1", counts.astype("<u2")) if counts.dtype == np.uint16 else ("32FC1", counts.astype("<f4"))
-    message = _header(stamp, frame).u32(*counts.shape).string(kind).boolean(False)
-    return message.u32(data.strides[0]).u8s(data.tobytes()).bytes()
-
-
 def camera_info(stamp: int, frame: str, camera: Camera) -> bytes:
     """`sensor_msgs/CameraInfo` of a camera without distortion."""
     k = camera.matrix()

@@ -88,7 +88,12 @@ def _trace(project: Project, run: str | None) -> str:
 
 
 def _is_rule(project: Project, text: str) -> bool:
-    return "." in text and not set(text) & set(":/") and any(found.path == text for found in project.library.rules())
+    """Whether a rule has this address, or had it."""
+    from dextera_build.code.renamed import RENAMED
+
+    if "." not in text or set(text) & set(":/"):
+        return False
+    return text in RENAMED or any(found.path == text for found in project.library.rules())
 
 
 def _config(project: Project, *, as_json: bool) -> int:

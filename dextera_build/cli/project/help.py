@@ -51,12 +51,13 @@ def _meaning(code: str) -> str:
 
 def _rule(name: str) -> int:
     from dextera_build.cli import table
+    from dextera_build.code.renamed import renamed
     from dextera_build.explain import rule_card
     from dextera_build.project import project
 
     rules = {found.path: found for found in project.find().library.rules()}
     if name not in rules:
-        raise UsageError(
+        raise renamed(name, None) or UsageError(
             f"`{name}` is neither a verb, an error code nor a rule",
             code="DXB-U196",
             hint=did_you_mean(name, [*VERBS, *rules], "`dxb help {}`") or "`dxb ls rules` lists rules",

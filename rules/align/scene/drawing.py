@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -27,18 +27,6 @@ CELL_PX = 0.7
 
 View = tuple[np.ndarray, tuple[int, int]]
 """Intrinsics (3, 3) of a picture [px], and its rows and columns [px]."""
-
-
-class DrawnScene(Protocol):
-    """A scene that can be rendered."""
-
-    def whole(self) -> Render:
-        """From any pose and at any size."""
-        ...
-
-    def around(self, place: np.ndarray, views: Sequence[View]) -> Render:
-        """From poses near `place`, T_G_C (4, 4), in pictures of one camera at several sizes."""
-        ...
 
 
 class MeshScene:

@@ -30,6 +30,14 @@ def test_a_rule_says_what_it_takes_and_gives(capsys: pytest.CaptureFixture[str])
     assert [line.split("\t") for line in capsys.readouterr().out.splitlines()] == rows
 
 
+def test_a_former_address_of_a_rule_gives_the_current_one(capsys: pytest.CaptureFixture[str]) -> None:
+    told = said(capsys, "capture.mesh", code=2)
+    assert "the rule `capture.mesh` is now `capture.file`" in told
+    assert "write `rule: capture.file, type: Mesh`" in told
+    assert main(["show", "capture.mesh"]) == 2
+    assert capsys.readouterr().err == told
+
+
 @pytest.mark.parametrize(("word", "usage"), [("why", "usage: dxb why "), ("push", "usage: dxb cache push ")])
 def test_a_verb_has_its_own_help(word: str, usage: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="0"):

@@ -19,6 +19,7 @@ from dextera_build.testing import RuleRunner
 FACTS = {"width": 8, "height": 6, "fx": 7.0, "fy": 7.5, "cx": 3.5, "cy": 2.5, "depth_scale_m": 0.001}
 RGB = np.zeros((6, 8, 3), np.uint8)
 RGB[0, 0] = (255, 10, 20)
+LABELS = {"type": "LabelImage", "path": "instances.png"}
 COUNTS = np.full((6, 8), 750, np.uint16)
 COUNTS[0, :3] = (0, 65535, 1200)
 
@@ -221,7 +222,7 @@ def test_pictures_that_would_fill_the_memory_are_refused_by_their_header(runner,
     error = refused(runner, large)
     assert error.message == "`rgb.png` is too large"
     with pytest.raises(RuleError, match=r"`instances.png` is too large"):
-        runner.run("capture.labels", folder=files(instances__png=declared(side, side)))
+        runner.run("capture.file", options=LABELS, file=files(instances__png=declared(side, side)))
 
 
 def header(text: str) -> bytes:
@@ -298,11 +299,11 @@ def test_numbers_that_no_camera_has_are_refused(runner, text, message):
 def test_labels_are_read_and_missed(runner):
     labels = np.zeros((6, 8), np.uint8)
     labels[2:4, 2:5] = 3
-    found = runner.run("capture.labels", folder=files(instances__png=png(labels)))
+    found = runner.run("capture.file", options=LABELS, file=files(instances__png=png(labels)))
     assert np.array_equal(found.labels, labels)
     assert runner.outcome.line == "1 instances"
-    with pytest.raises(RuleError, match=r"`instances.png` is missing in the capture"):
-        runner.run("capture.labels", folder=files())
+    with pytest.raises(RuleError, match=r"the folder does not hold `instances.png`"):
+        runner.run("capture.file", options=LABELS, file=files())
 
 
 def test_captures_are_listed_by_pattern(runner):

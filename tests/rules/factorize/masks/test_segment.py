@@ -237,7 +237,8 @@ def test_the_object_on_the_real_table_is_found_once_and_whole(runner, name, box)
 def test_real_clutter_is_split(runner, number):
     folder = real(runner, f"clutter_learn_{number}")
     found = segmented(runner, runner.run("capture.folder", folder=folder))
-    truth = runner.run("capture.labels", folder=folder)
+    options = {"type": "LabelImage", "path": "instances.png"}
+    truth = runner.run("capture.file", options=options, file=folder)
     table = runner.run("benchmark.instances", segmentation=found, truth=truth)
     assert [row[5] for row in table.rows] == ["found"] * len(table.rows)
     assert np.mean([row[4] for row in table.rows]) > 0.85
