@@ -33,8 +33,8 @@ Origin = Literal["operator", "synthesis", "policy", "replay"]
 class Start(Artifact):
     """The complete initial state of an episode, with its random dynamics."""
 
-    type_version: ClassVar[int] = 4
-    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged, 3: former.unchanged}
+    type_version: ClassVar[int] = 5
+    readers: ClassVar[former.Readers] = dict.fromkeys(range(1, 5), former.unchanged)
 
     seed: int
     """Seed of the draw."""

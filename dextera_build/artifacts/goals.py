@@ -1,4 +1,4 @@
-"""Goals of tasks: one type per primitive, in the world frame [m, rad].
+"""Goals of tasks, in the world frame [m, rad].
 
 In the observations of policies a goal is a vector with named components, in the robot's base frame like all
 observations.
@@ -6,169 +6,45 @@ observations.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any
 
-import numpy as np
+from pydantic import model_validator
 
-from dextera_build.artifacts.value import Value
-from dextera_build.geometry import quaternions, registration
-
-Place = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
+from dextera_build.artifacts.value import Open
 
 
-class LiftGoal(Value):
-    """The object rises, held by hands alone."""
+class Goal(Open):
+    """The goal of a task: the name of its primitive, and the fields of that primitive's own type.
 
-    primitive: Literal["lift"] = "lift"
-    height_m: float
-    """Required rise of the object's origin above its start [m]."""
+    The type is in `primitive.py` of the primitive, see `dextera_build.sim.primitives`. It is no part of this one, so
+    that a new primitive changes no stored type.
+    """
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of `numbers`."""
-        return ("rise",)
+    primitive: str
+    """Kind of objective: `lift`."""
+    names: tuple[str, ...]
+    """Names of its numbers in the observations of policies."""
 
-    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
-        """The rise [m]."""
-        return (self.height_m,)
-
-
-class ArticulateGoal(Value):
-    """Joints of the object are at commanded positions."""
-
-    primitive: Literal["articulate"] = "articulate"
-    joints: dict[str, float]
-    """Joint in the model -> commanded position [rad or m]."""
-    tolerance: float
-    """Maximum deviation of every joint from its command [rad or m]."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of `numbers`."""
-        return tuple(self.joints)
-
-    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
-        """The commanded positions [rad or m]."""
-        return tuple(self.joints.values())
+    @model_validator(mode="before")
+    @classmethod
+    def _with_names(cls, fields: Any) -> Any:
+        """Goals that were stored without names are of one of the first six primitives."""
+        return fields if cls is not Goal or "names" in fields else {**fields, "names": _former_names(**fields)}
 
 
-class Tolerance(Value):
-    """Tolerance of a target pose."""
-
-    position_m: float
-    """Maximum distance of the object's origin [m]."""
-    rotation_rad: float
-    """Maximum rotation between both orientations [rad]."""
-    symmetry: int = 1
-    """Order of the object's rotational symmetry about its own z axis; 0: any rotation."""
-
-    def met(self, position_m: float, rotation_rad: float) -> bool:
-        """Whether a distance and a rotation from the target are within tolerance; False on NaN."""
-        return position_m <= self.position_m and rotation_rad <= self.rotation_rad
+_POSE = tuple(f"target_{part}" for part in ("x", "y", "z", "qw", "qx", "qy", "qz"))
+_FORMER = {"lift": ("rise",), "push": ("x", "y", "heading_x", "heading_y")}
 
 
-class PushGoal(Value):
-    """The object stands at a position on its support, to which it was pushed."""
-
-    primitive: Literal["push"] = "push"
-    place_m: tuple[float, float]
-    """Target x and y of the object's origin [m]."""
-    yaw_rad: float | None
-    """Target rotation from the photographed orientation about the vertical [rad]; None: any."""
-    upright: Quaternion
-    """Photographed orientation, w x y z, relative to which the rotation is defined."""
-    tolerance: Tolerance
-    """Tolerance."""
-
-    @property
-    def turn(self) -> np.ndarray:
-        """Target rotation (3, 3); the photographed one if any rotation is accepted."""
-        about = registration.rotation(np.array([0.0, 0.0, self.yaw_rad or 0.0]))
-        return np.asarray(about @ quaternions.to_matrix(np.array(self.upright)))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of `numbers`."""
-        return ("x", "y", "heading_x", "heading_y")
-
-    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
-        """Target position on the support [m], and direction of the object's x axis there; zeros for any rotation."""
-        place = base_from_world @ [*self.place_m, 0.0, 1.0]
-        ahead = base_from_world[:3, :3] @ self.turn[:, 0] * (self.yaw_rad is not None)
-        return (*map(float, place[:2]), *map(float, ahead[:2]))
-
-
-class PoseGoal(Value):
-    """A target pose."""
-
-    place_m: Place | None = None
-    """Target position of the object's origin [m]; None: any."""
-    quaternion: Quaternion | None = None
-    """Target orientation, w x y z; None: any."""
-    tolerance: Tolerance
-    """Tolerance."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of `numbers`."""
-        return tuple(f"target_{part}" for part in ("x", "y", "z", "qw", "qx", "qy", "qz"))
-
-    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
-        """Target position [m] and quaternion; zeros for unconstrained parts."""
-        place, turn = np.zeros(3), np.zeros(4)
-        if self.place_m is not None:
-            place = (base_from_world @ [*self.place_m, 1.0])[:3]
-        if self.quaternion is not None:
-            matrix = base_from_world[:3, :3] @ quaternions.to_matrix(np.array(self.quaternion))
-            turn = quaternions.from_matrix(matrix)
-            turn = turn if turn[0] >= 0 else -turn
-        return (*map(float, place), *map(float, turn))
-
-
-class ReorientGoal(PoseGoal):
-    """A hand holds the object at a target pose, off its support."""
-
-    primitive: Literal["pick_and_reorient"] = "pick_and_reorient"
-
-
-class PlaceGoal(PoseGoal):
-    """The object was picked up, and rests released at a target pose, or inside a container."""
-
-    primitive: Literal["pick_and_place"] = "pick_and_place"
-    into: str = ""
-    """Body of the container whose cavity must contain the whole object; empty: the target pose applies."""
-
-
-class HandoverGoal(Value):
-    """One hand takes the object from the other."""
-
-    primitive: Literal["handover"] = "handover"
-    giver: str
-    """Limb that holds it first."""
-    receiver: str
-    """Limb that holds it at the end."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of `numbers`."""
-        return (f"receiver_is_{self.receiver}",)
-
-    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
-        """1: the receiver is part of the name."""
-        return (1.0,)
-
-
-Goal = LiftGoal | ArticulateGoal | PushGoal | ReorientGoal | PlaceGoal | HandoverGoal
-"""The goal of a task; its type identifies the primitive."""
-Primitive = Literal["lift", "articulate", "push", "pick_and_reorient", "pick_and_place", "handover"]
-"""Kind of objective; each has a file in `dextera_build.sim.primitives`."""
+def _former_names(primitive: str, joints: Any = (), receiver: str = "", **_: Any) -> tuple[str, ...]:
+    if primitive == "articulate":
+        return tuple(joints)
+    return (f"receiver_is_{receiver}",) if primitive == "handover" else _FORMER.get(primitive, _POSE)
 
 
 def former(
     primitive: str, height_m: float = 0.0, joints: dict[str, float] | None = None, tolerance: float = 0.0
 ) -> Goal:
     """The goal of a task stored when lifting and articulating were the only primitives."""
-    if primitive == "articulate":
-        return ArticulateGoal(joints=joints or {}, tolerance=tolerance)
-    return LiftGoal(height_m=height_m)
+    own = {"joints": joints or {}, "tolerance": tolerance} if primitive == "articulate" else {"height_m": height_m}
+    return Goal.model_validate({"primitive": primitive, **own})

@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import SerializeAsAny, model_validator
 
 from dextera_build.artifacts import former, goals
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.goals import Goal
-from dextera_build.artifacts.goals import Primitive as Primitive
 from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
@@ -63,8 +62,8 @@ class TaskSpec(Value):
     """`CloseLaptop`."""
     object: str
     """Root body of the task's object."""
-    goal: Goal = Field(discriminator="primitive")
-    """The goal; its type is the primitive."""
+    goal: SerializeAsAny[Goal]
+    """The goal, which names the primitive."""
     limbs: tuple[str, ...] = ()
     """Limbs that must act, jointly if several are named; empty: any."""
     hold_s: float = 0.5
@@ -80,7 +79,7 @@ class TaskSpec(Value):
     """Start distribution."""
 
     @property
-    def primitive(self) -> Primitive:
+    def primitive(self) -> str:
         """Kind of objective."""
         return self.goal.primitive
 
@@ -158,12 +157,13 @@ class TaskBundle(Artifact):
     were tracked there, so that states, actions and success have the same meaning.
     """
 
-    type_version: ClassVar[int] = 5
+    type_version: ClassVar[int] = 6
     readers: ClassVar[former.Readers] = {
         1: former.pose("world_from_base", "base_pose", "world", "base"),
         2: former.unchanged,
         3: former.unchanged,
         4: former.unchanged,
+        5: former.unchanged,
     }
 
     model: Folder
@@ -189,11 +189,6 @@ class TaskBundle(Artifact):
 
     latency_s: float = 0.0
     """Time from a command to its effect in this world [s]."""
-
-    @property
-    def goal_numbers(self) -> tuple[float, ...]:
-        """The goal in the observations of policies, in the base frame; `TaskSpec.goal` names the numbers."""
-        return self.task.goal.numbers(self.base_pose.inverse().matrix)
 
     @property
     def displacement_names(self) -> tuple[str, ...]:

@@ -80,8 +80,8 @@ class Attempt(Artifact):
 class Trials(Artifact):
     """Trials of one actor in one task of one world. Equal seeds give equal starts."""
 
-    type_version: ClassVar[int] = 4
-    readers: ClassVar[former.Readers] = {1: former.unchanged, 2: former.unchanged, 3: former.unchanged}
+    type_version: ClassVar[int] = 5
+    readers: ClassVar[former.Readers] = dict.fromkeys(range(1, 5), former.unchanged)
 
     actor: Actor
     """Source of the actions."""
