@@ -11,7 +11,7 @@ from typing import Any
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact
 from dextera_build.building import examples
-from dextera_build.code.companions import of_rules
+from dextera_build.code.companions import of_paths
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.code.machine import Machine
 from dextera_build.engine import missing
@@ -24,7 +24,7 @@ from dextera_build.recipe.backends import Wish, choose
 from dextera_build.recipe.calls import facts_of
 from dextera_build.rule import Context, Outcome
 from dextera_build.rule.pretrained import Pretrained
-from dextera_build.running.called import as_called, others, running
+from dextera_build.running.called import as_called, named, others, playing, running
 from dextera_build.running.runner import ProjectReads, outside, parted
 from dextera_build.store.store import Store
 
@@ -43,7 +43,7 @@ class RuleRunner:
         weights: Model -> folder with its files, copied to the scratch folder as if they had been installed.
         gpu_gb: Memory of the GPU that this machine is taken to have [GiB]; a backend that wants one is told `cuda`.
         made_by: Slot -> path of the rule that made what it carries, `{"checkpoint": "learn.act"}`, for rules that run
-            it; in a build the recipe says so.
+            it; in a build the recipe says so. A `TaskBundle` names its primitive itself.
     """
 
     def __init__(
@@ -93,8 +93,7 @@ class RuleRunner:
         wish = Wish((backend,), "the caller", where) if backend is not None else None
         prefers = profiles.read(profile, self._library.project)
         chosen = choose(found, wish, prefers, where, self._library.machine, fallback=False)
-        made_by = {slot: {self._made_by[slot]: stem} for slot, stem in found.rule.runs.items() if slot in self._made_by}
-        companions = of_rules(self._library, made_by)
+        companions = of_paths(self._library, self._run_by(found, options or {}, inputs))
         facts = facts_of(self._library, found, chosen, companions)
         if facts.missing:
             missing.refuse([facts])
@@ -116,13 +115,30 @@ class RuleRunner:
                 others=others(found, facts.backend),
             ),
             companions=running(companions),
+            named=named(found, options or {}),
         )
         keyword = {"options": common} if rule.takes_options else {}
-        result = rule(ctx, **inputs, **keyword)
+        with playing(companions):
+            result = rule(ctx, **inputs, **keyword)
         self.outcome = ctx.outcome
         self.reads = reads.finish() if reads is not None else []
         shutil.rmtree(self._keep, ignore_errors=True)
         return type(result).decode(self.encode(result), self._blobs.__getitem__)
+
+    def _run_by(
+        self, found: RuleFile, options: Mapping[str, Any], inputs: Mapping[str, Artifact]
+    ) -> dict[str, list[str]]:
+        """Slot -> paths of the companions that run its artifact; option -> path of the file in its folder."""
+        from dextera_build.artifacts.task import TaskBundle
+
+        tasks = {slot: each for slot, each in inputs.items() if isinstance(each, TaskBundle)}
+        makers = {slot: f"primitives/{bundle.task.primitive}" for slot, bundle in tasks.items()} | self._made_by
+        runs = {slot: stems for slot, stems in found.rule.runs.items() if slot in makers}
+        folders = {option: f"{folder}/{options[option]}" for option, folder in found.rule.folders.items()}
+        return {
+            **{slot: [f"{makers[slot]}/{stem}" for stem in stems] for slot, stems in runs.items()},
+            **{option: [f"{folder}/{option}"] for option, folder in folders.items()},
+        }
 
     def example(self, path: str) -> tuple[dict[str, Artifact], dict[str, Any]]:
         """Inputs and options of a rule, as the first recipe that calls it gives them with the profile `stub`.

@@ -11,11 +11,11 @@ import numpy as np
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.episode import Episode, Episodes, Segment, Start
-from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.artifacts.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.task import TaskBundle, TaskObject, TaskSpec, View
 from dextera_build.geometry import poses, quaternions, transforms
 from dextera_build.policy.layout import embodiment
+from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from tests import factories
 
 RATE_HZ = 20.0

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.artifacts.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.task import Reset, TaskBundle, TaskObject, TaskSpec, View, WorldKind
 from dextera_build.geometry import quaternions
+from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal
 from tests import factories
 
 PUSHES, STOPS_SHORT = 0.8, 0.2

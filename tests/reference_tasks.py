@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.task import TaskBundle, TaskObject, TaskSpec
@@ -16,6 +15,7 @@ from dextera_build.artifacts.world import World
 from dextera_build.geometry import kinematics, metrics, transforms
 from dextera_build.sim.model import compose
 from dextera_build.sim.model.model import at_home, compile_folder
+from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from tests import factories, twins
 from tests.rules.capture.cameras import CAMERA
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.goals import ArticulateGoal, LiftGoal
 from dextera_build.artifacts.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.task import Reset, TaskBundle, TaskObject, TaskSpec
 from dextera_build.geometry import quaternions
+from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal
+from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from tests import factories
 
 WORLD_FROM_BASE = factories.pose(-0.1, 0.2, 0.0, yaw=0.7)

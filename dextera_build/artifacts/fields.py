@@ -8,6 +8,8 @@ Plain JSON is stored as it is, and
     {"$map": {...}}                        a dict
     {"$value": {...}}                      a `Value`, stored inline
     {"$value": {"$type": name, ...}}       the same where the field may hold `Value`s of several types
+
+An `Open` value is stored with all its fields, as plain data.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from dextera_build.artifacts.arrays import array_of, array_size, check_array, is
 from dextera_build.artifacts.content import SMALL, Get, Put
 from dextera_build.artifacts.forms import NOTHING, Form, forms, unexpected
 from dextera_build.artifacts.identity import identity
-from dextera_build.artifacts.value import Value
+from dextera_build.artifacts.value import Open, Value
 from dextera_build.errors import ArtifactError
 
 
@@ -58,6 +60,8 @@ def encode(value: Any, form: Form, put: Put) -> Any:
         return {"$array": [value.dtype.name, list(value.shape), stored_array(value, put)]}
     if isinstance(value, bytes):
         return {"$bytes": [put(value), len(value)]}
+    if isinstance(value, Open) and (len(form.values) == 1 and isinstance(value, tuple(form.values.values()))):
+        return {"$value": {name: encode(item, NOTHING, put) for name, item in value.model_dump().items()}}
     if isinstance(value, Value):
         _refuse_others(type(value).__name__, form.values)
         body = {name: encode(getattr(value, name), inner, put) for name, inner in forms(type(value)).items()}
@@ -104,11 +108,24 @@ def decode(raw: Any, form: Form, get: Get) -> Any:
     if tag == "$map":
         return {name: decode(item, form.labelled or NOTHING, get) for name, item in body.items()}
     name = body.get("$type", next(iter(form.values), "Value"))
+    declared = list(form.values.values())
+    if len(declared) == 1 and issubclass(declared[0], Open):
+        return declared[0](**{each: _plain(body[each]) for each in body if each != "$type"})
     if name not in form.values:
         raise unexpected(name, form.values)
     kind = form.values[name]
     inner = forms(kind)
     return kind(**{each: decode(body[each], inner.get(each, NOTHING), get) for each in body if each != "$type"})
+
+
+def _plain(raw: Any) -> Any:
+    """A stored value as plain data, whatever its type was."""
+    if isinstance(raw, list):
+        return tuple(map(_plain, raw))
+    if not isinstance(raw, dict):
+        return raw
+    ((_, body),) = raw.items()
+    return {name: _plain(item) for name, item in body.items()}
 
 
 def decode_item(raw: Any, form: Form, get: Get) -> Any:

@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import SerializeAsAny
 
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.goals import Goal
-from dextera_build.artifacts.goals import Primitive as Primitive
 from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
@@ -62,8 +61,8 @@ class TaskSpec(Value):
     """`CloseLaptop`."""
     object: str
     """Root body of the task's object."""
-    goal: Goal = Field(discriminator="primitive")
-    """The goal; its type is the primitive."""
+    goal: SerializeAsAny[Goal]
+    """The goal, which names the primitive."""
     limbs: tuple[str, ...] = ()
     """Limbs that must act, jointly if several are named; empty: any."""
     hold_s: float = 0.5
@@ -79,7 +78,7 @@ class TaskSpec(Value):
     """Start distribution."""
 
     @property
-    def primitive(self) -> Primitive:
+    def primitive(self) -> str:
         """Kind of objective."""
         return self.goal.primitive
 
@@ -163,11 +162,6 @@ class TaskBundle(Artifact):
 
     latency_s: float = 0.0
     """Time from a command to its effect in this world [s]."""
-
-    @property
-    def goal_numbers(self) -> tuple[float, ...]:
-        """The goal in the observations of policies, in the base frame; `TaskSpec.goal` names the numbers."""
-        return self.task.goal.numbers(self.base_pose.inverse().matrix)
 
     @property
     def displacement_names(self) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from pydantic import Field, SerializeAsAny
 
 from dextera_build.artifacts.goals import Goal
 from dextera_build.artifacts.value import Value
@@ -20,7 +20,7 @@ class Variation(Value):
     """Root body, or `robot`, -> factor on the damping of its joints."""
     joint_friction: dict[str, float] = Field(default_factory=dict)
     """Root body, or `robot`, -> factor on the friction of its joints."""
-    goal: Goal | None = Field(default=None, discriminator="primitive")
+    goal: SerializeAsAny[Goal | None] = None
     """The goal of this episode; None: the task's."""
     cameras: dict[str, Twist] = Field(default_factory=dict)
     """Camera -> error of its pose in the world."""

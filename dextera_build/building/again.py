@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.building.executors import local
-from dextera_build.code.companions import of_rules
+from dextera_build.code.companions import of_paths
 from dextera_build.recipe.backends import Choice
 from dextera_build.recipe.calls import facts_of
 from dextera_build.workers.admission import Admission, lacks
@@ -26,7 +26,7 @@ def again(project: Project, document: Mapping[str, Any]) -> Mapping[str, Any]:
         DxbError: The call failed, or this machine lacks what it needs.
     """
     found, name = project.library.find(document["rule"]), document["backend"]
-    companions = of_rules(project.library, document.get("companions", {}))
+    companions = of_paths(project.library, document.get("companions", {}))
     rule = facts_of(project.library, found, Choice(found.backends[name], "") if name else None, companions)
     with local(project) as ready:
         workers = ready([rule])

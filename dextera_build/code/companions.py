@@ -1,41 +1,53 @@
-"""Companions: files beside a rule whose code runs what the rule made, such as `policy.py` for a checkpoint.
+"""Companions: files whose code runs an artifact or a call, although no rule imports them.
 
-The rule does not import its companion, so an edit of it makes stale what runs the artifact, not the artifact.
+They lie beside the rule that made the artifact, such as `policy.py` for a checkpoint, or in a folder that an option
+names, such as `primitives/lift/`. An edit of one makes stale what runs it, and nothing else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import TypeAlias
 
-from dextera_build.code.loader import Library, Root, RuleFile, imported
+from dextera_build.code.loader import PACKAGE, Library, Root, RuleFile, imported
 
-Companions: TypeAlias = Mapping[str, Mapping[str, "Companion"]]
-"""Slot -> name -> companion."""
+Companions: TypeAlias = Mapping[str, Sequence["Companion"]]
+"""Slot, or option that names a folder -> companions, sorted by path."""
+OWN = PACKAGE / "sim"
+"""Where the folders lie that come with dxb: `primitives/`."""
 
 
 @dataclass(frozen=True)
 class Companion:
     """A companion as found on disk."""
 
-    rule: str
-    """Path of a rule beside it."""
+    of: str
+    """Path of a rule beside it, `learn.act`, or its folder, `primitives/lift`."""
     file: Path
-    root: Root
+    root: Root | None
+    """None for a folder of dxb."""
 
     @property
     def name(self) -> str:
         """The name of its folder: `act` of `rules/learn/act/policy.py`."""
         return self.file.parent.name
 
+    @property
+    def path(self) -> str:
+        """`learn.act/policy`, from which `of_paths` finds it again."""
+        return f"{self.of}/{self.file.stem}"
+
     @cached_property
     def module(self) -> ModuleType:
         """The imported module."""
-        return imported(self.root, f"{self.rule.partition('.')[0]}.{self.name}.{self.file.stem}", self.file)
+        return imported(self.root, str(self), self.file)
+
+    def __str__(self) -> str:
+        return f"`{self.file.name}` of {self.of}"
 
 
 def beside(found: RuleFile, stem: str) -> Companion:
@@ -43,24 +55,40 @@ def beside(found: RuleFile, stem: str) -> Companion:
     return Companion(found.path, found.file.with_name(f"{stem}.py"), found.root)
 
 
-def of_rules(library: Library, stems: Mapping[str, Mapping[str, str]]) -> Companions:
-    """The companions of rules.
+def in_folder(library: Library, folder: str, stem: str) -> Companion:
+    """The companion in the first folder of this path, such as `primitives/lift`, whether it exists or not.
 
-    Args:
-        library: Provides rules.
-        stems: Slot -> path of a rule -> name of the file without suffix; see `RuleFacts.companions`.
+    The roots of rules come first, in their order, then dxb's own folders.
     """
-    found = {slot: [beside(library.find(path), stem) for path, stem in stems[slot].items()] for slot in sorted(stems)}
-    return {
-        slot: {each.name: each for each in sorted(many, key=lambda each: each.name)} for slot, many in found.items()
-    }
+    for root in library.roots:
+        place = root.path / folder
+        library.asked.add(str(place))
+        if place.is_dir():
+            return Companion(folder, place / f"{stem}.py", root)
+    return Companion(folder, OWN / folder / f"{stem}.py", None)
 
 
-def stems(companions: Companions) -> dict[str, dict[str, str]]:
-    """Companions as plain data, for `of_rules`."""
-    return {slot: {each.rule: each.file.stem for each in named.values()} for slot, named in companions.items()}
+def names_in(library: Library, folder: str, stem: str) -> list[str]:
+    """Names that an option may give: folders in `folder` with this file, in the roots of rules and in dxb."""
+    places = [*(root.path for root in library.roots), OWN]
+    return sorted({file.parent.name for place in places for file in place.glob(f"{folder}/*/{stem}.py")})
 
 
-def each_of(companions: Companions) -> list[Companion]:
-    """Every companion, in the order of its slot and name."""
-    return [each for named in companions.values() for each in named.values()]
+def of_paths(library: Library, paths: Mapping[str, Sequence[str]]) -> dict[str, tuple[Companion, ...]]:
+    """Companions by slot, from the paths of each; see `RuleFacts.companions`."""
+    return {slot: tuple(_of_path(library, path) for path in sorted(paths[slot])) for slot in sorted(paths)}
+
+
+def _of_path(library: Library, path: str) -> Companion:
+    of, _, stem = path.rpartition("/")
+    return in_folder(library, of, stem) if "/" in of else beside(library.find(of), stem)
+
+
+def paths_of(companions: Companions) -> dict[str, list[str]]:
+    """Companions as plain data, for `of_paths`."""
+    return {slot: [each.path for each in found] for slot, found in companions.items()}
+
+
+def each_of(companions: Companions) -> Iterator[Companion]:
+    """Every companion, in the order of its slot and path."""
+    return (each for found in companions.values() for each in found)

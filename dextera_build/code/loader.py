@@ -353,11 +353,12 @@ def _among(roots: Sequence[Root], path: str) -> RuleFile | None:
     return None
 
 
-def imported(root: Root, path: str, file: Path) -> ModuleType:
-    """The module of a file, which messages call `path`."""
+def imported(root: Root | None, path: str, file: Path) -> ModuleType:
+    """The module of a file in a root, or in dxb itself, which messages call `path`."""
+    own = () if root else file.relative_to(PACKAGE.parent).with_suffix("").parts
     try:
         with watched(path, file):
-            return importlib.import_module(root.module(file))
+            return importlib.import_module(root.module(file) if root else ".".join(own))
     except Exception as error:
         raise refused(path, file, error) from error
 

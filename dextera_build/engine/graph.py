@@ -111,8 +111,9 @@ class RuleFacts:
 
     program: Mapping[str, str] = field(default_factory=dict)
     """File of the backend's program, or lock file of its environment -> digest of its bytes; `code` holds them, too."""
-    companions: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    """Slot -> path of a rule that made its artifact -> module beside it that runs the artifact; `code` holds it."""
+    companions: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    """Slot -> files that run its artifact: `learn.act/policy` beside the rule that made it, `primitives/lift/script` in
+    a folder that the maker's option names; option -> files in the folder that it names. `code` holds them."""
 
     chosen: str = ""
     """Who chose the backend, and what was passed over; not part of the key, like the rest below."""

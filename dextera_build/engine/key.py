@@ -89,7 +89,7 @@ def compare(old: Document, new: Document) -> list[Change]:
 def _shared(rule: RuleFacts) -> Document:
     some: Document = {traces.READ: None} if rule.discovers else {}
     if rule.companions:
-        some["companions"] = {slot: dict(modules) for slot, modules in rule.companions.items()}
+        some["companions"] = {slot: list(paths) for slot, paths in rule.companions.items()}
     return some | {
         "schema": SCHEMA,
         "rule": rule.path,
@@ -129,8 +129,8 @@ def _reads(document: Document) -> dict[str, str]:
 
 def _companions(document: Document) -> dict[str, str]:
     return {
-        slot: ", ".join(f"`{stem}.py` beside {rule}" for rule, stem in sorted(stems.items()))
-        for slot, stems in document.get("companions", {}).items()
+        slot: ", ".join(f"`{stem}.py` of {of}" for of, _, stem in (path.rpartition("/") for path in paths))
+        for slot, paths in document.get("companions", {}).items()
     }
 
 

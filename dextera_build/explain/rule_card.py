@@ -12,7 +12,8 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from dextera_build.artifacts.meanings import bounds, meanings
-from dextera_build.code.loader import BackendFile, RuleFile
+from dextera_build.code.loader import BackendFile, Library, RuleFile
+from dextera_build.recipe.folders import every, kind_of
 from dextera_build.recipe.kinds import type_name
 from dextera_build.recipe.limits import largest
 
@@ -38,7 +39,7 @@ class Option:
         return self.default not in ("", "required")
 
 
-def rows(found: RuleFile) -> list[Row]:
+def rows(library: Library, found: RuleFile) -> list[Row]:
     """A rule as rows of a table: kind, name, type, default, bounds, meaning."""
     rule = found.rule
     told = [_row("rule", found.path, f"version {rule.version}", meaning=rule.summary)]
@@ -49,6 +50,10 @@ def rows(found: RuleFile) -> list[Row]:
     told.append(_row("output", "", type_name(rule.returns)))
     for option in options(rule.options):
         told.append(_row("option", option.name, option.type, option.default, option.bounds, option.meaning))
+    for named, file in every(library, found):
+        told.append(_row(named, file.name, "", meaning=(file.module.__doc__ or "").partition("\n")[0]))
+        for option in options(kind_of(file), f"{file.name}."):
+            told.append(_row("option", option.name, option.type, option.default, option.bounds, option.meaning))
     for name, backend in found.backends.items():
         told.append(_row("backend", name, _needs(backend), meaning=backend.facts.summary))
         own = None if backend.missing() else backend.options

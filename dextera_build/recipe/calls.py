@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from dextera_build.code.code_digest import EXCHANGE, FILE
-from dextera_build.code.companions import Companions, each_of, stems
+from dextera_build.code.companions import Companion, Companions, each_of, paths_of
 from dextera_build.code.distributions import version_of
 from dextera_build.code.loader import BackendFile, Library, RuleFile
 from dextera_build.engine.graph import Call, Input, Item, Output, Pack, RuleFacts
@@ -21,7 +21,7 @@ from dextera_build.errors import (
     install_extra,
     listing,
 )
-from dextera_build.recipe import matrix
+from dextera_build.recipe import folders, matrix
 from dextera_build.recipe.backends import Choice, Wish, choose, with_used
 from dextera_build.recipe.kinds import fits, parameters, type_name
 from dextera_build.recipe.option_values import checked
@@ -64,7 +64,7 @@ class CallMaker:
         self.fallback = False
         """Whether a profile's next backend may take the place of a missing one."""
         self._facts: dict[tuple[str, ...], RuleFacts] = {}
-        self._chosen: dict[int, tuple[RuleFile, Choice | None]] = {}
+        self._chosen: dict[int, tuple[RuleFile, Choice | None, Companions]] = {}
         """Identity of facts -> what they are of."""
         for rule in backends:
             library.find(rule)
@@ -166,15 +166,18 @@ class CallMaker:
             if setting.call == address and (all(s is None for s in setting.labels) or label in setting.labels):
                 put(arguments, setting.option, setting.value)
         choice = self._choice(found, (changed or {}).get("backend", decl.backend), decl)
-        facts = self._rule_facts(found, choice)
         slots = found.rule.slots
-        _refuse_unknown(decl, arguments, found)
+        named = folders.named(self._library, decl, found, arguments)
+        facts = self._rule_facts(found, choice, named)
+        self._refuse_unknown(decl, arguments, found, named)
         inputs = self._inputs(decl, {k: v for k, v in arguments.items() if k in slots}, slots, scope)
         given = {name: node for name, node in arguments.items() if name not in slots}
-        own = {name: node for name, node in given.items() if name not in found.backends}
+        groups = {*found.backends, *(each.name for each in named.values())}
+        own = {name: node for name, node in given.items() if name not in groups}
         options = checked(decl, found.rule.options, Node(own, decl.place))
         if choice is not None and (of_backend := self._own_options(decl, choice, given)) is not None:
             options[choice.backend.name] = of_backend
+        options |= {each.name: folders.options(decl, each, given.get(each.name)) for each in named.values()}
         places = {name: node.place for name, node in given.items()}
         return Call(address[-1], facts, options, inputs, decl.place, places, decl.salt)
 
@@ -206,20 +209,40 @@ class CallMaker:
             )
         return checked(decl, kind, group or Node({}, decl.place), name)
 
-    def _rule_facts(self, found: RuleFile, choice: Choice | None) -> RuleFacts:
-        key = (found.path, choice.backend.name if choice else "", choice.why if choice else "")
+    def _rule_facts(self, found: RuleFile, choice: Choice | None, named: Mapping[str, Companion]) -> RuleFacts:
+        chosen = (choice.backend.name, choice.why) if choice else ("", "")
+        key = (found.path, *chosen, *(str(each.file) for each in named.values()))
         if key not in self._facts:
-            self._facts[key] = facts_of(self._library, found, choice)
-            self._chosen[id(self._facts[key])] = found, choice
+            companions = {option: (each,) for option, each in named.items()}
+            self._facts[key] = facts_of(self._library, found, choice, companions)
+            self._chosen[id(self._facts[key])] = found, choice, companions
         return self._facts[key]
 
     def running(self, facts: RuleFacts, companions: Companions) -> RuleFacts:
         """The facts of a rule, with the code that runs its inputs."""
-        found, choice = self._chosen[id(facts)]
-        key = (facts.path, facts.backend or "", facts.chosen, *(str(each.file) for each in each_of(companions)))
+        found, choice, named = self._chosen[id(facts)]
+        companions = {**named, **companions}
+        files = (f"{slot} {each.file}" for slot, found_in in companions.items() for each in found_in)
+        key = (facts.path, facts.backend or "", facts.chosen, *files)
         if key not in self._facts:
             self._facts[key] = facts_of(self._library, found, choice, companions)
         return self._facts[key]
+
+    def _refuse_unknown(
+        self, decl: CallDecl, arguments: Mapping[str, Node], found: RuleFile, named: Mapping[str, Companion]
+    ) -> None:
+        slots, options = found.rule.slots, found.rule.options.model_fields
+        known = {*slots, *options, *found.backends, *(each.name for each in named.values()), "backend", "salt"}
+        for name, node in arguments.items():
+            if name not in known:
+                of_folder = folders.hint(self._library, found, named, name)
+                raise RecipeError(
+                    f"`{decl.rule}` has no input or option `{name}`",
+                    code="DXB-R105",
+                    where=decl.keys.get(name, node.place),
+                    facts={"inputs": listing(slots), "options": listing(options, most=40)},
+                    hint=of_folder or did_you_mean(name, known) or _of_backend(name, found.backends),
+                )
 
     def _inputs(
         self, decl: CallDecl, given: Mapping[str, Node], slots: Mapping[str, Slot], scope: Scope
@@ -251,7 +274,7 @@ class CallMaker:
 def facts_of(
     library: Library, found: RuleFile, choice: Choice | None, companions: Companions | None = None
 ) -> RuleFacts:
-    """The part of a key that describes a rule, its backend and the companions of its inputs.
+    """The part of a key that describes a rule, its backend and the companions of its inputs and options.
 
     Raises:
         MachineError: A package that the rule declares is not installed.
@@ -288,26 +311,12 @@ def facts_of(
         discovers=str(library.project) if rule.discovers else "",
         sources=code.sources,
         program=own,
-        companions=stems(companions or {}),
+        companions=paths_of(companions or {}),
         chosen=choice.why if choice else "",
         passed=choice.passed if choice else (),
         missing=choice.missing if choice else (),
         hint=choice.hint if choice else None,
     )
-
-
-def _refuse_unknown(decl: CallDecl, arguments: Mapping[str, Node], found: RuleFile) -> None:
-    slots, options = found.rule.slots, found.rule.options.model_fields
-    known = {*slots, *options, *found.backends, "backend", "salt"}
-    for name, node in arguments.items():
-        if name not in known:
-            raise RecipeError(
-                f"`{decl.rule}` has no input or option `{name}`",
-                code="DXB-R105",
-                where=decl.keys.get(name, node.place),
-                facts={"inputs": listing(slots), "options": listing(options, most=40)},
-                hint=did_you_mean(name, known) or _of_backend(name, found.backends),
-            )
 
 
 def _of_backend(name: str, backends: Mapping[str, BackendFile]) -> str | None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, get_args
 
-from dextera_build.code.companions import Companion, Companions, beside, of_rules
-from dextera_build.code.loader import Library
+from dextera_build.code.companions import Companion, Companions, beside, in_folder
+from dextera_build.code.loader import Library, RuleFile
 from dextera_build.engine.graph import (
     Call,
     Fixed,
@@ -34,7 +34,7 @@ def joined(graph: Graph, library: Library, join: Callable[[RuleFacts, Companions
         join: Adds companions to the facts of a rule.
 
     Raises:
-        RecipeError: A rule that made such an input has no companion, or two folders with one have the same name.
+        RecipeError: What made such an input has no companion, or two folders with one have the same name.
     """
     trace = _Trace(graph, library)
 
@@ -68,18 +68,14 @@ class _Trace:
     def __init__(self, graph: Graph, library: Library) -> None:
         self._graph, self._library = graph, library
 
-    def runs(self, call: Call) -> dict[str, str]:
-        """Slot -> file name without suffix, for the inputs of a call that are run."""
-        declared = self._library.find(call.rule.path).rule.runs
-        return {slot: stem for slot, stem in declared.items() if slot in call.inputs}
-
     def companions(self, path: Names, call: Call, label: str | None) -> Companions:
         """The companions of the inputs of a call at `path`; `label` is that of its copy if there is only one."""
-        stems: dict[str, dict[str, str]] = {}
-        named: dict[str, Companion] = {}
-        for slot, stem in self.runs(call).items():
-            for each in self._beside(path, call, label, slot, stem):
-                known = named.setdefault(each.name, each)
+        declared = self._library.find(call.rule.path).rule.runs
+        found: dict[str, list[Companion]] = {}
+        named: dict[tuple[str, str], Companion] = {}
+        for slot in sorted(declared.keys() & call.inputs.keys()):
+            for each in self._run(path, call, label, slot, declared[slot]):
+                known = named.setdefault((each.name, each.file.name), each)
                 if known.file != each.file:
                     raise RecipeError(
                         f"two folders called `{each.name}` hold what runs the inputs of `{call.rule.path}`",
@@ -88,11 +84,11 @@ class _Trace:
                         facts={"files": listing(sorted(map(str, (known.file, each.file))))},
                         hint="rename one of the folders, and what its rules name after it",
                     )
-                stems.setdefault(slot, {})[known.rule] = stem
-        return of_rules(self._library, stems)
+                found.setdefault(slot, []).append(known)
+        return found
 
-    def _beside(self, path: Names, call: Call, label: str | None, slot: str, stem: str) -> Iterator[Companion]:
-        """The companions of the rules that may have made what a slot carries, in the order of the rules."""
+    def _run(self, path: Names, call: Call, label: str | None, slot: str, stems: Sequence[str]) -> list[Companion]:
+        """The companions of what a slot may carry, by path."""
         kind = self._library.find(call.rule.path).rule.slots[slot].annotation
         kind = (*parameters(kind), kind)[0]
         found: dict[str, Companion] = {}
@@ -106,14 +102,20 @@ class _Trace:
                 rule = self._library.find(maker.rule.path)
                 slots = rule.rule.slots
                 passed = [given for name, given in maker.inputs.items() if holds(slots[name].annotation, kind)]
-                companion = beside(rule, stem)
-                self._library.asked.add(str(companion.file))
-                if companion.file.is_file():
-                    found[rule.path] = companion
-                elif not passed:
-                    raise _nothing_runs(call, slot, companion)
+                for companion in (self._of_maker(rule, maker, stem) for stem in stems):
+                    self._library.asked.add(str(companion.file))
+                    if companion.file.is_file():
+                        found[companion.path] = companion
+                    elif not passed:
+                        raise _nothing_runs(call, slot, rule.path, companion)
                 stack += [(place, copy, given) for given in passed]
-        return iter(found[rule_path] for rule_path in sorted(found))
+        return [found[name] for name in sorted(found)]
+
+    def _of_maker(self, rule: RuleFile, maker: Call, stem: str) -> Companion:
+        """The companion in the folder that an option of the maker names, or beside its rule."""
+        for option, folder in rule.rule.folders.items():
+            return in_folder(self._library, f"{folder}/{maker.options[option]}", stem)
+        return beside(rule, stem)
 
     def _makers(self, place: Names, label: str | None, source: Input) -> Iterator[tuple[Names, str | None, Call]]:
         """The calls that make an input of the call or group at `place`, with their address and label."""
@@ -138,9 +140,10 @@ def holds(kind: Any, wanted: Any, seen: set[Any] | None = None) -> bool:
     return overlap(kind, wanted) or any(holds(field.annotation, wanted, seen) for field in kind.model_fields.values())
 
 
-def _nothing_runs(call: Call, slot: str, companion: Companion) -> RecipeError:
+def _nothing_runs(call: Call, slot: str, maker: str, companion: Companion) -> RecipeError:
+    where = "beside it" if companion.of == maker else f"in `{companion.of}`"
     return RecipeError(
-        f"`{call.rule.path}` runs what `{companion.rule}` makes, which has no `{companion.file.name}` beside it",
+        f"`{call.rule.path}` runs what `{maker}` makes, which has no `{companion.file.name}` {where}",
         code="DXB-R216",
         where=call.where,
         facts={"input": slot, "looked for": str(companion.file)},

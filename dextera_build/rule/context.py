@@ -79,6 +79,7 @@ class Context(Calling, Generic[B]):
         reads: Reads files of the project; None for a rule that does not declare `discovers`.
         pretrained: Weights, device and program of the backend; None for one without any.
         companions: Gives the module of a slot and a name, compared with a `Protocol`; None if no input has any.
+        named: Option that names a folder -> that name, and the options of the folder as JSON.
     """
 
     def __init__(  # noqa: PLR0913 - one argument per service
@@ -93,6 +94,7 @@ class Context(Calling, Generic[B]):
         reads: Reads | None = None,
         pretrained: Pretrained | None = None,
         companions: Callable[[str, str, type[Any]], Any] | None = None,
+        named: Mapping[str, tuple[str, bytes]] | None = None,
     ) -> None:
         super().__init__(calls, emit)
         self.backend = cast(B, backend)
@@ -103,6 +105,7 @@ class Context(Calling, Generic[B]):
         self._reads = reads
         self._pretrained = pretrained or Pretrained()
         self._companions = companions
+        self._named = named or {}
 
     @cached_property
     def scratch(self) -> Path:
@@ -183,6 +186,17 @@ class Context(Calling, Generic[B]):
                 hint="run the rule in a build, or by `RuleRunner`",
             )
         return self._companions(slot, name, protocol)
+
+    def named(self, option: str, protocol: type[Any]) -> tuple[Any, Any]:
+        """The module in the folder that an option names, as `@rule(folders=...)` declares, and its `Options` as set.
+
+        Args:
+            option: The option.
+            protocol: The `Protocol` that the module follows.
+        """
+        name, given = self._named[option]
+        module = self.companion(option, name, protocol)
+        return module, module.Options.model_validate_json(given)
 
     @overload
     def outside(self, function: str, returns: type[M], /, **inputs: object) -> M: ...

@@ -71,7 +71,8 @@ class Rule(Generic[P, R]):
     retry_wait_s: float = 1.0
     tolerance: Tolerance = Tolerance()
     discovers: bool = False
-    runs: Mapping[str, str] = field(default_factory=dict)
+    runs: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    folders: Mapping[str, str] = field(default_factory=dict)
     typed_by: str = ""
 
     def __call__(self, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -137,7 +138,8 @@ def rule(  # noqa: PLR0913 - one argument per declaration
     retry_wait_s: float = 1.0,
     tolerance: Tolerance | None = None,
     discovers: bool = False,
-    runs: Mapping[str, str] | None = None,
+    runs: Mapping[str, str | tuple[str, ...]] | None = None,
+    folders: Mapping[str, str] | None = None,
     typed_by: str = "",
 ) -> Callable[[Callable[P, R]], Rule[P, R]]:
     """Declare the decorated function as the rule of its file; both must have the same name.
@@ -161,8 +163,11 @@ def rule(  # noqa: PLR0913 - one argument per declaration
         tolerance: Differences between results that `dxb check` accepts; None for none. Builds do not use it: the first
             result of a key stays.
         discovers: Whether calls discover the project files they read, with `ctx.read`, `ctx.glob`, `ctx.exists`.
-        runs: Inputs that are run by code beside the rules that made them, `{"checkpoint": "policy"}` for `policy.py`;
-            `ctx.companion` gives it. It is part of the key.
+        runs: Inputs that are run by code beside the rules that made them, `{"checkpoint": "policy"}` for `policy.py`,
+            or in the folder that an option of these rules names; `ctx.companion` gives it. It is part of the key.
+        folders: Options that name a folder of code, `{"primitive": "primitives"}`: `primitive: lift` is the folder
+            `primitives/lift/`, whose `primitive.py` is part of the key and defines `Options`, set as `lift: {...}`;
+            `ctx.named` gives both.
         typed_by: Option that names the type of the result, one of those that the function may return.
     """
     for name in resources or {}:
@@ -176,8 +181,10 @@ def rule(  # noqa: PLR0913 - one argument per declaration
         named = dict(resources or {})
         allowed = tolerance or Tolerance()
         needs = (cpus, memory_gb, gpus, named)
+        run = {slot: (files,) if isinstance(files, str) else files for slot, files in (runs or {}).items()}
         again = (retries, retry_on, retry_wait_s)
-        return Rule(function, version, packages, *needs, *again, allowed, discovers, dict(runs or {}), typed_by)
+        code = (run, dict(folders or {}), typed_by)
+        return Rule(function, version, packages, *needs, *again, allowed, discovers, *code)
 
     return mark
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from dextera_build import digest as digests
 from dextera_build.calls import secrets
-from dextera_build.code.companions import of_rules
+from dextera_build.code.companions import of_paths
 from dextera_build.code.distributions import version_of
 from dextera_build.code.importer import IMPORTER
 from dextera_build.code.loader import Library, RuleFile
@@ -24,7 +24,7 @@ from dextera_build.redact import hidden
 from dextera_build.rule import Context, Options
 from dextera_build.rule.pretrained import Device, Pretrained, out_of_memory, unload
 from dextera_build.running import unnamed
-from dextera_build.running.called import as_called, others, roots, running
+from dextera_build.running.called import as_called, named, others, playing, roots, running
 from dextera_build.store import disk_full, headers
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.questions import Look, Recording
@@ -64,7 +64,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
 
     library = _library(task["project"])
     found = library.find(task["rule"])
-    companions = of_rules(library, task.get("companions", {}))
+    companions = of_paths(library, task.get("companions", {}))
     IMPORTER.want(task.get("sources", {}), roots(found, task["backend"], companions))
     _refuse_other_versions(task.get("packages", {}))
     store = opened(task["store"])
@@ -90,11 +90,12 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
             reads=reads,
             pretrained=pretrained(task, found),
             companions=running(companions),
+            named=named(found, task["options"]),
         )
         keyword = {"options": options} if rule.takes_options else {}
         if reads is not None:
             folders.enter_context(_failure_told(reads, emit))
-        with _memory_told(ctx), _umask_kept(), unnamed.opened() as files:
+        with _memory_told(ctx), _umask_kept(), playing(companions), unnamed.opened() as files:
             result = rule(ctx, **inputs, **keyword)
         files |= unnamed.imported(found.path, opened_on_import)
         _warn_of_unnamed(ctx, files, task, reads)
@@ -105,7 +106,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
 
 
 def parted(found: RuleFile, backend: str | None, given: Mapping[str, Any]) -> tuple[Options, Options]:
-    """The options of a rule, and those of its backend, which lie below the backend's name.
+    """The options of a rule, and those of its backend, which lie below the backend's name, as those of a folder do.
 
     Args:
         found: The rule.
@@ -113,7 +114,8 @@ def parted(found: RuleFile, backend: str | None, given: Mapping[str, Any]) -> tu
         given: Options as JSON data.
     """
     kind = (found.backends[backend].options if backend else None) or Options
-    common = {name: value for name, value in given.items() if name not in found.backends}
+    groups = {*found.backends, *(given[option] for option in found.rule.folders)}
+    common = {name: value for name, value in given.items() if name not in groups}
     # JSON mode accepts a list for a tuple, and the engine passes options as JSON. Canonical JSON, because the key does
     # not hold the order in which a recipe gives the items of a mapping, so no result may depend on it.
     return (

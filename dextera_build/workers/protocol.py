@@ -6,7 +6,7 @@ The scheduler knows nothing else about how nodes run; an executor can be a proce
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Protocol, TypeAlias
 
@@ -52,7 +52,7 @@ class Task:
     """`name@digest`, as in the key."""
     program: Mapping[str, str] = field(default_factory=dict)
     """`RuleFacts.program`."""
-    companions: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    companions: Mapping[str, Sequence[str]] = field(default_factory=dict)
     """`RuleFacts.companions`."""
 
     def message(self) -> dict[str, object]:

@@ -56,6 +56,7 @@ class OperateBackend(Protocol):
 @rule(
     version=2,
     tolerance=Tolerance({"items": math.inf, "failures": math.inf, "attempts": math.inf}, metrics={"success": 20.0}),
+    runs={"bundle": ("primitive", "script")},
 )
 def operate(ctx: Context[OperateBackend], bundle: TaskBundle, *, options: OperateOptions) -> Episodes:
     """Return demonstrations from drawn starts, in the robot's base frame [m, rad], and failed attempts with reasons.

@@ -54,6 +54,7 @@ class SynthesizeBackend(Protocol):
 @rule(
     version=1,
     tolerance=Tolerance({"items": math.inf, "failures": math.inf, "attempts": math.inf}, metrics={"yield": 0.2}),
+    runs={"bundle": "primitive"},
 )
 def synthesize(
     ctx: Context[SynthesizeBackend], bundle: TaskBundle, sources: Episodes, shard: Shard, *, options: SynthesizeOptions

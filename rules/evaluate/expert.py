@@ -37,7 +37,7 @@ class ExpertBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy",))
+@rule(version=1, packages=("numpy",), runs={"bundle": "primitive"})
 def expert(
     ctx: Context[ExpertBackend], bundle: TaskBundle, episodes: Episodes, *, options: ExpertOptions | None = None
 ) -> Table:

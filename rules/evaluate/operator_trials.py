@@ -59,7 +59,13 @@ class OperatorTrialsBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE)
+@rule(
+    version=1,
+    packages=("numpy",),
+    memory_gb=2.0,
+    tolerance=TOLERANCE,
+    runs={"twin": ("primitive", "script"), "world": "primitive"},
+)
 def operator_trials(
     ctx: Context[OperatorTrialsBackend],
     twin: TaskBundle,

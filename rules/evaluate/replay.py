@@ -72,7 +72,13 @@ class ReplayBackend(Protocol):
         ...
 
 
-@rule(version=2, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE)
+@rule(
+    version=2,
+    packages=("numpy",),
+    memory_gb=2.0,
+    tolerance=TOLERANCE,
+    runs={"twin": "primitive", "world": "primitive"},
+)
 def replay(
     ctx: Context[ReplayBackend],
     twin: TaskBundle,

@@ -58,7 +58,13 @@ class RolloutsBackend(Protocol):
         ...
 
 
-@rule(version=3, packages=("numpy",), memory_gb=2.0, tolerance=TOLERANCE, runs={"checkpoint": "policy"})
+@rule(
+    version=3,
+    packages=("numpy",),
+    memory_gb=2.0,
+    tolerance=TOLERANCE,
+    runs={"checkpoint": "policy", "bundle": "primitive", "twin": "primitive"},
+)
 def rollouts(
     ctx: Context[RolloutsBackend],
     bundle: TaskBundle,

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 
 from dextera_build.building import task_file
+from dextera_build.code.loader import Library
 from dextera_build.recipe import strict_yaml
-from dextera_build.sim.primitives import catalogue
-from rules.simulate.task.task import TaskOptions, parameters_of
+from dextera_build.sim.primitives import folders
+from rules.simulate.task.task import TaskOptions
 from tests import factories
 
 ASSETS = {
@@ -19,26 +20,26 @@ ASSETS = {
 
 
 def test_what_is_proposed_follows_from_shape_and_joints() -> None:
-    names = [proposal.name for proposal in task_file.proposals(ASSETS)]
+    names = [task.proposal.name for task in task_file.tasks(Library(), ASSETS)]
     assert names == [
         "LiftBowl",
         "PushBowl",
         "CloseLaptop",
         "LiftLongBox",
         "LiftRedBox",
-        "PushRedBox",
         "PlaceRedBoxInBowl",
+        "PushRedBox",
     ]
 
 
 def test_the_recipe_can_be_read_and_its_tasks_are_valid() -> None:
-    text = task_file.text("twin/mine", "robot/mine", ASSETS)
+    text = task_file.text("twin/mine", "robot/mine", ASSETS, Library())
     recipe = strict_yaml.parse(text, "mine.yaml").plain()
     nodes = recipe["nodes"]
     assert recipe["inputs"]["scene"] == "twin/mine:scene"
     assert recipe["targets"]["default"] == [name for name in nodes if name != "base"]
     for name in recipe["targets"]["default"]:
         given = {key: value for key, value in nodes[name].items() if not str(value).startswith("$") and key != "rule"}
-        options = TaskOptions.model_validate_json(json.dumps(given))
-        assert options.primitive in catalogue.KINDS
-        assert parameters_of(options) is not None
+        own = given.pop(given["primitive"])
+        assert TaskOptions.model_validate_json(json.dumps(given)).primitive == given["primitive"]
+        folders.module(given["primitive"], "primitive").Options.model_validate_json(json.dumps(own))

@@ -68,8 +68,8 @@ def option(**changes: Any) -> Call:
         (rule(backend=None), [Change("backend", "backend", "poisson", None)]),
         (rule(weights=("sam@abd",)), [Change("weights", "sam", "abc", "abd")]),
         (
-            rule(companions={"seen": {"learn.act": "policy"}}),
-            [Change("companion", "seen", None, "`policy.py` beside learn.act")],
+            rule(companions={"seen": ["learn.act/policy"]}),
+            [Change("companion", "seen", None, "`policy.py` of learn.act")],
         ),
         (rule(packages={"numpy": "2.1", "trimesh": "4.5"}), [Change("package", "numpy", "2.0", "2.1")]),
         (rule(types={"return": "7", "seen": "6"}), [Change("type", "return", "5", "7")]),

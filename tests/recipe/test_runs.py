@@ -149,12 +149,12 @@ def calls(space: Space, address: str = "sung/plain") -> dict[str, Call]:
 
 def makers(call: Call) -> list[str]:
     assert call.rule.companions.keys() <= {"song"}
-    return list(call.rule.companions.get("song", {}))
+    return [path.removesuffix("/sing") for path in call.rule.companions.get("song", ())]
 
 
 def test_the_code_beside_the_rule_that_made_an_input_is_part_of_the_key(songs: Space) -> None:
     found = calls(songs)
-    assert found["one"].rule.companions == {"song": {"songs.high": "sing"}}
+    assert found["one"].rule.companions == {"song": ["songs.high/sing"]}
     assert {"rules/songs/high/sing.py", "rules/songs/high/notes.py"} <= found["one"].rule.code.keys()
     assert found["one"].rule.code.keys() <= found["one"].rule.sources.keys()
     assert not [name for name in found["one"].rule.code if name.startswith("rules/songs/low")]
@@ -255,7 +255,7 @@ def test_a_name_that_no_maker_has_is_one_clear_error(songs: Space) -> None:
         RuleError, match="what runs `hihg` of the input `song` is not beside a rule that made it"
     ) as wrong:
         run(songs, "songs.high", name="hihg")
-    assert (wrong.value.code, wrong.value.facts) == ("DXB-B385", {"high": "sing.py beside songs.high"})
+    assert (wrong.value.code, wrong.value.facts) == ("DXB-B385", {"high": "`sing.py` of songs.high"})
     assert "high" in str(wrong.value.hint)
     with pytest.raises(RuleError, match="is not beside a rule that made it"):
         run(songs, None)
@@ -263,7 +263,7 @@ def test_a_name_that_no_maker_has_is_one_clear_error(songs: Space) -> None:
 
 def test_a_companion_without_its_function_is_one_clear_error(songs: Space) -> None:
     songs.edit("rules/songs/high/sing.py", "def sing", "def hum")
-    with pytest.raises(RuleError, match=r"`sing\.py` beside songs\.high has no function `sing`") as caught:
+    with pytest.raises(RuleError, match=r"`sing\.py` of songs\.high has no function `sing`") as caught:
         run(songs, "songs.high")
     assert caught.value.facts["its functions"] == "hum"
 

@@ -132,7 +132,7 @@ def test_a_picture_becomes_a_twin_of_unknown_scale_and_one_size_gives_it_metres(
 
 @pytest.mark.slow
 def test_a_task_needs_to_know_the_scale(space):
-    options = "name: Lift, primitive: lift, object: near, height_m: 0.1"
+    options = "name: Lift, primitive: lift, object: near, lift: {height_m: 0.1}"
     space.write("recipes/mine.yaml", TASK.format(options=options))
     refused = build(space, "mine", prefix="twin/")
     assert refused.code == 1

@@ -50,7 +50,7 @@ nodes:
     name: PushBlueCube
     primitive: push
     object: blue_cube
-    by_m: [0.10, 0.0]
+    push: {by_m: [0.10, 0.0]}
     reset: {position_m: 0.03, yaw_deg: 15, dynamics: 0.5}
     timeout_s: 10
   sources: {rule: demonstrate.operate, bundle: $task, episodes: 3}

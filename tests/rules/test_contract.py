@@ -17,11 +17,13 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from dextera_build.artifacts.meanings import bounds, meanings
+from dextera_build.artifacts.task import TaskBundle
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.project.project import Project
 from dextera_build.recipe import limits, profiles
-from dextera_build.recipe.backends import Choice
+from dextera_build.recipe.backends import Choice, with_used
 from dextera_build.recipe.calls import facts_of
+from dextera_build.recipe.folders import every, kind_of
 from dextera_build.rule import Options
 
 LIBRARY = Library(machine=Project(Path(__file__).parents[2]).machine)
@@ -29,6 +31,13 @@ RULES = list(LIBRARY.rules())
 PROFILES = [profiles.read(name, None) for name in profiles.names(None)]
 UNITS = re.compile(r"^seconds$|_(m|m2|m3|mm|px|rad|deg|s|hz|kg|gb|n|nm|j|ratio|fraction|factor|iou|sigma|sigmas)$")
 HEAVY = ("torch", "open3d", "mujoco", "cv2", "trimesh", "coacd", "pxr", "viser", "scipy", "manifold3d")
+
+
+CATALOGUE, WAYS = "dextera_build/sim/primitives/catalogue.py", "dextera_build/sim/experts/ways.py"
+"""Modules that find the files of primitives by name."""
+FILES = ("primitive", "script")
+SHOW_TASKS = {"demonstrate.film"}
+"""Rules that import a simulator of tasks, and only show recorded steps."""
 
 
 def of_every_rule(question: Callable[[RuleFile], None]) -> Callable[[], None]:
@@ -57,8 +66,9 @@ def test_it_says_what_it_returns(found):
 
 
 def kinds(found: RuleFile) -> dict[str, type[Options]]:
-    """Address -> class of the options of a rule and of its backends."""
+    """Address -> class of the options of a rule, of its backends, and of folders that an option names."""
     own = {f"{found.path}.{name}": backend.options for name, backend in found.backends.items()}
+    own |= {f"{found.path}.{file.name}": kind_of(file) for _, file in every(LIBRARY, found)}
     return {found.path: found.rule.options} | {path: kind for path, kind in own.items() if kind is not None}
 
 
@@ -70,7 +80,9 @@ def test_options_are_described(found):
 
 @of_every_rule
 def test_its_options_have_defaults_that_fit(found):
-    for kind in kinds(found).values():
+    for path, kind in kinds(found).items():
+        if path != found.path and found.rule.folders:
+            continue  # a goal may need one of several options
         required = [name for name, field in kind.model_fields.items() if field.is_required()]
         if not required:
             plain = kind().model_dump(mode="json")
@@ -108,8 +120,8 @@ POSITIONS = {
     "simulate.imported_robot.limbs.gripper.closed",
     "simulate.robot.limbs.gripper.open",
     "simulate.robot.limbs.gripper.closed",
-    "simulate.task.by_m",
-    "simulate.task.turn_deg",
+    *(f"simulate.task.{primitive}.by_m" for primitive in ("push", "pick_and_place", "pick_and_reorient")),
+    *(f"simulate.task.{primitive}.turn_deg" for primitive in ("pick_and_place", "pick_and_reorient")),
 }
 
 
@@ -172,6 +184,18 @@ def test_its_facts_can_be_stated(found):
             facts = facts_of(LIBRARY, found, Choice(backend, "this test") if backend else None)
             assert f"rules/{found.file.relative_to(found.root.path).as_posix()}" in facts.code
             assert facts.types["return"]
+
+
+@of_every_rule
+def test_a_rule_that_plays_or_judges_tasks_has_their_primitives_in_its_key(found):
+    tasks = {name for name, slot in found.rule.slots.items() if slot.annotation is TaskBundle}
+    if found.path in SHOW_TASKS:
+        return
+    for backend in found.backends.values():
+        code = LIBRARY.code.of(found.file, *(each.file for each in with_used(found, backend))).definitions
+        run = {file: {slot for slot, files in found.rule.runs.items() if file in files} for file in FILES}
+        assert CATALOGUE not in code or tasks <= run["primitive"], backend.name
+        assert WAYS not in code or tasks & run["script"], backend.name
 
 
 @of_every_rule

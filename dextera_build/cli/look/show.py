@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     if _is_rule(project, args.target):
         from dextera_build.explain import rule_card
 
-        return table.give(rule_card.rows(project.library.find(args.target)), as_json=args.json)
+        return table.give(rule_card.rows(project.library, project.library.find(args.target)), as_json=args.json)
     if is_call(args.target):
         rows = show(project, args.target)
     else:

@@ -9,9 +9,12 @@ import time
 import webbrowser
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dextera_build.cli import options
+
+if TYPE_CHECKING:
+    from dextera_build.session import Session
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,15 +43,23 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve until interrupted; the address goes to stdout, or the file's path."""
-    from dextera_build.cli.build.shown import warn
-    from dextera_build.cli.look import shown
-    from dextera_build.explain import stubs
-    from dextera_build.session import notices
-    from dextera_build.view import save, server
+    from dextera_build.running import called
+    from dextera_build.view import save
 
     session, node = options.session(args, args.target, last=True)
     if args.save:
         save.check(Path(args.save))
+    with called.shown(session.project.library):
+        return _served(args, session, node)
+
+
+def _served(args: argparse.Namespace, session: Session, node: str) -> int:
+    from dextera_build.cli.build.shown import warn
+    from dextera_build.cli.look import shown
+    from dextera_build.explain import stubs
+    from dextera_build.session import notices
+    from dextera_build.view import server
+
     fill = shown.of(session, node, args.episode)
     stub = stubs.told(session, node)
     if stub:

@@ -55,12 +55,13 @@ def _rule(name: str) -> int:
     from dextera_build.explain import rule_card
     from dextera_build.project import project
 
-    rules = {found.path: found for found in project.find().library.rules()}
+    library = project.find().library
+    rules = {found.path: found for found in library.rules()}
     if name not in rules:
         raise renamed(name, None) or UsageError(
             f"`{name}` is neither a verb, an error code nor a rule",
             code="DXB-U196",
             hint=did_you_mean(name, [*VERBS, *rules], "`dxb help {}`") or "`dxb ls rules` lists rules",
         )
-    table.show(rule_card.rows(rules[name]))
+    table.show(rule_card.rows(library, rules[name]))
     return 0

@@ -48,12 +48,12 @@ def run(args: argparse.Namespace) -> int:
     assets = {label: values.value(session, result, each) for each, label in labels.items()}
     if not assets:
         raise UsageError(f"`{session.recipe}` has no objects", code="DXB-U214", hint="look at `dxb view`")
-    robot = args.object or _ROBOT
+    robot, library = args.object or _ROBOT, session.project.library
     with writing(out):
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(task_file.text(session.recipe, robot, assets))
+        out.write_text(task_file.text(session.recipe, robot, assets, library))
     print(session.project.shown(out.absolute()))
-    for proposal in task_file.proposals(assets):
-        print(f"  {proposal.name}: {proposal.primitive} `{proposal.object}`")
+    for task in task_file.tasks(library, assets):
+        print(f"  {task.proposal.name}: {task.primitive} `{task.object}`")
     print("  keep what you want, and check what is marked as a guess", file=sys.stderr)
     return 0

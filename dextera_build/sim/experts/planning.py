@@ -15,7 +15,7 @@ from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.rehearse import Candidate, Rehearsed, drawn, rehearse
 from dextera_build.sim.experts.room import Room
-from dextera_build.sim.experts.ways import EXPERTS, Expert, Search
+from dextera_build.sim.experts.ways import Expert, Search, experts
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 
@@ -143,20 +143,12 @@ def teams(environment: Environment) -> list[tuple[tuple[str, ...], Expert]]:
     """Limbs and the experts with which they may do the task, likeliest first.
 
     Raises:
-        RuleError: There is no scripted operator of its primitive.
+        RuleError: The primitive has no script, or it is not in the key of the call that runs.
     """
     task, robot = environment.task, environment.bundle.robot
-    experts = [expert for expert in EXPERTS if expert.primitive == task.primitive]
-    if not experts:
-        raise RuleError(
-            f"there is no scripted operator of primitive `{task.primitive}`",
-            code="DXB-B253",
-            facts={"operators": listing(sorted({expert.primitive for expert in EXPERTS}))},
-            hint="demonstrate the task by other means",
-        )
     nearest = _limbs(environment)
     found: list[tuple[tuple[str, ...], Expert]] = []
-    for expert in experts:
+    for expert in experts(task.primitive):
         if expert.hands == 1 and len(task.limbs) < 2:
             found += [((limb,), expert) for limb in nearest]
         elif expert.hands == 2 and len(robot.limbs) > 1 and len(task.limbs) != 1:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +20,22 @@ WIDTH = 1.5
 """Half width of the strip in which a fingertip touches a surface, in fingertip radii."""
 AWAY_M, RAISED_M, AWAY_S = 0.03, 0.10, 0.5
 """Retreat before a repeated push: distance backwards and upwards [m], and duration of each [s]."""
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """Parameters of a push; the same for every start."""
+
+    lean_rad: float
+    """Tilt of the fingers from straight down towards the initial direction of the push [rad]."""
+    turn_rad: float
+    """Rotation of the hand about the vertical, from palm first [rad]."""
+    pitch_rad: float = 0.0
+    """Rotation of the hand about the initial direction of the push, fingers down at 0 [rad]."""
+    clear_m: float = 0.06
+    """Distance behind the surface at which the push begins [m]."""
+    above_m: float = 0.16
+    """Height of the approach above the start of the push [m]."""
 
 
 class Pushed:

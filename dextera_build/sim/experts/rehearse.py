@@ -129,7 +129,7 @@ def stray(episode: Episode, task: TaskSpec, names: Sequence[str], limbs: Sequenc
         limbs: Limbs of `Episode.hand`.
     """
     touching = [segment.first for segment in episode.segments if segment.contact]
-    still = catalogue.KINDS[task.primitive].still
+    still = catalogue.kind(task.primitive).still
     if not touching or not still:
         return 0.0
     objects = episode.objects[:, list(names).index(task.object)]
@@ -184,7 +184,7 @@ def _hard(bundle: TaskBundle, start: Start) -> Start:
     """The start with weak gains and a slippery object, heavy if it is carried, otherwise light."""
     name, width = bundle.task.object, bundle.task.reset.dynamics * HARD
     thing = bundle.objects[name]
-    mass = 1.0 + width * (thing.mass_scale[catalogue.KINDS[bundle.task.primitive].carries] - 1.0)
+    mass = 1.0 + width * (thing.mass_scale[catalogue.kind(bundle.task.primitive).carries] - 1.0)
     friction = max(0.05, thing.friction - width * thing.friction_sigma)
     return start.model_copy(
         update={

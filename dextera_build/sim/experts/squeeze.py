@@ -7,15 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.geometry import transforms
-from dextera_build.sim.control.operator import State
-from dextera_build.sim.experts.lift import MORE_M
-from dextera_build.sim.experts.motion import Leg, Plan, shifted
+from dextera_build.sim.experts.motion import Leg, shifted
 from dextera_build.sim.experts.pushing import Pushed
 from dextera_build.sim.experts.reach import Reach
-from dextera_build.sim.experts.scripted import Scripted
-from dextera_build.sim.runtime.environment import Environment
 
 UP = np.array([0.0, 0.0, 1.0])
 CLEAR_M = 0.06
@@ -79,34 +74,6 @@ class Squeeze:
                 Leg(shifted(pressed, up * rise_m), side.fingers, lift, "lift", name, True),
             ]
         return plan
-
-
-class LiftTogether(Scripted):
-    """Lifts the task's object between two hands.
-
-    Args:
-        environment: The task; only its data are used.
-        reach: Kinematics of both limbs.
-        squeeze: Contact poses of the hands.
-    """
-
-    def __init__(self, environment: Environment, reach: Reach, squeeze: Squeeze) -> None:
-        super().__init__(environment, reach)
-        assert isinstance(environment.task.goal, LiftGoal)
-        self._rise = environment.task.goal.height_m + MORE_M
-        self.squeeze = squeeze
-
-    def phases(self, state: State) -> list[Plan]:
-        """The plan from `state`."""
-        plan = self.squeeze.lifting(self._object, state.objects[self._object], self._up, self._rise)
-        for limb, legs in plan.items():
-            last = legs[-1]
-            plan[limb] = [*legs, Leg(last.palm, last.fingers, SECONDS[5], "lift", self._object, True)]
-        return [plan]
-
-    def legs(self, state: State) -> list[Leg]:
-        """The legs of the first limb."""
-        return list(self.phases(state)[0][self._reach.limb])
 
 
 def squeezes(points: np.ndarray, reach: Reach, places: Mapping[str, np.ndarray]) -> Iterator[Squeeze]:

@@ -1,1 +1,1 @@
-"""Task primitives: one file each with success condition and reward, the common judge, and grasp estimation."""
+"""Task primitives: a folder each, what they share, the common judge, and grasp estimation."""

@@ -1,19 +1,21 @@
-"""Interface of a primitive: its parameters, goal, conditions of success and failure, and the value of a state.
+"""Interface of a primitive: its options, goal, conditions of success and failure, and the value of a state.
 
-A primitive is one file with a subclass of `Primitive`, listed in `catalogue.py`. Its conditions use only quantities
-that can be measured in any world, so that simulator, tracker and hardware are judged by the same code.
+A primitive is a folder with a file `primitive.py`, which defines the classes `Options` and `Primitive`, derived from
+those here; see docs/primitives.md. Its conditions use only quantities that can be measured in any world, so that
+simulator, tracker and hardware are judged by the same code.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from dextera_build.artifacts.goals import Goal
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskObject, TaskSpec
 from dextera_build.errors import listing
@@ -24,7 +26,22 @@ from dextera_build.sim.primitives.state import TaskState
 JUMP_M_S = 3.0
 """Speed above which an object was thrown, or moved by something other than the robot [m/s]."""
 
-G = TypeVar("G")
+
+class TypedGoal(Goal, ABC):
+    """A goal with the fields of its primitive, which gives `primitive` and, if they are always the same, `names`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @abstractmethod
+    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
+        """The goal in the observations of policies, one number for each of `names`.
+
+        Args:
+            base_from_world: T_base_world (4, 4).
+        """
+
+
+G = TypeVar("G", bound=TypedGoal)
 
 
 class UnfitError(Exception):
@@ -64,12 +81,21 @@ class Setting:
     """The embodiment."""
 
 
-class Parameters(BaseModel):
-    """Options of `simulate.task` that define a primitive's goal."""
+class Options(BaseModel):
+    """Options of a primitive's goal, in recipes a group of `simulate.task` with the primitive's name."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
-    def goal(self, setting: Setting) -> Any:
+    @property
+    def containers(self) -> tuple[str, ...]:
+        """Objects whose cavity the goal needs."""
+        return ()
+
+    def fitted(self, joints: Sequence[str]) -> Options:
+        """These options for the shapes that stubs make: an object with these joints, and no containers."""
+        return self
+
+    def goal(self, setting: Setting) -> TypedGoal:
         """The goal with the model's names and in SI units.
 
         Raises:
@@ -100,10 +126,8 @@ class Primitive(ABC, Generic[G]):
         objects: Body -> object of the task's model, with the shapes that the condition needs.
     """
 
-    name: ClassVar[str]
-    """Name in recipes."""
-    parameters: ClassVar[type[Parameters]]
-    """Its options in `simulate.task`."""
+    goal_type: ClassVar[type[TypedGoal]]
+    """The type of its goal."""
     feels: ClassVar[bool] = True
     """Whether its condition or its value needs the grasp state."""
     carries: ClassVar[bool] = True
@@ -112,10 +136,15 @@ class Primitive(ABC, Generic[G]):
     """Reference against which its object should not move; empty if the object is to be moved to a target."""
     hands: ClassVar[int] = 1
     """Minimum number of hands."""
+    against: ClassVar[tuple[str, ...]] = ("thumb", "palm")
+    """Grips with which a trained policy begins, preferred first, see `Grip.against`."""
 
     def __init__(self, task: TaskSpec, objects: Mapping[str, TaskObject] | None = None) -> None:
         self.task = task
-        self.goal: G = task.goal  # type: ignore[assignment]
+        goal: Any = task.goal
+        if not isinstance(goal, self.goal_type):  # as it comes from the store
+            goal = self.goal_type.model_validate(goal.model_dump())
+        self.goal: G = goal
         self.objects = objects or {}
 
     @abstractmethod
@@ -155,6 +184,20 @@ class Primitive(ABC, Generic[G]):
         """Position of the object's origin at the goal, in the world [m]; NaN: any position along this axis.
 
         None: its current position.
+        """
+        return None
+
+    @property
+    def near_m(self) -> float:
+        """Distance of the object's origin from `target` at which the goal is reached already [m]."""
+        return 0.0
+
+    def drawn(self, across_m: np.ndarray, turn_rad: float) -> G | None:
+        """The goal of an episode, moved and turned as drawn from `Reset`; None: the task's.
+
+        Args:
+            across_m: Displacement (2,) on the support [m].
+            turn_rad: Rotation about the vertical, or change of a joint [rad].
         """
         return None
 

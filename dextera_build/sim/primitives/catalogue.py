@@ -1,7 +1,4 @@
-"""All primitives, by name.
-
-They are listed explicitly, because static imports make a primitive's code part of the keys of the rules that use it.
-"""
+"""Primitives by name; their code is found in folders, see `folders`."""
 
 from __future__ import annotations
 
@@ -9,18 +6,18 @@ from collections.abc import Mapping
 from typing import Any
 
 from dextera_build.artifacts.task import TaskObject, TaskSpec
-from dextera_build.sim.primitives.articulate import Articulate
+from dextera_build.sim.primitives import folders
 from dextera_build.sim.primitives.base import Primitive
-from dextera_build.sim.primitives.handover import Handover
-from dextera_build.sim.primitives.lift import Lift
-from dextera_build.sim.primitives.pick_and_place import Place
-from dextera_build.sim.primitives.pick_and_reorient import Reorient
-from dextera_build.sim.primitives.push import Push
 
-KINDS: Mapping[str, type[Primitive[Any]]] = {
-    kind.name: kind for kind in (Lift, Articulate, Push, Reorient, Place, Handover)
-}
-"""Name -> primitive."""
+
+def kind(name: str) -> type[Primitive[Any]]:
+    """The class of a primitive.
+
+    Raises:
+        RuleError: There is none, or it is not in the key of the call that runs.
+    """
+    found: type[Primitive[Any]] = folders.module(name, "primitive").Primitive
+    return found
 
 
 def of(task: TaskSpec, objects: Mapping[str, TaskObject] | None = None) -> Primitive[Any]:
@@ -29,5 +26,8 @@ def of(task: TaskSpec, objects: Mapping[str, TaskObject] | None = None) -> Primi
     Args:
         task: The objective.
         objects: Body -> object of the task's model.
+
+    Raises:
+        RuleError: See `kind`.
     """
-    return KINDS[task.primitive](task, objects)
+    return kind(task.primitive)(task, objects)

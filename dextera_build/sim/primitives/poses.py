@@ -2,20 +2,76 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
-from dextera_build.artifacts.goals import PoseGoal, Tolerance
+from dextera_build.artifacts.value import Value
 from dextera_build.geometry import lie, quaternions
 from dextera_build.sim.primitives import base
-from dextera_build.sim.primitives.base import Setting
+from dextera_build.sim.primitives.base import Setting, TypedGoal
 from dextera_build.sim.primitives.stages import clamp
 
 RADIAN_M = 0.1
 """Distance equivalent to a rotation by one radian [m]."""
 
 
-class Near(base.Parameters):
+Place = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+class Tolerance(Value):
+    """Tolerance of a target pose."""
+
+    position_m: float
+    """Maximum distance of the object's origin [m]."""
+    rotation_rad: float
+    """Maximum rotation between both orientations [rad]."""
+    symmetry: int = 1
+    """Order of the object's rotational symmetry about its own z axis; 0: any rotation."""
+
+    def met(self, position_m: float, rotation_rad: float) -> bool:
+        """Whether a distance and a rotation from the target are within tolerance; False on NaN."""
+        return position_m <= self.position_m and rotation_rad <= self.rotation_rad
+
+
+class PoseGoal(TypedGoal):
+    """A target pose."""
+
+    names: tuple[str, ...] = tuple(f"target_{part}" for part in ("x", "y", "z", "qw", "qx", "qy", "qz"))
+    place_m: Place | None = None
+    """Target position of the object's origin [m]; None: any."""
+    quaternion: Quaternion | None = None
+    """Target orientation, w x y z; None: any."""
+    tolerance: Tolerance
+    """Tolerance."""
+
+    def moved(self, across_m: np.ndarray, turn_rad: float) -> Self | None:
+        """The target displaced by (2,) on the support [m] and turned about the vertical; None without a position."""
+        if self.place_m is None:
+            return None
+        x, y = (np.array(self.place_m[:2]) + across_m).tolist()
+        found = self.model_copy(update={"place_m": (x, y, self.place_m[2])})
+        if self.quaternion is None:
+            return found
+        about = quaternions.from_matrix(lie.rotation(np.array([0.0, 0.0, turn_rad])))
+        turned = quaternions.multiply(about, np.array(self.quaternion))
+        return found.model_copy(update={"quaternion": tuple(turned.tolist())})
+
+    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
+        """Target position [m] and quaternion; zeros for unconstrained parts."""
+        place, turn = np.zeros(3), np.zeros(4)
+        if self.place_m is not None:
+            place = (base_from_world @ [*self.place_m, 1.0])[:3]
+        if self.quaternion is not None:
+            matrix = base_from_world[:3, :3] @ quaternions.to_matrix(np.array(self.quaternion))
+            turn = quaternions.from_matrix(matrix)
+            turn = turn if turn[0] >= 0 else -turn
+        return (*map(float, place), *map(float, turn))
+
+
+class Near(base.Options):
     """Options for the tolerance of a target."""
 
     tolerance_m: PositiveFloat = 0.03
@@ -32,7 +88,7 @@ class Near(base.Parameters):
         )
 
 
-class Parameters(Near):
+class Options(Near):
     """Options of a target pose in the twin's world."""
 
     to_m: tuple[float, float, float] | None = None
@@ -43,19 +99,19 @@ class Parameters(Near):
     """Target orientation as rotations of the photographed one about x, then y, then z of the world [deg]."""
 
     @model_validator(mode="after")
-    def _aimed_once(self) -> Parameters:
+    def _aimed_once(self) -> Options:
         if self.to_m is not None and self.by_m is not None:
             raise ValueError("`by_m` and `to_m` both give a target; leave one of them out")
         return self
 
-    def place(self, setting: Setting) -> tuple[float, float, float] | None:
+    def place(self, setting: Setting) -> Place | None:
         """Target position in the world [m], or None for any."""
         if self.by_m is not None:
             x, y, z = (setting.objects[setting.object].pose.matrix[:3, 3] + self.by_m).tolist()
             return x, y, z
         return self.to_m
 
-    def quaternion(self, setting: Setting) -> tuple[float, float, float, float] | None:
+    def quaternion(self, setting: Setting) -> Quaternion | None:
         """Target orientation in the world, or None for any."""
         if self.turn_deg is None:
             return None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.goals import PoseGoal, PushGoal
 from dextera_build.artifacts.task import TaskBundle, TaskObject
 from dextera_build.geometry import transforms
 from dextera_build.sim.model import reach
@@ -26,14 +25,13 @@ def check(bundle: TaskBundle) -> None:
     named = bundle.task.limbs or primitive.ordered()[:1]
     found = {limb: reach.of_limb(bundle.robot, limb) for limb in named or bundle.robot.limb_names}
     limbs = {limb: own for limb, own in found.items() if own is not None}
-    own, reset, goal = bundle.objects[bundle.task.object], bundle.task.reset, bundle.task.goal
+    own, reset = bundle.objects[bundle.task.object], bundle.task.reset
     slack = _radius(own) + SLACK_M + np.sqrt(2.0) * reset.position_m
     _within(bundle, limbs, f"`{bundle.task.object}`", own.pose.matrix[:3, 3], slack, together=bool(named))
     target = primitive.target()
     if target is None:
         return
-    near = goal.tolerance.position_m if isinstance(goal, PushGoal | PoseGoal) else 0.0
-    near += sum(_radius(bundle.objects[name]) for name in primitive.others())
+    near = primitive.near_m + sum(_radius(bundle.objects[name]) for name in primitive.others())
     slack = _radius(own) + SLACK_M + np.sqrt(2.0) * reset.goal_m + near
     _within(bundle, limbs, f"the target of `{bundle.task.name}`", np.array(target), slack, together=bool(named))
 

@@ -267,8 +267,8 @@ class Environment:
     def _set_goal(self, goal: Goal) -> None:
         """Set the objective."""
         self.task = self.bundle.task.model_copy(update={"goal": goal})
-        self.goal = np.array(goal.numbers(self.bundle.base_pose.inverse().matrix), np.float32)
         self.primitive = catalogue.of(self.task, self.bundle.objects)
+        self.goal = np.array(self.primitive.goal.numbers(self.bundle.base_pose.inverse().matrix), np.float32)
 
     def _pose_of(self, body: int) -> np.ndarray:
         """T_world_body (4, 4)."""

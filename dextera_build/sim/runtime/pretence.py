@@ -7,6 +7,7 @@ import numpy as np
 from dextera_build.artifacts.episode import Episode, Origin, Start
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.geometry import poses
+from dextera_build.sim.primitives import catalogue
 
 STEPS = 4
 
@@ -39,5 +40,5 @@ def pretended(bundle: TaskBundle, seed: int, origin: Origin, *, success: bool) -
         objects=np.tile(placed.astype(np.float32).reshape(1, len(motions), 7), (STEPS, 1, 1)),
         displacement=np.tile(inner.astype(np.float32), (STEPS, 1)),
         contact=np.zeros((STEPS, tips, 3), np.float32),
-        goal=np.array(bundle.goal_numbers, np.float32),
+        goal=np.array(catalogue.of(bundle.task).goal.numbers(base_from_world.matrix), np.float32),
     )

@@ -11,10 +11,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.goals import ArticulateGoal, Goal, LiftGoal, PoseGoal, PushGoal
+from dextera_build.artifacts.goals import Goal
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.artifacts.variation import EXACT, Twist, Variation
-from dextera_build.geometry import lie, quaternions
+from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.runtime.strata import Draws
 
@@ -86,25 +86,9 @@ def _error(covariance: np.ndarray, width: float, random: Draws) -> Twist:
 
 def _goal(bundle: TaskBundle, random: Draws) -> Goal | None:
     """The task's goal with its position and rotation drawn within `Reset`; None if nothing is drawn."""
-    goal, reset = bundle.task.goal, bundle.task.reset
+    reset = bundle.task.reset
     if not (reset.goal_m or reset.goal_rad):
         return None
     across = np.asarray(random.uniform(-reset.goal_m, reset.goal_m, 2))
     turn = float(random.uniform(-reset.goal_rad, reset.goal_rad))
-    if isinstance(goal, PushGoal):
-        x, y = (np.array(goal.place_m) + across).tolist()
-        yaw = None if goal.yaw_rad is None else goal.yaw_rad + turn
-        return goal.model_copy(update={"place_m": (x, y), "yaw_rad": yaw})
-    if isinstance(goal, PoseGoal) and goal.place_m is not None:
-        x, y = (np.array(goal.place_m[:2]) + across).tolist()
-        found = goal.model_copy(update={"place_m": (x, y, goal.place_m[2])})
-        if goal.quaternion is None:
-            return found
-        about = quaternions.from_matrix(lie.rotation(np.array([0.0, 0.0, turn])))
-        turned = quaternions.multiply(about, np.array(goal.quaternion))
-        return found.model_copy(update={"quaternion": tuple(turned.tolist())})
-    if isinstance(goal, ArticulateGoal):
-        return goal.model_copy(update={"joints": {name: place + turn for name, place in goal.joints.items()}})
-    if isinstance(goal, LiftGoal):
-        return goal.model_copy(update={"height_m": goal.height_m + float(across[0])})
-    return None
+    return catalogue.of(bundle.task, bundle.objects).drawn(across, turn)

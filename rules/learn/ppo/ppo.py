@@ -36,6 +36,7 @@ class PpoBackend(Protocol):
     packages=("numpy",),
     memory_gb=2.0,
     tolerance=Tolerance({"": ROUNDING, "weights": math.inf, "curve": 3.0}, metrics={"success while exploring": 0.4}),
+    runs={"bundle": "primitive"},
 )
 def ppo(ctx: Context[PpoBackend], bundle: TaskBundle, *, options: PpoOptions) -> Checkpoint:
     """Return a policy trained by PPO on deployable observations; only its critic is privileged.

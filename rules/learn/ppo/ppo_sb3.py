@@ -10,7 +10,6 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor, nn
 
-from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import RuleError
@@ -37,14 +36,14 @@ BACKEND = Backend(
 
 def heading(ctx: Context, bundle: TaskBundle, options: Options) -> float | None:
     """Initial push direction of the task's link about the vertical in the base [rad]; None if it has none."""
-    if not isinstance(bundle.task.goal, ArticulateGoal):
-        return None
     environment = Environment(bundle)
-    name, goal = next(iter(bundle.task.goal.joints.items()))
-    joint = environment.data.joint(name)
+    pushed = environment.primitive.pushed(environment.now, environment.now)
+    if pushed is None:
+        return None
+    name, way = pushed
     mechanism = Mechanism(environment.model, name)
-    _, along = mechanism.pushed_at(goal - float(joint.qpos[0]), 1.0)
-    link = int(environment.model.jnt_bodyid[joint.id])
+    _, along = mechanism.pushed_at(way, 1.0)
+    link = int(environment.model.jnt_bodyid[environment.data.joint(name).id])
     ahead = bundle.base_pose.matrix[:3, :3].T @ environment.data.xmat[link].reshape(3, 3) @ along
     return float(np.arctan2(ahead[1], ahead[0]))
 

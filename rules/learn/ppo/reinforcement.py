@@ -14,6 +14,7 @@ from dextera_build.geometry import quaternions
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import features
 from dextera_build.policy.layout import of_bundle
+from dextera_build.sim.primitives import catalogue
 
 if TYPE_CHECKING:
     from .ppo_options import PpoOptions
@@ -84,7 +85,7 @@ def grip_of(bundle: TaskBundle, name: str | None) -> Grip | None:
     grips = bundle.robot.limbs[limb_of(bundle)].grips
     if name is not None:
         return grips[name]
-    wanted = ("nothing",) if bundle.task.primitive == "articulate" else ("thumb", "palm")
+    wanted = catalogue.kind(bundle.task.primitive).against
     return next((grip for grip in grips.values() if grip.against in wanted), None)
 
 

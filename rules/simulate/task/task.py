@@ -6,20 +6,20 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
-from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt, ValidationError, model_validator
+from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
 from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.scene import Scene
-from dextera_build.artifacts.task import ActionKind, Primitive, Reset, TaskBundle, TaskObject, TaskSpec
+from dextera_build.artifacts.task import ActionKind, Reset, TaskBundle, TaskObject, TaskSpec
 from dextera_build.errors import listing
 from dextera_build.policy import actions
 from dextera_build.rule import Context, Options, rule
 from dextera_build.sim.model import names
-from dextera_build.sim.primitives import catalogue
-from dextera_build.sim.primitives.base import Parameters, Setting, UnfitError, no_limb
+from dextera_build.sim.primitives import base as primitives
+from dextera_build.sim.primitives.base import Setting, UnfitError, no_limb
 
 from . import task_objects
 
@@ -53,42 +53,16 @@ class ResetOptions(Options):
 
 
 class TaskOptions(Options):
-    """Options of simulate.task: the objective, and the goal options of its primitive."""
+    """Options of simulate.task: the objective; the options of its goal are a group with the primitive's name."""
 
     name: str
     """Name of the task: `CloseLaptop`."""
-    primitive: Primitive
-    """Kind of objective."""
+    primitive: str
+    """Kind of objective: a folder in `primitives/`, whose options are set as `lift: {height_m: 0.1}`."""
     object: str
     """Label of the task's asset."""
     limbs: tuple[str, ...] = ()
     """Limbs that must act, jointly if several are named; empty: any."""
-    height_m: PositiveFloat | None = None
-    """lift: required rise [m]; default 0.10."""
-    joints_deg: dict[str, float] | None = None
-    """articulate: joint of the asset -> commanded position [deg]."""
-    to_m: tuple[float, float] | tuple[float, float, float] | None = None
-    """Other primitives: target position of the object's origin in the world, x and y for a push, else x, y and z
-    [m]."""
-    by_m: tuple[float, float] | tuple[float, float, float] | None = None
-    """The same, as a displacement from the photographed position [m]."""
-    yaw_deg: float | None = None
-    """push: target rotation about the vertical from the photographed orientation [deg]; None: any."""
-    turn_deg: tuple[float, float, float] | None = None
-    """pick_and_reorient, pick_and_place: target orientation as rotations of the photographed one about x, y, z
-    [deg]."""
-    into: str | None = None
-    """pick_and_place: label of the container whose cavity must contain the object, instead of a target position."""
-    tolerance_m: PositiveFloat | None = None
-    """Maximum distance from a target [m]; default 0.03."""
-    tolerance_deg: PositiveFloat | None = None
-    """Maximum deviation of joints from their command, or of the rotation from a target [deg]; default 5, or 15."""
-    symmetry: NonNegativeInt | None = None
-    """Order of the object's rotational symmetry about its own z axis; 0: any rotation; default 1."""
-    giver: str | None = None
-    """handover: limb that picks up the object."""
-    receiver: str | None = None
-    """handover: limb that holds it at the end."""
     hold_s: NonNegativeFloat = 0.5
     """Time for which the condition must hold [s]."""
     timeout_s: PositiveFloat = 8.0
@@ -105,11 +79,8 @@ class TaskOptions(Options):
 
     @model_validator(mode="after")
     def _possible(self) -> TaskOptions:
-        parameters_of(self)
         if len(set(self.limbs)) < len(self.limbs):
             raise ValueError("`limbs` names one limb twice; name each once")
-        if self.limbs and self.primitive == "handover":
-            raise ValueError("`limbs` does not say who gives; name the hands of a handover by `giver` and `receiver`")
         if self.hold_s >= self.timeout_s:
             raise ValueError("`hold_s` leaves no time before `timeout_s`; set `timeout_s` above it")
         return self
@@ -118,8 +89,15 @@ class TaskOptions(Options):
 class TaskBackend(Protocol):
     """Interface of a backend of simulate.task."""
 
-    def fitted(self, ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, options: Any) -> TaskOptions:
-        """The options of the recipe, fitted to the bodies and their joints."""
+    def fitted(
+        self,
+        ctx: Context,
+        joints: Mapping[str, list[str]],
+        common: TaskOptions,
+        own: primitives.Options,
+        options: Any,
+    ) -> tuple[TaskOptions, primitives.Options]:
+        """The options of the recipe and of its primitive, fitted to the bodies and their joints."""
         ...
 
     def compose(
@@ -133,7 +111,16 @@ class TaskBackend(Protocol):
         ...
 
 
-@rule(version=2, packages=("numpy",))
+class PrimitiveFile(Protocol):
+    """What `primitive.py` defines."""
+
+    Options: type[primitives.Options]
+    """The options of its goal."""
+    Primitive: type[primitives.Primitive[Any]]
+    """The condition of success, and the value of a state."""
+
+
+@rule(version=3, packages=("numpy",), folders={"primitive": "primitives"})
 def task(
     ctx: Context[TaskBackend],
     scene: Scene,
@@ -145,9 +132,9 @@ def task(
 ) -> TaskBundle:
     """Return the task in the twin: scene and robot as one MJCF in the world frame [m, kg, rad], and its success test.
 
-    The backend offers `fitted(options, joints) -> options`, `compose(scene, robot, world_from_base) -> Folder` and
-    `portraits(bundle) -> list of (caption, pixels)`. Masses, sizes, friction and poses carry the twin's own uncertainty
-    (90 % interval, standard deviations, covariance), from which resets draw.
+    The backend offers `fitted(joints, options, own) -> options, own`, `compose(scene, robot, world_from_base) ->
+    Folder` and `portraits(bundle) -> list of (caption, pixels)`. Masses, sizes, friction and poses carry the twin's own
+    uncertainty (90 % interval, standard deviations, covariance), from which resets draw.
     """
     _check_scale(ctx, scene)
     labels = {label: body for label, body in names.body_names(assets.items).items() if body not in scene.held}
@@ -158,9 +145,9 @@ def task(
             free=listing(bodies, most=20),
             hint="see the warnings of `simulate.steady`, and correct its mask or shape",
         )
-    options = ctx.backend.fitted(
-        ctx, {name: _joint_labels(assets, label) for label, name in labels.items()}, options, ctx.backend_options
-    )
+    file, own = ctx.named("primitive", PrimitiveFile)
+    in_assets = {name: _joint_labels(assets, label) for label, name in labels.items()}
+    options, own = ctx.backend.fitted(ctx, in_assets, options, own, ctx.backend_options)
     ctx.check(
         options.object in bodies,
         f"the scene has no object `{options.object}`",
@@ -170,13 +157,15 @@ def task(
     task_objects.check(ctx, scene, labels, assets)
     ctx.check(base.parent == "world", f"the robot's base is given in `{base.parent}`, not in the world")
     objects = {body: task_objects.described(assets, label, options.points) for label, body in labels.items()}
-    if options.into in objects:
-        objects[options.into] = task_objects.hollowed(objects[options.into], bodies[options.into])
+    for name in objects.keys() & set(own.containers):
+        objects[name] = task_objects.hollowed(objects[name], bodies[name])
+    _check_hands(ctx, file.Primitive, options, robot)
+    setting = Setting(options.name, options.object, objects, _joints(bodies, objects, options), robot)
     bundle = TaskBundle(
         model=ctx.backend.compose(ctx, scene.model, robot, base.matrix, ctx.backend_options),
         robot=robot,
         base_pose=base,
-        task=_spec(ctx, options, bodies[options.object], objects, robot),
+        task=_spec(ctx, options, own, file.Primitive, setting),
         objects=objects,
     )
     reach = float(np.linalg.norm(bodies[options.object].pose.matrix[:2, 3] - base.matrix[:2, 3]))
@@ -198,47 +187,39 @@ def _check_scale(ctx: Context, scene: Scene) -> None:
         )
 
 
-def parameters_of(options: TaskOptions) -> Parameters:
-    """The parameters of the primitive from the options.
-
-    Raises:
-        ValueError: An option belongs to another primitive, or has a value that this one does not accept.
-    """
-    kind = catalogue.KINDS[options.primitive]
-    every = {name for each in catalogue.KINDS.values() for name in each.parameters.model_fields}
-    stated = {name: value for name in every if (value := getattr(options, name)) is not None}
-    own = kind.parameters.model_fields
-    if foreign := sorted(set(stated) - set(own)):
-        raise ValueError(f"`{foreign[0]}` is no option of primitive `{options.primitive}`, which has {listing(own)}")
-    try:
-        return kind.parameters(**stated)
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = "".join(f"`{part}` of " for part in first["loc"][:1])
-        text = first["msg"].removeprefix("Value error, ")
-        raise ValueError(f"{where}primitive `{options.primitive}`: {text}") from None
-
-
-def _spec(
-    ctx: Context, options: TaskOptions, asset: Asset, objects: dict[str, TaskObject], robot: RobotModel
-) -> TaskSpec:
-    kind = catalogue.KINDS[options.primitive]
+def _check_hands(ctx: Context, kind: type[primitives.Primitive[Any]], options: TaskOptions, robot: RobotModel) -> None:
     if kind.hands > len(robot.limbs):
         ctx.fail(
             f"`{options.primitive}` takes {kind.hands} hands, but the robot has {len(robot.limbs)}",
             limbs=listing(robot.limb_names),
             hint="choose a robot with more limbs, such as robot/openarm_revo1",
         )
-    within = {joint.name: (joint.lower, joint.upper) for joint in asset.body.joints}
-    in_model = dict(zip((joint.name for joint in asset.body.joints), objects[options.object].joints, strict=True))
-    joints = {label: (in_model[label], *limits) for label, limits in within.items()}
+
+
+def _joints(
+    bodies: Mapping[str, Asset], objects: Mapping[str, TaskObject], options: TaskOptions
+) -> dict[str, tuple[str, float, float]]:
+    """Joint of the task's object in its asset -> name in the model, lower and upper limit."""
+    joints = bodies[options.object].body.joints
+    names = objects[options.object].joints
+    return {joint.name: (name, joint.lower, joint.upper) for joint, name in zip(joints, names, strict=True)}
+
+
+def _spec(
+    ctx: Context,
+    options: TaskOptions,
+    own: primitives.Options,
+    kind: type[primitives.Primitive[Any]],
+    setting: Setting,
+) -> TaskSpec:
     try:
         for limb in options.limbs:
-            if limb not in robot.limbs:
-                raise no_limb(limb, robot)
-        goal = parameters_of(options).goal(Setting(options.name, options.object, objects, joints, robot))
+            if limb not in setting.robot.limbs:
+                raise no_limb(limb, setting.robot)
+        goal = own.goal(setting)
     except UnfitError as error:
         ctx.fail(error.message, hint=error.hint, **error.facts)
+    ctx.check(goal.primitive == options.primitive, f"the goal of `{options.primitive}` is one of `{goal.primitive}`")
     reset = options.reset
     spec = TaskSpec(
         name=options.name,
@@ -262,7 +243,12 @@ def _spec(
             visual=reset.visual,
         ),
     )
-    actions.of_task(spec, robot)  # raises for a kind that the robot lacks
+    ctx.check(
+        not (options.limbs and kind(spec, setting.objects).ordered()),
+        f"`limbs` gives the hands of `{options.primitive}` no roles",
+        hint=f"leave it out, and name them in `{options.primitive}: {{...}}`",
+    )
+    actions.of_task(spec, setting.robot)  # raises for a kind that the robot lacks
     return spec
 
 

@@ -12,6 +12,7 @@ from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import compose as composer
+from dextera_build.sim.primitives import base as primitives
 from dextera_build.sim.primitives import within_reach
 from dextera_build.sim.primitives.base import UnfitError
 from dextera_build.sim.render.portrait import portrait
@@ -32,9 +33,11 @@ SHOWN = 3
 """Number of starts shown."""
 
 
-def fitted(ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, options: Options) -> TaskOptions:
-    """Return `common` unchanged."""
-    return common
+def fitted(
+    ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, own: primitives.Options, options: Options
+) -> tuple[TaskOptions, primitives.Options]:
+    """Return `common` and `own` unchanged."""
+    return common, own
 
 
 def compose(ctx: Context, scene: Folder, robot: RobotModel, world_from_base: np.ndarray, options: Options) -> Folder:

@@ -11,6 +11,7 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
+from dextera_build.sim.primitives import base as primitives
 
 if TYPE_CHECKING:
     from .task import TaskOptions
@@ -18,27 +19,20 @@ if TYPE_CHECKING:
 BACKEND = Backend(summary="no simulation: scene and robot side by side", profiles=("stub",))
 
 
-def fitted(ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, options: Options) -> TaskOptions:
-    """Return the options adapted to the output of upstream stubs: the first object, or one without the named joints.
+def fitted(
+    ctx: Context, joints: Mapping[str, list[str]], common: TaskOptions, own: primitives.Options, options: Options
+) -> tuple[TaskOptions, primitives.Options]:
+    """Return the options adapted to the output of upstream stubs: the first object, and its joints.
 
     Args:
         ctx: The rule's context.
         joints: Body -> its joints.
         common: The rule's options.
+        own: The options of the primitive.
         options: The backend's.
     """
-    if common.into is not None:  # stubs find no containers
-        common = common.model_copy(update={"into": None, "by_m": (0.1, 0.0, 0.0)})
-    asked = set(common.joints_deg or {})
-    if not joints or (common.object in joints and asked <= set(joints[common.object])):
-        return common
-    name = common.object if common.object in joints else next(iter(joints))
-    if common.primitive == "articulate" and not joints[name]:
-        plain = {"object": name, "primitive": "lift", "joints_deg": None, "tolerance_deg": None}
-        return common.model_copy(update=plain)
-    if common.primitive != "articulate":
-        return common.model_copy(update={"object": name})
-    return common.model_copy(update={"object": name, "joints_deg": dict.fromkeys(joints[name], 0.0)})
+    name = common.object if common.object in joints else next(iter(joints), common.object)
+    return common.model_copy(update={"object": name}), own.fitted(joints.get(name, []))
 
 
 def compose(ctx: Context, scene: Folder, robot: RobotModel, world_from_base: np.ndarray, options: Options) -> Folder:

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.artifacts.trials import Operated
 from dextera_build.errors import RuleError
 from dextera_build.policy.observation import DeployableObservation
 from dextera_build.sim.experts import planning, rehearse, ways
+from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.testing import RuleRunner
 from tests import episodes, factories, gate, openarm_tasks
 from tests.robots import robot_recipes

@@ -11,16 +11,25 @@ from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import transforms
+from dextera_build.sim.primitives import catalogue, folders
 from dextera_build.sim.runtime import variations
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.testing import RuleRunner
 from tests import episodes, factories
 
-CLOSE = {"name": "Close", "primitive": "articulate", "object": "laptop", "joints_deg": {"hinge": 0.0}}
-LIFT = {"name": "Lift", "primitive": "lift", "object": "blue_box", "height_m": 0.08}
 BARE = {"name": "Task", "object": "blue_box"}
-PUSH = {"name": "Push", "primitive": "push", "object": "blue_box", "by_m": (0.1, 0.05)}
-PLACE = {"name": "Place", "primitive": "pick_and_place", "object": "blue_box", "into": "bowl"}
+CLOSE = {"name": "Close", "primitive": "articulate", "object": "laptop", "articulate": {"joints_deg": {"hinge": 0.0}}}
+LIFT = {**BARE, "name": "Lift", "primitive": "lift", "lift": {"height_m": 0.08}}
+PUSH = {**BARE, "name": "Push", "primitive": "push", "push": {"by_m": (0.1, 0.05)}}
+PLACE = {**BARE, "name": "Place", "primitive": "pick_and_place", "pick_and_place": {"into": "bowl"}}
+
+
+def put(**own):
+    return {**PLACE, "pick_and_place": own}
+
+
+def joints(**commands):
+    return {**CLOSE, "articulate": {"joints_deg": commands}}
 
 
 @pytest.fixture(scope="module")
@@ -59,12 +68,13 @@ def make(tmp_path, assets, scene):
 
 
 def test_names_goals_and_uncertainty_are_those_of_the_assets(make):
-    bundle = make({**CLOSE, "tolerance_deg": 4.0})
+    bundle = make({**CLOSE, "articulate": {"joints_deg": {"hinge": 0.0}, "tolerance_deg": 4.0}})
     assert set(bundle.objects) == {"blue_box", "bowl", "laptop"}
     (joint,) = bundle.objects["laptop"].joints
     assert bundle.task.primitive == "articulate"
-    assert bundle.task.goal.joints == {joint: 0.0}
-    assert bundle.task.goal.tolerance == pytest.approx(np.radians(4.0))
+    goal = catalogue.of(bundle.task).goal
+    assert goal.joints == {joint: 0.0}
+    assert goal.tolerance == pytest.approx(np.radians(4.0))
     low, high = bundle.objects["blue_box"].mass_scale
     assert low < 1.0 < high
     environment = Environment(bundle)
@@ -130,19 +140,19 @@ def test_a_twin_of_unknown_scale_is_refused(make):
             "choose a robot with more limbs, such as robot/openarm_revo1",
         ),
         (
-            {**PLACE, "into": "bowls"},
+            put(into="bowls"),
             "the scene has no container `bowls`",
             {"objects": "bowl, laptop"},
             "did you mean `bowl`?",
         ),
         (
-            {**PLACE, "into": "blue_box"},
+            put(into="blue_box"),
             "the scene has no container `blue_box`",
             {"objects": "bowl, laptop"},
             "set `into` to one of the other objects",
         ),
         (
-            {**PLACE, "into": "laptop"},
+            put(into="laptop"),
             "`laptop` is no container: nothing stays in it",
             {"objects": "bowl, laptop"},
             "set `by_m` or `to_m` for a place on it, or `into` to another object",
@@ -154,13 +164,13 @@ def test_a_twin_of_unknown_scale_is_refused(make):
             "set `object: blue_box`",
         ),
         (
-            {**CLOSE, "joints_deg": {"lid": 0.0}},
+            joints(lid=0.0),
             "`laptop` has no joint `lid`",
             {"joints": "hinge"},
             "set `joints_deg: {hinge: 0}`",
         ),
         (
-            {**CLOSE, "joints_deg": {"hing": 0.0}},
+            joints(hing=0.0),
             "`laptop` has no joint `hing`",
             {"joints": "hinge"},
             "did you mean `hinge`?",
@@ -172,7 +182,7 @@ def test_a_twin_of_unknown_scale_is_refused(make):
             "choose an object with a joint",
         ),
         (
-            {**CLOSE, "joints_deg": {"hinge": 200.0}},
+            joints(hinge=200.0),
             "joint `hinge` cannot reach 200.0°",
             {"limits": "0.0° to 131.8°"},
             "set `joints_deg` inside the limits",
@@ -188,18 +198,18 @@ def test_what_cannot_be_done_is_refused(make, options, message, facts, hint):
 @pytest.mark.parametrize(
     ("options", "what", "place"),
     [
-        ({**PUSH, "by_m": (3.0, 0.0)}, "the target of `Push`", "x 3.30, y 0.00, z 0.00 m in the world"),
+        ({**PUSH, "push": {"by_m": (3.0, 0.0)}}, "the target of `Push`", "x 3.30, y 0.00, z 0.00 m in the world"),
         (
-            {**BARE, "primitive": "pick_and_reorient", "by_m": (0.0, 0.0, 2.0)},
+            {**BARE, "primitive": "pick_and_reorient", "pick_and_reorient": {"by_m": (0.0, 0.0, 2.0)}},
             "the target of `Task`",
             "x 0.30, y 0.00, z 2.00 m in the world",
         ),
         (
-            {**PLACE, "into": None, "to_m": (0.0, 3.0, 0.0)},
+            put(to_m=(0.0, 3.0, 0.0)),
             "the target of `Place`",
             "x 0.00, y 3.00, z 0.00 m in the world",
         ),
-        ({**LIFT, "height_m": 2.0}, "the target of `Lift`", "z 2.00 m in the world"),
+        ({**LIFT, "lift": {"height_m": 2.0}}, "the target of `Lift`", "z 2.00 m in the world"),
     ],
 )
 def test_a_target_beyond_the_arm_is_refused(make, options, what, place):
@@ -242,32 +252,41 @@ def test_an_asset_that_the_scene_was_not_made_of_is_refused(make):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({**PUSH, "height_m": 0.1}, "`height_m` is no option of primitive `push`, which has"),
-        ({**LIFT, "giver": "left"}, "`giver` is no option of primitive `lift`"),
-        ({**PUSH, "by_m": (0.1, 0.0, 0.2)}, "`by_m` of primitive `push`"),
-        ({**LIFT, "primitive": "throw"}, "primitive"),
-        ({**PUSH, "by_m": None}, "primitive `push`: it needs one target"),
-        ({**PUSH, "to_m": (0.3, 0.1)}, "primitive `push`: it needs one target"),
-        ({**PLACE, "into": None}, "primitive `pick_and_place`: there is no target; set `into`, `by_m` or `to_m`"),
-        ({**PLACE, "by_m": (0.1, 0.0, 0.0)}, "primitive `pick_and_place`: `into` and a pose both give a target"),
-        (
-            {**PLACE, "into": None, "by_m": (0.1, 0.0, 0.0), "to_m": (0.1, 0.0, 0.0)},
-            "primitive `pick_and_place`: `by_m` and `to_m` both give a target",
-        ),
-        ({**BARE, "primitive": "pick_and_reorient"}, "primitive `pick_and_reorient`: there is no target"),
-        ({**CLOSE, "joints_deg": {}}, "primitive `articulate`: `joints_deg` names no joint to move"),
-        (
-            {**BARE, "primitive": "handover", "giver": "left", "receiver": "left"},
-            "primitive `handover`: `giver` and `receiver` are both `left`",
-        ),
         ({**LIFT, "limbs": ("arm", "arm")}, "`limbs` names one limb twice"),
-        ({**BARE, "primitive": "handover", "limbs": ("left", "right")}, "`limbs` does not say who gives"),
         ({**LIFT, "hold_s": 8.0}, "`hold_s` leaves no time before `timeout_s`"),
     ],
 )
 def test_options_that_make_no_task_are_refused_before_anything_is_built(make, options, message):
+    own = {name: value for name, value in options.items() if name != options["primitive"]}
     with pytest.raises(ValidationError, match=message):
-        make.runner.find("simulate.task").rule.options.model_validate(options)
+        make.runner.find("simulate.task").rule.options.model_validate(own)
+
+
+@pytest.mark.parametrize(
+    ("primitive", "own", "message"),
+    [
+        ("push", {"by_m": (0.1, 0.0, 0.2)}, "by_m"),
+        ("push", {}, "it needs one target"),
+        ("push", {"by_m": (0.1, 0.0), "to_m": (0.3, 0.1)}, "it needs one target"),
+        ("push", {"height_m": 0.1}, "height_m"),
+        ("pick_and_place", {}, "there is no target; set `into`, `by_m` or `to_m`"),
+        ("pick_and_place", {"into": "bowl", "by_m": (0.1, 0.0, 0.0)}, "`into` and a pose both give a target"),
+        ("pick_and_place", {"by_m": (0.1, 0.0, 0.0), "to_m": (0.1, 0.0, 0.0)}, "`by_m` and `to_m` both give a target"),
+        ("pick_and_reorient", {}, "there is no target"),
+        ("articulate", {}, "`joints_deg` names no joint to move"),
+        ("handover", {"giver": "left", "receiver": "left"}, "`giver` and `receiver` are both `left`"),
+    ],
+)
+def test_options_that_make_no_goal_are_refused(primitive, own, message):
+    with pytest.raises(ValidationError, match=message):
+        folders.module(primitive, "primitive").Options.model_validate(own)
+
+
+def test_limbs_of_a_goal_that_names_its_hands_are_refused(make):
+    robot = episodes.robot()
+    robot = robot.model_copy(update={"limbs": dict.fromkeys(("left", "right"), robot.limbs["arm"])})
+    with pytest.raises(RuleError, match="`limbs` gives the hands of `handover` no roles"):
+        make({**BARE, "primitive": "handover", "handover": {"giver": "left"}, "limbs": ("left", "right")}, robot=robot)
 
 
 def test_a_kind_of_action_that_the_robot_lacks_is_refused(make):
@@ -293,16 +312,16 @@ def test_a_rate_that_the_simulation_cannot_keep_is_refused(make, asked, steps, h
 
 
 def test_a_push_has_its_target_in_the_world_and_policies_see_it_in_the_base(make):
-    bundle = make({**PUSH, "yaw_deg": 90.0})
-    goal = bundle.task.goal
+    bundle = make({**PUSH, "push": {**PUSH["push"], "yaw_deg": 90.0}})
+    environment = Environment(bundle)
+    goal = environment.primitive.goal
     assert goal.place_m == pytest.approx((0.4, 0.05))
-    names = dict(zip(goal.names, bundle.goal_numbers, strict=True))
+    names = dict(zip(goal.names, environment.goal, strict=True))
     seen = np.linalg.inv(bundle.base_pose.matrix) @ [0.4, 0.05, 0.0, 1.0]
     assert (names["x"], names["y"]) == pytest.approx(seen[:2])
     ahead = bundle.base_pose.matrix[:3, :3] @ [names["heading_x"], names["heading_y"], 0.0]
     assert ahead == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)
-    environment = Environment(bundle)
-    assert environment.reset(0).goal == pytest.approx(bundle.goal_numbers)
+    assert np.array_equal(environment.reset(0).goal, environment.goal)
     assert not environment.judge.held_at_reset
 
 
@@ -314,7 +333,7 @@ def test_a_container_is_measured_for_those_that_are_put_into_it(make):
     assert 0.05 < deep < 0.07
     room = float((cavity.rim_m - cavity.floor_m).sum()) * cavity.cell_m**2
     assert room < np.pi * 0.09**2 * 0.07
-    assert bundle.task.goal.into == "bowl"
+    assert catalogue.of(bundle.task).goal.into == "bowl"
 
 
 def test_a_base_in_another_frame_is_refused(make):
@@ -337,6 +356,6 @@ def test_a_task_without_room_says_what_collides(make):
 def test_the_stub_takes_what_is_there(make):
     bundle = make({**CLOSE, "object": "black_laptop"}, profile="stub")
     assert bundle.task.object in bundle.objects
-    bundle = make({**PLACE, "object": "red_box", "into": "basket"}, profile="stub")
+    bundle = make({**put(into="basket"), "object": "red_box"}, profile="stub")
     assert bundle.task.object in bundle.objects
     assert {"scene.xml", "robot.xml"} <= set(bundle.model.files)

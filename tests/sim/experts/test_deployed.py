@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.geometry import poses
 from dextera_build.policy.observation import DeployableObservation, Measurement, deployable
 from dextera_build.policy.running import PolicyFault
 from dextera_build.sim.control.operator import Aim, Command, OutOfReach, State
 from dextera_build.sim.experts.deployed import Deployed
 from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from tests import factories, openarm_tasks

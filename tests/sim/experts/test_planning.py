@@ -29,7 +29,7 @@ def test_every_way_has_its_turn() -> None:
 def test_without_a_candidate_the_attempts_of_anyway_hold_still_and_tell_why(monkeypatch: pytest.MonkeyPatch) -> None:
     environment = Environment(task_bundles.lift())
     driver = Driver(environment)
-    monkeypatch.setattr(planning, "EXPERTS", [Expert("lift", "nothing", lambda search: [])])
+    monkeypatch.setattr(planning, "experts", lambda primitive: [Expert("nothing", lambda search: [])])
     monkeypatch.setattr(planning, "_check_hand", lambda *_: None)
     with pytest.raises(RuleError, match="out of reach") as caught:
         planning.practise(driver)
@@ -46,7 +46,7 @@ def test_without_a_success_the_attempts_of_anyway_are_those_of_the_likeliest(mon
     driver = Driver(Environment(task_bundles.lift()))
     likeliest, other = (planning.Unable(name) for name in ("likeliest", "other"))
     found = [Candidate(each.reason, "way", each) for each in (likeliest, other)]
-    monkeypatch.setattr(planning, "EXPERTS", [Expert("lift", "nothing", lambda search: found)])
+    monkeypatch.setattr(planning, "experts", lambda primitive: [Expert("nothing", lambda search: found)])
     monkeypatch.setattr(planning, "_check_hand", lambda *_: None)
     monkeypatch.setattr(planning, "rehearse", lambda *_: [])
     with pytest.raises(RuleError, match="no rehearsal of") as caught:

@@ -5,16 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import Goal, PlaceGoal, PushGoal, Tolerance
+from dextera_build.artifacts.goals import Goal
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.grasps import candidates
-from dextera_build.sim.experts.place import Place
-from dextera_build.sim.experts.push import Push, Stroke
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.room import Room
-from dextera_build.sim.experts.ways import EXPERTS, Search
-from dextera_build.sim.primitives import catalogue
+from dextera_build.sim.experts.ways import Search, experts
+from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal
+from dextera_build.sim.primitives.pick_and_place.script import Place
+from dextera_build.sim.primitives.poses import Tolerance
+from dextera_build.sim.primitives.push.primitive import PushGoal
+from dextera_build.sim.primitives.push.script import Push, Slide
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from tests import factories, openarm_tasks
@@ -35,13 +37,9 @@ def driver(robot: RobotModel, goal: Goal) -> Driver:
     return Driver(Environment(bundle))
 
 
-def test_every_script_is_that_of_a_primitive() -> None:
-    assert {expert.primitive for expert in EXPERTS} == set(catalogue.KINDS)
-
-
 def test_a_push_ends_with_the_object_at_its_target_and_begins_behind_it(robot: RobotModel) -> None:
     made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
-    legs = Push(made.environment, Reach(robot, "arm"), Stroke(0.0, 0.0)).legs(made.state())
+    legs = Push(made.environment, Reach(robot, "arm"), Slide(0.0, 0.0)).legs(made.state())
     way = legs[-1].palm[:3, 3] - legs[2].palm[:3, 3]
     assert way == pytest.approx([0.1, -0.05, 0.0], abs=1e-6)
     assert (legs[2].palm[:3, 3] - legs[1].palm[:3, 3]) @ way > 0
@@ -51,7 +49,7 @@ def test_a_push_ends_with_the_object_at_its_target_and_begins_behind_it(robot: R
 
 def test_a_push_that_did_not_arrive_is_done_again_from_above(robot: RobotModel) -> None:
     made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
-    operator, state = Push(made.environment, Reach(robot, "arm"), Stroke(0.0, 0.0)), made.state()
+    operator, state = Push(made.environment, Reach(robot, "arm"), Slide(0.0, 0.0)), made.state()
     operator.begin(state)
     steps = sum(round(leg.seconds * made.environment.task.control_hz) for leg in operator.legs(state))
     segments, palms = [], []
@@ -70,7 +68,7 @@ def test_a_push_that_did_not_arrive_is_done_again_from_above(robot: RobotModel) 
 def test_plans_are_made_with_the_robot_where_it_is_believed_to_stand(robot: RobotModel) -> None:
     made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
     environment, reach, found = made.environment, Reach(robot, "arm"), []
-    expert = next(expert for expert in EXPERTS if expert.primitive == "push")
+    (expert,) = experts("push")
     (first, *_) = expert.plan(Search(environment, reach, Room(environment, reach), made.state()))
     # The second base is so low that the hand would be in the table.
     for low in (0.0, -0.2):
@@ -84,7 +82,7 @@ def test_plans_are_made_with_the_robot_where_it_is_believed_to_stand(robot: Robo
 def test_fingertips_push_a_box_to_its_target(robot: RobotModel) -> None:
     made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
     reach = Reach(robot, "arm")
-    expert = next(expert for expert in EXPERTS if expert.primitive == "push")
+    (expert,) = experts("push")
     found = expert.plan(Search(made.environment, reach, Room(made.environment, reach), made.state()))
     start = starts.photographed(made.environment.bundle, made.environment.model)
     episodes = [made.run(each.operator, start, origin="operator") for each in found[:8]]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.geometry import transforms
 from dextera_build.sim.experts import planning
@@ -15,6 +14,7 @@ from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.room import Room
 from dextera_build.sim.experts.squeeze import PRESS_M, squeezes
 from dextera_build.sim.experts.ways import Search
+from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from tests import factories, openarm_tasks

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import HandoverGoal, LiftGoal
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskBundle
-from dextera_build.errors import RuleError
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.grasps import candidates
-from dextera_build.sim.experts.lift import Lift
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.room import Room
+from dextera_build.sim.primitives.handover.primitive import HandoverGoal
+from dextera_build.sim.primitives.lift.primitive import LiftGoal
+from dextera_build.sim.primitives.lift.script import Lift
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from tests import factories, openarm_tasks
@@ -40,13 +40,6 @@ def test_the_nearest_hand_comes_first_unless_the_task_names_one(robot: RobotMode
     other = "left" if side == "right" else "right"
     assert planning._limbs(Environment(task(robot, side))) == [side, other]
     assert planning._limbs(Environment(task(robot, side, (other,)))) == [other]
-
-
-def test_a_primitive_without_a_script_says_which_have_one(robot: RobotModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(planning, "EXPERTS", [each for each in planning.EXPERTS if each.primitive != "lift"])
-    with pytest.raises(RuleError, match="no scripted operator of primitive `lift`") as caught:
-        planning.practise(Driver(Environment(task(robot, "left"))))
-    assert "handover, " in str(caught.value.facts["operators"])
 
 
 def test_who_does_a_task_follows_from_its_limbs_and_its_goal(robot: RobotModel) -> None:

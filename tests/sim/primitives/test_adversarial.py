@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dextera_build.sim.primitives.grasp import estimate
-from dextera_build.sim.primitives.lift import SLIP_M_S
+from dextera_build.sim.primitives.lift.primitive import SLIP_M_S
 from dextera_build.sim.primitives.success import holds
 from dextera_build.sim.runtime.environment import Environment, Outcome
 from tests import task_bundles

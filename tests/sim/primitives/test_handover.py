@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.artifacts.goals import HandoverGoal
 from dextera_build.artifacts.task import TaskSpec
 from dextera_build.sim.primitives.base import Setting, UnfitError
 from dextera_build.sim.primitives.catalogue import of
-from dextera_build.sim.primitives.handover import Parameters
+from dextera_build.sim.primitives.handover.primitive import HandoverGoal, Options
 from tests import task_bundles
 from tests.sim.primitives.traces import FREE, HALF_M, HOLD, POKE, SET, Trace, box
 
@@ -86,6 +85,6 @@ def test_every_stage_is_worth_more_than_the_one_before() -> None:
 def test_a_robot_with_one_hand_hands_nothing_over() -> None:
     setting = Setting("Task", "box", {}, {}, task_bundles.robot())
     with pytest.raises(UnfitError, match="names its hands"):
-        Parameters().goal(setting)
+        Options().goal(setting)
     with pytest.raises(UnfitError, match="no limb `left`"):
-        Parameters(giver="left").goal(setting)
+        Options(giver="left").goal(setting)

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskSpec
 from dextera_build.sim.primitives.grasp import Hands
+from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.primitives.state import GraspState, TaskState, opposed, together
 from dextera_build.sim.primitives.success import holds
 from tests import factories

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import PlaceGoal, Tolerance
 from dextera_build.artifacts.task import Cavity, TaskObject, TaskSpec
 from dextera_build.geometry import cavities
 from dextera_build.sim.primitives.catalogue import of
-from dextera_build.sim.primitives.pick_and_place import inside
+from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal, inside
+from dextera_build.sim.primitives.poses import Tolerance
 from tests import factories
 from tests.sim.primitives.traces import AWAY, FREE, HALF_M, HOLD, POKE, SET, Trace, about, box
 

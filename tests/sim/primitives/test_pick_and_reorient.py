@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import ReorientGoal, Tolerance
 from dextera_build.artifacts.task import TaskSpec
 from dextera_build.geometry import quaternions
 from dextera_build.sim.primitives.catalogue import of
+from dextera_build.sim.primitives.pick_and_reorient.primitive import ReorientGoal
+from dextera_build.sim.primitives.poses import Tolerance
 from tests.sim.primitives.traces import AWAY, FREE, HOLD, POKE, SET, Trace, about, box
 
 TURN = about(0, np.pi / 2)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import PushGoal, Tolerance
 from dextera_build.artifacts.task import TaskSpec
 from dextera_build.sim.primitives.catalogue import of
+from dextera_build.sim.primitives.poses import Tolerance
+from dextera_build.sim.primitives.push.primitive import PushGoal
 from tests.sim.primitives.traces import AWAY, FREE, HALF_M, HOLD, POKE, Trace, about, box
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)

@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build.sim.observe.progress import Progress
-from dextera_build.sim.primitives import articulate, lift, stages
+from dextera_build.sim.primitives import stages
+from dextera_build.sim.primitives.articulate import primitive as articulate
+from dextera_build.sim.primitives.lift import primitive as lift
 from dextera_build.sim.primitives.state import GraspState
 from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles

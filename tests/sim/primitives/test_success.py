@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dextera_build.artifacts.goals import ArticulateGoal, LiftGoal
 from dextera_build.artifacts.task import TaskSpec
-from dextera_build.sim.primitives import lift
+from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal
+from dextera_build.sim.primitives.lift import primitive as lift
+from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.primitives.state import GraspState, TaskState
 from dextera_build.sim.primitives.success import Judge, holds
 from tests import factories

@@ -7,11 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import Goal, LiftGoal, PlaceGoal, Tolerance
+from dextera_build.artifacts.goals import Goal
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.sim.model import reach
 from dextera_build.sim.primitives import within_reach
 from dextera_build.sim.primitives.base import UnfitError
+from dextera_build.sim.primitives.lift.primitive import LiftGoal
+from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal
+from dextera_build.sim.primitives.poses import Tolerance
 from tests import episodes, factories, openarm_tasks
 from tests.robots.robot_recipes import built
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.artifacts.task import Reset, TaskBundle
+from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.runtime.environment import Environment
 from tests import factories, openarm_tasks, task_bundles
 from tests.held_starts import drawn, held

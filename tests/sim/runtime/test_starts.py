@@ -8,10 +8,11 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import PushGoal, Tolerance
 from dextera_build.artifacts.task import Reset
 from dextera_build.errors import RuleError
 from dextera_build.geometry import lie, quaternions
+from dextera_build.sim.primitives.poses import Tolerance
+from dextera_build.sim.primitives.push.primitive import PushGoal
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.dynamics import Dynamics
 from dextera_build.sim.runtime.environment import Environment

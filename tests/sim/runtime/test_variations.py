@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.artifacts.packed import pack, unpack
 from dextera_build.artifacts.task import Reset, View
+from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal
 from dextera_build.sim.runtime import variations
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.strata import Strata, Stratum
@@ -76,7 +76,7 @@ def test_joints_are_damped_as_the_start_says_and_never_twice():
 def test_the_goal_of_an_episode_is_what_is_seen_and_judged():
     environment = Environment(task_bundles.close(goal=1.0, reset=WIDE))
     seen = environment.reset(4)
-    goal = environment.task.goal
+    goal = environment.primitive.goal
     assert isinstance(goal, ArticulateGoal)
     drawn = goal.joints["case_lid_hinge"]
     assert 0.8 <= drawn <= 1.2

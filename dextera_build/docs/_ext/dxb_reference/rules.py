@@ -7,6 +7,7 @@ from itertools import groupby
 
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.explain.rule_card import Option, options
+from dextera_build.recipe.folders import every, kind_of
 from dextera_build.recipe.kinds import type_name
 
 from .markdown import code, join, table
@@ -14,16 +15,19 @@ from .markdown import code, join, table
 
 def page() -> str:
     """One section per stage, one below it per rule."""
-    found = sorted(Library().rules(), key=lambda rule: rule.path)
+    library = Library()
+    found = sorted(library.rules(), key=lambda rule: rule.path)
     overview = table(
         ["rule", "description", "backends"],
         [[f"[{code(r.path)}](#{r.path.replace('.', '-')})", r.rule.summary, _names(r)] for r in found],
     )
     stages = groupby(found, key=lambda rule: rule.path.partition(".")[0])
-    return join(overview, *(join(f"## {stage}", *(section(rule) for rule in rules)) for stage, rules in stages))
+    return join(
+        overview, *(join(f"## {stage}", *(section(library, rule) for rule in rules)) for stage, rules in stages)
+    )
 
 
-def section(found: RuleFile) -> str:
+def section(library: Library, found: RuleFile) -> str:
     """One rule."""
     rule = found.rule
     slots = [
@@ -41,6 +45,11 @@ def section(found: RuleFile) -> str:
         f"Returns {code(type_name(rule.returns))}. Version {rule.version}{needs}.",
         table(["input", "type", ""], slots),
         table(["option", "type", "default", "meaning"], [_row(option) for option in options(rule.options)]),
+        *(
+            table([f"option with `{named}: {file.name}`", "type", "default", "meaning"], rows)
+            for named, file in every(library, found)
+            if (rows := [_row(option) for option in options(kind_of(file), f"{file.name}.")])
+        ),
         table(["backend", "description", "profiles", "extra"], backends),
     )
 

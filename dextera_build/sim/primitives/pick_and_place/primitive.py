@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydantic import model_validator
 
-from dextera_build.artifacts.goals import PlaceGoal
 from dextera_build.artifacts.task import Cavity
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import transforms
 from dextera_build.sim.primitives import base, poses
-from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
+from dextera_build.sim.primitives.base import Past, Setting, UnfitError
 from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
@@ -30,20 +29,37 @@ WAITS, CARRIED, LET_GO = 0, 1, 2
 """Stages: not picked up; held by hands alone; released."""
 
 
-class Parameters(poses.Parameters):
+class PlaceGoal(poses.PoseGoal):
+    """The object was picked up, and rests released at a target pose, or inside a container."""
+
+    primitive: str = "pick_and_place"
+    into: str = ""
+    """Body of the container whose cavity must contain the whole object; empty: the target pose applies."""
+
+
+class Options(poses.Options):
     """Options of a placement: a target pose, or a container."""
 
     into: str = ""
     """Label of the container; empty: the target pose applies."""
 
     @model_validator(mode="after")
-    def _aimed(self) -> Parameters:
+    def _aimed(self) -> Options:
         placed = self.by_m is not None or self.to_m is not None
         if not self.into and not placed:
             raise ValueError("there is no target; set `into`, `by_m` or `to_m`")
         if self.into and (placed or self.turn_deg is not None):
             raise ValueError("`into` and a pose both give a target; leave one of them out")
         return self
+
+    @property
+    def containers(self) -> tuple[str, ...]:
+        """The container."""
+        return (self.into,) if self.into else ()
+
+    def fitted(self, joints: Sequence[str]) -> Options:
+        """A target pose instead of a container."""
+        return self.model_copy(update={"into": "", "by_m": (0.1, 0.0, 0.0)}) if self.into else self
 
     def goal(self, setting: Setting) -> PlaceGoal:
         """The target pose, or the container's body."""
@@ -67,14 +83,13 @@ class Parameters(poses.Parameters):
         return PlaceGoal(into=self.into, tolerance=self.tolerance())
 
 
-class Place(Primitive[PlaceGoal]):
+class Primitive(base.Primitive[PlaceGoal]):
     """The object was carried by a hand alone, released near its final position, and is at its target.
 
     Pushing, throwing and dropping fail, as does an object that is still held or not at rest.
     """
 
-    name = "pick_and_place"
-    parameters = Parameters
+    goal_type = PlaceGoal
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
         """Whether the object rests at its target after it was carried, and no hand touches it."""
@@ -92,6 +107,15 @@ class Place(Primitive[PlaceGoal]):
         if not float(np.linalg.norm(place - past.mark)) <= (PUSHED_M if now.touching else self._fall_m()):
             return Past(now, WAITS, fault, past.mark)
         return Past(now, CARRIED if now.touching and past.stage == CARRIED else LET_GO, fault, past.mark)
+
+    @property
+    def near_m(self) -> float:
+        """The tolerance of the position."""
+        return self.goal.tolerance.position_m
+
+    def drawn(self, across_m: np.ndarray, turn_rad: float) -> PlaceGoal | None:
+        """Another target pose."""
+        return self.goal.moved(across_m, turn_rad)
 
     def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
         """The reason: the object was not carried, is not released, or is not at its target."""

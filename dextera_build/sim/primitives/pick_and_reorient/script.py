@@ -6,13 +6,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.goals import ReorientGoal
 from dextera_build.geometry import quaternions
 from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.rehearse import Candidate
 from dextera_build.sim.experts.scripted import Taking
+from dextera_build.sim.experts.ways import Expert, Search, grasps
+from dextera_build.sim.primitives.pick_and_reorient.primitive import ReorientGoal
 from dextera_build.sim.runtime.environment import Environment
 
 RAISED_M = 0.12
@@ -32,8 +34,7 @@ class Reorient(Taking):
 
     def __init__(self, environment: Environment, reach: Reach, grasp: Grasp) -> None:
         super().__init__(environment, reach)
-        assert isinstance(environment.task.goal, ReorientGoal)
-        self._goal = environment.task.goal
+        self._goal: ReorientGoal = environment.primitive.goal
         self.grasp = grasp
 
     def taking(self, state: State) -> Plan:
@@ -53,3 +54,11 @@ class Reorient(Taking):
         palm = target @ held[self._reach.limb]
         legs = [self._held(palm, self.grasp.closed, seconds, "turn") for seconds in SECONDS[1:]]
         return {self._reach.limb: legs}
+
+
+def _reorients(search: Search) -> list[Candidate]:
+    """Grasps of the task's object to hold it at its target pose."""
+    return grasps(search, lambda grasp: Reorient(search.environment, search.reach, grasp))
+
+
+EXPERTS = (Expert("thumb", _reorients),)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 from pydantic import model_validator
 
-from dextera_build.artifacts.goals import HandoverGoal
 from dextera_build.errors import listing
 from dextera_build.sim.primitives import base
-from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
+from dextera_build.sim.primitives.base import Past, Setting, TypedGoal, UnfitError
 from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
 from dextera_build.sim.primitives.state import GraspState, TaskState
 
@@ -15,7 +17,27 @@ WAITS, GIVEN, SHARED, TAKEN = 0, 1, 2, 3
 """Stages: on its support; held by the giver alone; held by both hands; held by the receiver alone."""
 
 
-class Parameters(base.Parameters):
+class HandoverGoal(TypedGoal):
+    """One hand takes the object from the other."""
+
+    primitive: str = "handover"
+    names: tuple[str, ...] = ()
+    giver: str
+    """Limb that holds it first."""
+    receiver: str
+    """Limb that holds it at the end."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, fields: Any) -> Any:
+        return {"names": (f"receiver_is_{fields['receiver']}",), **fields}
+
+    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
+        """1: the receiver is part of the name."""
+        return (1.0,)
+
+
+class Options(base.Options):
     """Options of a handover; with two hands, one name implies the other."""
 
     giver: str = ""
@@ -24,7 +46,7 @@ class Parameters(base.Parameters):
     """Limb that holds it at the end."""
 
     @model_validator(mode="after")
-    def _of_two(self) -> Parameters:
+    def _of_two(self) -> Options:
         if self.giver and self.giver == self.receiver:
             raise ValueError(f"`giver` and `receiver` are both `{self.giver}`; name two limbs, or one of them")
         return self
@@ -42,14 +64,13 @@ class Parameters(base.Parameters):
         return HandoverGoal(giver=self.giver or rest[0], receiver=self.receiver or rest[0])
 
 
-class Handover(Primitive[HandoverGoal]):
+class Primitive(base.Primitive[HandoverGoal]):
     """The receiver alone holds the object after the giver held it, then both, and it touched nothing in between.
 
     After a throw, a drop, or setting the object down, the sequence starts again.
     """
 
-    name = "handover"
-    parameters = Parameters
+    goal_type = HandoverGoal
     hands = 2
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
-from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.sim.primitives import base
-from dextera_build.sim.primitives.base import Past, Primitive, Setting, UnfitError
+from dextera_build.sim.primitives.base import Past, Setting, TypedGoal, UnfitError
 from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
@@ -26,7 +27,28 @@ DRAG = 0.4
 """Cost of dragging an object by the allowed distance; small, because slippery objects move slightly."""
 
 
-class Parameters(base.Parameters):
+class ArticulateGoal(TypedGoal):
+    """Joints of the object are at commanded positions."""
+
+    primitive: str = "articulate"
+    names: tuple[str, ...] = ()
+    joints: dict[str, float]
+    """Joint in the model -> commanded position [rad or m]."""
+    tolerance: float
+    """Maximum deviation of every joint from its command [rad or m]."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named(cls, fields: Any) -> Any:
+        # Sorted, as the items of a stored mapping are.
+        return {"names": tuple(sorted(fields["joints"])), **fields}
+
+    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
+        """The commanded positions [rad or m]."""
+        return tuple(self.joints[name] for name in self.names)
+
+
+class Options(base.Options):
     """Options of an articulation."""
 
     joints_deg: dict[str, float] = Field(default_factory=dict)
@@ -35,10 +57,16 @@ class Parameters(base.Parameters):
     """Maximum distance from the command [deg]."""
 
     @model_validator(mode="after")
-    def _named(self) -> Parameters:
+    def _named(self) -> Options:
         if not self.joints_deg:
             raise ValueError("`joints_deg` names no joint to move; set `joints_deg: {hinge: 0}`")
         return self
+
+    def fitted(self, joints: Sequence[str]) -> Options:
+        """All joints of the object, if it lacks one of those that are named."""
+        if self.joints_deg.keys() <= set(joints):
+            return self
+        return self.model_copy(update={"joints_deg": dict.fromkeys(joints, 0.0)})
 
     def goal(self, setting: Setting) -> ArticulateGoal:
         """The commands in the names of the model [rad]; joints must be the object's, and commands within limits."""
@@ -64,11 +92,11 @@ class Parameters(base.Parameters):
         return ArticulateGoal(joints=goals, tolerance=tolerance)
 
 
-class Articulate(Primitive[ArticulateGoal]):
+class Primitive(base.Primitive[ArticulateGoal]):
     """Every selected joint is within tolerance of its command, at rest and not forced past a limit."""
 
-    name = "articulate"
-    parameters = Parameters
+    goal_type = ArticulateGoal
+    against = ("nothing",)
     still = "on support"
     feels = False
     carries = False
@@ -90,6 +118,11 @@ class Articulate(Primitive[ArticulateGoal]):
         left = max((self._left(start, now, name) for name in self.goal.joints), default=0.0)
         moved = now.world_from_object[:3, 3] - start.world_from_object[:3, 3]
         return Progress(reach_m, left, float(np.linalg.norm(moved)) / STRAY_M, success)
+
+    def drawn(self, across_m: np.ndarray, turn_rad: float) -> ArticulateGoal:
+        """Other commands."""
+        joints = {name: place + turn_rad for name, place in self.goal.joints.items()}
+        return self.goal.model_copy(update={"joints": joints})
 
     def pushed(self, start: TaskState, now: TaskState) -> tuple[str, float] | None:
         """The joint farthest from its command, the last of equals."""

@@ -2,39 +2,48 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dextera_build.artifacts.goals import ArticulateGoal
 from dextera_build.geometry import lie, transforms
 from dextera_build.sim.control.mechanism import Mechanism
 from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.motion import Leg, minimum_jerk
-from dextera_build.sim.experts.pushing import Pushing
+from dextera_build.sim.experts.pushing import Pushing, Stroke
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.rehearse import Candidate
+from dextera_build.sim.experts.ways import (
+    ABOVE_M,
+    LEANS,
+    LOOKED,
+    PITCHES,
+    TURNS,
+    Expert,
+    Search,
+    comfortable,
+    mixed,
+    pushing,
+)
+from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal
 from dextera_build.sim.runtime.environment import Environment
+
+SHARES = (0.95, 0.8)
+"""Distances from the axis at which a link is pushed, see `Mechanism.pushed_at`."""
+NEAR_M = 0.025
+"""Distance behind a link at which a push begins if there is no space for more, as between two links [m]."""
 
 
 @dataclass(frozen=True)
-class Push:
-    """Parameters of a push, relative to the object's root; the same for every start."""
+class Swing(Stroke):
+    """A push of a link along the path of its joint, relative to the object's root."""
 
-    lean_rad: float
-    """Tilt of the fingers from straight down towards the initial push direction [rad]."""
-    turn_rad: float
-    """Rotation of the hand about the vertical, from the plane of the push [rad]."""
-    pitch_rad: float = 0.0
-    """Rotation of the hand about the initial push direction, fingers down at 0 [rad]."""
     share: float = 0.9
     """Distance from the axis, see `Mechanism.pushed_at`; a long lever needs the least force, so that light objects
     stay in place."""
-    clear_m: float = 0.06
-    """Distance behind the link at which the push begins [m]."""
     press_m: float = 0.008
     """Depth inside the link of the fingertips' target [m]."""
-    above_m: float = 0.16
-    """Height of the approach above the start of the push [m]."""
     seconds: tuple[float, float, float, float, float] = (1.4, 0.7, 0.4, 1.8, 0.8)
     """Durations: over, down behind, touch, push, press [s]."""
 
@@ -48,11 +57,10 @@ class Articulate(Pushing):
         push: Parameters of the push.
     """
 
-    def __init__(self, environment: Environment, reach: Reach, push: Push) -> None:
+    def __init__(self, environment: Environment, reach: Reach, push: Swing) -> None:
         super().__init__(environment, reach)
-        task = environment.task
-        assert isinstance(task.goal, ArticulateGoal)
-        ((self._joint, self._goal),) = task.goal.joints.items()
+        goal: ArticulateGoal = environment.primitive.goal
+        ((self._joint, self._goal),) = goal.joints.items()
         self._mechanism = Mechanism(environment.model, self._joint)
         self.push = push
 
@@ -96,3 +104,19 @@ class Articulate(Pushing):
         pitch = self.push.pitch_rad
         up = np.cos(pitch) * up + np.sin(pitch) * np.cross(up, ahead)
         return self._hand.turn(ahead, up, self.push.lean_rad)
+
+
+def _swings(search: Search) -> list[Candidate]:
+    """Pushes of the task's joint, most comfortable first."""
+    ways = [
+        Swing(lean, turn, pitch, share=share, above_m=above)
+        for pitch, turn, lean, share, above in itertools.product(PITCHES, TURNS, LEANS, SHARES, ABOVE_M)
+    ]
+    far, near = mixed(ways), mixed([replace(way, clear_m=NEAR_M) for way in ways])
+    half = LOOKED // 2
+    ordered = [*far[:half], *near, *far[half:]]
+    found = (pushing(way, Articulate(search.environment, search.reach, way), f" at {way.share:.0%}") for way in ordered)
+    return comfortable(search, found)
+
+
+EXPERTS = (Expert("nothing", _swings),)

@@ -7,15 +7,27 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.goals import LiftGoal
 from dextera_build.sim.primitives import base
-from dextera_build.sim.primitives.base import Past, Primitive, Setting
+from dextera_build.sim.primitives.base import Past, Setting, TypedGoal
 from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import SLIP_M_S as SLIP_M_S
 from dextera_build.sim.primitives.state import GraspState, TaskState
 
 
-class Parameters(base.Parameters):
+class LiftGoal(TypedGoal):
+    """The object rises, held by hands alone."""
+
+    primitive: str = "lift"
+    names: tuple[str, ...] = ("rise",)
+    height_m: float
+    """Required rise of the object's origin above its start [m]."""
+
+    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
+        """The rise [m]."""
+        return (self.height_m,)
+
+
+class Options(base.Options):
     """Options of a lift."""
 
     height_m: PositiveFloat = 0.10
@@ -26,15 +38,14 @@ class Parameters(base.Parameters):
         return LiftGoal(height_m=self.height_m)
 
 
-class Lift(Primitive[LiftGoal]):
+class Primitive(base.Primitive[LiftGoal]):
     """The object's origin rose by `height_m` and only a valid grasp holds it now.
 
     A valid grasp has at least two opposing fingers, of one hand or of several, no other support and no slip. A throw
     fails because no fingers press, pinning against the table because of the height and the support.
     """
 
-    name = "lift"
-    parameters = Parameters
+    goal_type = LiftGoal
     still = "in hand"
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
@@ -44,6 +55,10 @@ class Lift(Primitive[LiftGoal]):
     def target(self) -> tuple[float, float, float]:
         """The target height; any horizontal position."""
         return np.nan, np.nan, float(self.objects[self.task.object].pose.matrix[2, 3]) + self.goal.height_m
+
+    def drawn(self, across_m: np.ndarray, turn_rad: float) -> LiftGoal:
+        """Another height."""
+        return self.goal.model_copy(update={"height_m": self.goal.height_m + float(across_m[0])})
 
     def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
         """The reason: the object is too low, or not held."""

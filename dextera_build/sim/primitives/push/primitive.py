@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from pydantic import model_validator
 
-from dextera_build.artifacts.goals import PushGoal
 from dextera_build.artifacts.task import TaskObject, TaskSpec
-from dextera_build.geometry import quaternions
+from dextera_build.geometry import lie, quaternions
 from dextera_build.sim.primitives import base, poses
-from dextera_build.sim.primitives.base import Past, Primitive, Setting
+from dextera_build.sim.primitives.base import Past, Setting, TypedGoal
+from dextera_build.sim.primitives.poses import Quaternion, Tolerance
 from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
@@ -23,7 +23,34 @@ UNTOUCHED, TOUCHED = 0, 1
 """Stages: no hand has touched the object; one has."""
 
 
-class Parameters(poses.Near):
+class PushGoal(TypedGoal):
+    """The object stands at a position on its support, to which it was pushed."""
+
+    primitive: str = "push"
+    names: tuple[str, ...] = ("x", "y", "heading_x", "heading_y")
+    place_m: tuple[float, float]
+    """Target x and y of the object's origin [m]."""
+    yaw_rad: float | None
+    """Target rotation from the photographed orientation about the vertical [rad]; None: any."""
+    upright: Quaternion
+    """Photographed orientation, w x y z, relative to which the rotation is defined."""
+    tolerance: Tolerance
+    """Tolerance."""
+
+    @property
+    def turn(self) -> np.ndarray:
+        """Target rotation (3, 3); the photographed one if any rotation is accepted."""
+        about = lie.rotation(np.array([0.0, 0.0, self.yaw_rad or 0.0]))
+        return np.asarray(about @ quaternions.to_matrix(np.array(self.upright)))
+
+    def numbers(self, base_from_world: np.ndarray) -> tuple[float, ...]:
+        """Target position on the support [m], and direction of the object's x axis there; zeros for any rotation."""
+        place = base_from_world @ [*self.place_m, 0.0, 1.0]
+        ahead = base_from_world[:3, :3] @ self.turn[:, 0] * (self.yaw_rad is not None)
+        return (*map(float, place[:2]), *map(float, ahead[:2]))
+
+
+class Options(poses.Near):
     """Options of a push."""
 
     to_m: tuple[float, float] | None = None
@@ -34,7 +61,7 @@ class Parameters(poses.Near):
     """Target rotation about the vertical from the photographed orientation [deg]; None: any."""
 
     @model_validator(mode="after")
-    def _aimed(self) -> Parameters:
+    def _aimed(self) -> Options:
         if (self.to_m is None) == (self.by_m is None):
             raise ValueError("it needs one target; set `by_m: [0.1, 0.0]`, a way from the photograph, or `to_m`")
         return self
@@ -52,14 +79,13 @@ class Parameters(poses.Near):
         )
 
 
-class Push(Primitive[PushGoal]):
+class Primitive(base.Primitive[PushGoal]):
     """The object stands at its target within tolerance, after a hand pushed it there.
 
     An episode fails if the object was lifted, was touched by a hand that the task does not name, or jumped.
     """
 
-    name = "push"
-    parameters = Parameters
+    goal_type = PushGoal
     carries = False
 
     def __init__(self, task: TaskSpec, objects: Mapping[str, TaskObject] | None = None) -> None:
@@ -96,6 +122,17 @@ class Push(Primitive[PushGoal]):
         moved = 1.0 - clamp(left, 0.0, 2.0)
         reach = 1.0 - (1.0 - near(reach_m)) * min(1.0, left)
         return REACH * reach + MOVE * moved + DONE * float(success)
+
+    @property
+    def near_m(self) -> float:
+        """The tolerance of the position."""
+        return self.goal.tolerance.position_m
+
+    def drawn(self, across_m: np.ndarray, turn_rad: float) -> PushGoal:
+        """Another position, and another rotation if there is one."""
+        x, y = (np.array(self.goal.place_m) + across_m).tolist()
+        yaw = None if self.goal.yaw_rad is None else self.goal.yaw_rad + turn_rad
+        return self.goal.model_copy(update={"place_m": (x, y), "yaw_rad": yaw})
 
     def fair(self, places: Mapping[str, np.ndarray]) -> bool:
         """Whether the object does not stand at its target yet."""

@@ -6,15 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.goals import PlaceGoal
 from dextera_build.artifacts.task import Cavity
 from dextera_build.geometry import lie, quaternions, transforms
 from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.rehearse import Candidate
 from dextera_build.sim.experts.scripted import Taking
 from dextera_build.sim.experts.squeeze import PRESS_M, Squeeze
+from dextera_build.sim.experts.ways import Expert, Search, grasps, together
+from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal
 from dextera_build.sim.runtime.environment import Environment
 
 OVER_M = 0.08
@@ -42,12 +44,11 @@ class Target:
 
     def __init__(self, environment: Environment) -> None:
         task, bundle = environment.task, environment.bundle
-        assert isinstance(task.goal, PlaceGoal)
-        self._goal = task.goal
+        self._goal: PlaceGoal = environment.primitive.goal
         self._base_from_world = bundle.base_pose.inverse().matrix
         self._up = self._base_from_world[:3, 2].copy()
         self._points = bundle.objects[task.object].points.astype(np.float64)
-        self._cavity = bundle.objects[task.goal.into].cavity if task.goal.into else None
+        self._cavity = bundle.objects[self._goal.into].cavity if self._goal.into else None
 
     def pose(self, state: State, base: np.ndarray) -> np.ndarray:
         """T_base_object (4, 4) at its goal or on the rim; with the orientation at `base` (4, 4) if that fits."""
@@ -194,3 +195,16 @@ def _outside(points: np.ndarray, columns: np.ndarray, cell_m: float) -> float:
         return float((np.abs(points - middle) - half).max())
     # A round cavity is an ellipse within the same box.
     return float(((np.linalg.norm((points - middle) / half, axis=1) - 1.0) * half.min()).max())
+
+
+def _places(search: Search) -> list[Candidate]:
+    """Grasps of the task's object to carry it to its target."""
+    return grasps(search, lambda grasp: Place(search.environment, search.reach, grasp))
+
+
+def _places_together(search: Search) -> list[Candidate]:
+    """Two-handed grasps to carry the task's object."""
+    return together(search, lambda way: PlaceTogether(search.environment, search.reach, way))
+
+
+EXPERTS = (Expert("thumb", _places), Expert("nothing", _places_together, hands=2))

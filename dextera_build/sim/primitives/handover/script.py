@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.goals import HandoverGoal
 from dextera_build.geometry import lie
 from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.rehearse import Candidate, taking_turns
 from dextera_build.sim.experts.room import Room
 from dextera_build.sim.experts.scripted import Taking
+from dextera_build.sim.experts.ways import Expert, Search, grips, mixed
 from dextera_build.sim.runtime.environment import Environment
 
 RISES_M = (0.16, 0.24)
@@ -22,6 +24,15 @@ TURNS = np.radians([0, 45, -45, 90, -90])
 """Rotations of the object about the vertical on the way to the meeting place."""
 SECONDS = (0.8, 1.8, 0.8, 0.9, 0.8)
 """Durations: lift, bring, open, retreat, hold [s]."""
+
+SOME = 12
+"""Number of the giver's grasps that are combined with those of the receiver."""
+SHARE, MEETINGS = 8, 60
+"""One in so many of the receiver's grasps is tried at each of so many meeting places."""
+PAIRS = 20
+"""Maximum number of pairs of grasps that are rehearsed."""
+HANDS_APART_M = 0.10
+"""Minimum distance of two palms at one object [m]."""
 
 
 class Handover(Taking):
@@ -39,7 +50,6 @@ class Handover(Taking):
         self, environment: Environment, reach: Reach, meeting: np.ndarray, given: Grasp, received: Grasp
     ) -> None:
         super().__init__(environment, reach)
-        assert isinstance(environment.task.goal, HandoverGoal)
         self._giver, self._receiver = reach.limbs
         self.meeting, self.given, self.received = meeting, given, received
 
@@ -120,3 +130,47 @@ def meetings(base: np.ndarray, palms: Sequence[np.ndarray], up: np.ndarray) -> I
                 met = shifted(base, way * part + up * rise)
                 met[:3, :3] = lie.rotation(up * turn) @ base[:3, :3]
                 yield met
+
+
+def _handovers(search: Search) -> list[Candidate]:
+    """Pairs of grasps with meeting poses, most comfortable first."""
+    environment, reach, room, state = search.environment, search.reach, search.room, search.state
+    name = environment.task.object
+    giver, receiver = (reach.one(limb) for limb in reach.limbs)
+    own = Room(environment, giver)
+    free = (each for each in grips(environment, giver) if _given(own, giver, each, name, state) is not None)
+    gives = list(itertools.islice(free, SOME))
+    takes = grips(environment, receiver)
+    palms = [palm for palm, _ in reach.hands(state).values()]
+    up = environment.bundle.base_pose.inverse().matrix[:3, 2]
+    found: list[tuple[float, Candidate]] = []
+    tried = mixed(list(itertools.product(gives, list(meetings(state.objects[name], palms, up)))))
+    for number, (given, meeting) in enumerate(tried[:MEETINGS]):
+        there = held_at(giver, state, given, name, meeting)
+        if there is None:
+            continue
+        apart = [each for each in takes if _far_apart(given, each)]
+        for received in apart[number % SHARE :: SHARE]:
+            operator = Handover(environment, reach, meeting, given, received)
+            comfort = operator.received_comfort(room, there)
+            if comfort is not None and room.comfort(operator.phases(state), state) is not None:
+                way = f"{given.way} to {received.way}"
+                found.append((comfort, Candidate(f"{given.name}, then {received.name}", way, operator)))
+                break
+        if len(found) >= min(PAIRS, search.enough):
+            break
+    ordered = [each for _, each in sorted(found, key=lambda one: -one[0])]
+    return taking_turns(ordered, [each.way for each in ordered])
+
+
+def _given(room: Room, giver: Reach, grasp: Grasp, name: str, state: State) -> float | None:
+    up = room.up
+    return room.comfort([{giver.limb: grasp.taking(name, state.objects[name], up)}], state)
+
+
+def _far_apart(given: Grasp, received: Grasp) -> bool:
+    """Whether two hands in these grasps are far enough apart."""
+    return float(np.linalg.norm(given.palm[:3, 3] - received.palm[:3, 3])) > HANDS_APART_M
+
+
+EXPERTS = (Expert("thumb", _handovers, hands=2),)

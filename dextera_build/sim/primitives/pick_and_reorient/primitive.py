@@ -7,18 +7,23 @@ from collections.abc import Mapping
 import numpy as np
 from pydantic import model_validator
 
-from dextera_build.artifacts.goals import ReorientGoal
 from dextera_build.sim.primitives import base, poses
-from dextera_build.sim.primitives.base import Past, Primitive, Setting
+from dextera_build.sim.primitives.base import Past, Setting
 from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
 
-class Parameters(poses.Parameters):
+class ReorientGoal(poses.PoseGoal):
+    """A hand holds the object at a target pose, off its support."""
+
+    primitive: str = "pick_and_reorient"
+
+
+class Options(poses.Options):
     """Options of a reorientation: a position, an orientation, or both."""
 
     @model_validator(mode="after")
-    def _aimed(self) -> Parameters:
+    def _aimed(self) -> Options:
         if self.turn_deg is None and self.by_m is None and self.to_m is None:
             raise ValueError("there is no target; set `turn_deg: [90, 0, 0]`, `by_m` or `to_m`")
         return self
@@ -29,11 +34,10 @@ class Parameters(poses.Parameters):
         return ReorientGoal(place_m=place, quaternion=quaternion, tolerance=self.tolerance())
 
 
-class Reorient(Primitive[ReorientGoal]):
+class Primitive(base.Primitive[ReorientGoal]):
     """The object's pose is within tolerance of its target, and only a valid grasp holds it there."""
 
-    name = "pick_and_reorient"
-    parameters = Parameters
+    goal_type = ReorientGoal
 
     def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
         """Whether the object is at its target, in the hands that the task names."""
@@ -48,6 +52,15 @@ class Reorient(Primitive[ReorientGoal]):
     def target(self) -> tuple[float, float, float] | None:
         """The target position, if there is one."""
         return self.goal.place_m
+
+    @property
+    def near_m(self) -> float:
+        """The tolerance of the position."""
+        return self.goal.tolerance.position_m
+
+    def drawn(self, across_m: np.ndarray, turn_rad: float) -> ReorientGoal | None:
+        """Another target pose."""
+        return self.goal.moved(across_m, turn_rad)
 
     def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
         """The reason: the object is not at its target, or not held."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.goals import PushGoal
 from dextera_build.geometry import lie, transforms
 from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.motion import Leg, minimum_jerk
-from dextera_build.sim.experts.pushing import Pushing
+from dextera_build.sim.experts.pushing import Pushing, Stroke
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.rehearse import Candidate
+from dextera_build.sim.experts.ways import ABOVE_M, LEANS, PITCHES, TURNS, Expert, Search, comfortable, mixed, pushing
+from dextera_build.sim.primitives.push.primitive import PushGoal
 from dextera_build.sim.runtime.environment import Environment
 
 SPEED_M_S = 0.12
@@ -19,21 +22,11 @@ SPEED_M_S = 0.12
 
 
 @dataclass(frozen=True)
-class Stroke:
-    """Parameters of a push along the support; the same for every start."""
+class Slide(Stroke):
+    """A push along the support."""
 
-    lean_rad: float
-    """Tilt of the fingers from straight down towards the push [rad]."""
-    turn_rad: float
-    """Rotation of the hand about the vertical, from facing the object [rad]."""
-    pitch_rad: float = 0.0
-    """Rotation of the hand about the direction of the push, fingers down at 0 [rad]."""
     low: float = 0.35
     """Height of the fingertips, as a fraction of the object's; a low contact prevents tipping."""
-    clear_m: float = 0.06
-    """Distance behind the object at which the push begins [m]."""
-    above_m: float = 0.16
-    """Height of the approach above the start of the push [m]."""
     seconds: tuple[float, float, float, float] = (1.4, 0.7, 0.5, 1.0)
     """Durations: over, down behind, touch, rest at the target [s]."""
 
@@ -47,11 +40,11 @@ class Push(Pushing):
         stroke: Parameters of the push.
     """
 
-    def __init__(self, environment: Environment, reach: Reach, stroke: Stroke) -> None:
+    def __init__(self, environment: Environment, reach: Reach, stroke: Slide) -> None:
         super().__init__(environment, reach)
         task, bundle = environment.task, environment.bundle
-        assert isinstance(task.goal, PushGoal)
-        self._target = (self._base_from_world @ [*task.goal.place_m, 0.0, 1.0])[:3]
+        goal: PushGoal = environment.primitive.goal
+        self._target = (self._base_from_world @ [*goal.place_m, 0.0, 1.0])[:3]
         self._points = bundle.objects[task.object].points.astype(np.float64)
         self.stroke = stroke
 
@@ -90,3 +83,16 @@ class Push(Pushing):
         pitch = self.stroke.pitch_rad
         up = np.cos(pitch) * self._up + np.sin(pitch) * np.cross(self._up, facing)
         return self._hand.turn(facing, up, self.stroke.lean_rad)
+
+
+def _slides(search: Search) -> list[Candidate]:
+    """Pushes of the task's object along its support, most comfortable first."""
+    ways = [
+        Slide(lean, turn, pitch, above_m=above)
+        for pitch, turn, lean, above in itertools.product(PITCHES, TURNS, LEANS, ABOVE_M)
+    ]
+    found = (pushing(way, Push(search.environment, search.reach, way)) for way in mixed(ways))
+    return comfortable(search, found)
+
+
+EXPERTS = (Expert("nothing", _slides),)

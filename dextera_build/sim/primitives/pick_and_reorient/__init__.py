@@ -1,0 +1,1 @@
+"""Primitive `pick_and_reorient`."""
