@@ -129,7 +129,7 @@ def _reads(document: Document) -> dict[str, str]:
 
 def _companions(document: Document) -> dict[str, str]:
     return {
-        slot: ", ".join(f"`{stem}.py` beside {rule}" for rule, stem in sorted(stems.items()))
+        slot: ", ".join(f"`{stem}.py` beside {rule}" if stem else rule for rule, stem in sorted(stems.items()))
         for slot, stems in document.get("companions", {}).items()
     }
 
