@@ -175,13 +175,20 @@ def episode(steps: int = 20, *, seed: int = 0) -> Episode:
         segments=_segments(steps),
         action=ahead.astype(np.float32),
         executed=(ahead + rng.normal(0.0, 0.002, ahead.shape)).astype(np.float32),
-        joints=joints.astype(np.float32),
         hand=np.array([[_palm(row)] for row in ahead], np.float32),
-        objects=np.array([[_seven(place) for place in pair] for pair in places], np.float32),
-        displacement=np.linspace(0.0, 0.3, steps, dtype=np.float32)[:, None],
-        contact=np.stack([rise, -rise, 0.2 * rise], axis=-1)[:, None, :].repeat(2, axis=1).astype(np.float32),
+        terms={
+            "joints": joints.astype(np.float32),
+            "objects": np.array([[_seven(place) for place in pair] for pair in places], np.float32),
+            "displacement": np.linspace(0.0, 0.3, steps, dtype=np.float32)[:, None],
+            "contact": np.stack([rise, -rise, 0.2 * rise], axis=-1)[:, None, :].repeat(2, axis=1).astype(np.float32),
+        },
         goal=np.array([RISE_M], np.float32),
     )
+
+
+def observed(episode: Episode, **terms: np.ndarray) -> Episode:
+    """An episode with other values of observed terms."""
+    return episode.model_copy(update={"terms": {**episode.terms, **terms}})
 
 
 def _start(seed: int, box: np.ndarray, case: np.ndarray) -> Start:

@@ -31,7 +31,8 @@ class Array:
     """The declared form of an array field, used as `Annotated[np.ndarray, Array("V 3", "float32", unit="m")]`.
 
     Args:
-        shape: Axis sizes separated by spaces: numbers, names that must agree within one artifact, or `*` for any size.
+        shape: Axis sizes separated by spaces: numbers, names that must agree within one artifact, or `*` for any size;
+            `...` at the end stands for any further axes.
         dtype: NumPy dtype name.
         unit: SI unit, or "" for a pure number.
         frame: The frame that coordinates are expressed in, or "".
@@ -144,6 +145,8 @@ def check_array(place: str, name: str, value: np.ndarray, spec: Array, axes: dic
     if value.dtype != np.dtype(spec.dtype):
         raise ArtifactError(f"{place}: dtype is {value.dtype}, but {spec.describe()} is declared", code="DXB-A103")
     wanted = spec.shape.split()
+    if wanted[-1:] == ["..."]:
+        wanted[-1:] = ["*"] * (value.ndim - len(wanted) + 1)
     if value.ndim != len(wanted):
         raise ArtifactError(f"{place}: shape is {value.shape}, but {spec.describe()} is declared", code="DXB-A104")
     for axis, size in zip(wanted, value.shape, strict=True):

@@ -16,6 +16,7 @@ from dextera_build.artifacts.content import Content, Get, OnDisk, Stored
 from dextera_build.artifacts.identity import check
 from dextera_build.artifacts.lazy import contents
 from dextera_build.artifacts.reasons import tally
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.artifacts.variation import EXACT, Twist, Variation
 from dextera_build.errors import ArtifactError
 
@@ -86,20 +87,39 @@ class Episode(Artifact):
     """Intended joint targets: the label to learn from."""
     executed: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
     """Joint targets sent: `action` with added noise."""
-    joints: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
-    """Measured positions of the robot's joints."""
     hand: Annotated[np.ndarray, Array("T L 7", "float32", frame="base")]
     """Palm pose of every limb: commanded, if the targets in `action` were computed from it (operator, synthesis),
     otherwise measured (policy, replay, limbs without a command): position [m] and unit quaternion w x y z, in the
     robot's base."""
-    objects: Annotated[np.ndarray, Array("T O 7", "float32", frame="base")]
-    """Poses of the bundle's objects in its order: position [m] and unit quaternion w x y z, in the robot's base."""
-    displacement: Annotated[np.ndarray, Array("T K", "float32")]
-    """Positions of the objects' joints [rad or m]."""
-    contact: Annotated[np.ndarray, Array("T F 3", "float32", unit="N", frame="base")]
-    """Force on each fingertip; privileged."""
     goal: Annotated[np.ndarray, Array("G", "float32")]
     """The goal in the observations of policies, see `dextera_build.artifacts.goals`."""
+    terms: dict[str, Annotated[np.ndarray, Array("T ...", "float32")]]
+    """Observed term -> its values; `dextera_build.policy.declared` and `Episodes.terms` describe them."""
+
+    def values(self, term: str) -> np.ndarray:
+        """Recorded values of a term: observed, commanded or the goal."""
+        observed = self.terms.get(term)
+        return np.asarray(getattr(self, term) if observed is None else observed)
+
+    @property
+    def joints(self) -> np.ndarray:
+        """Measured positions of the robot's joints (T, A) [rad]."""
+        return self.terms["joints"]
+
+    @property
+    def objects(self) -> np.ndarray:
+        """Poses of the objects (T, O, 7) in the base: position [m] and unit quaternion w x y z."""
+        return self.terms["objects"]
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """Positions of the objects' joints (T, K) [rad or m]."""
+        return self.terms["displacement"]
+
+    @property
+    def contact(self) -> np.ndarray:
+        """Force on each fingertip (T, F, 3) [N] in the base; privileged."""
+        return self.terms["contact"]
 
 
 class Episodes(Artifact):
@@ -127,6 +147,8 @@ class Episodes(Artifact):
     """Fingertips of `Episode.contact`."""
     limb_names: tuple[str, ...]
     """Limbs of `Episode.hand`."""
+    terms: dict[str, TermSpec] = Field(default_factory=dict)
+    """Name of a term in `Episode.terms` that does not come with dxb -> its declaration."""
 
     @property
     def reasons(self) -> dict[str, int]:

@@ -18,7 +18,7 @@ class Channel(Value):
     """One input of a policy, or its output."""
 
     name: str
-    """Field of the deployable observation: `joints`, `objects`, `displacement`, `goal`, `previous_action`, `rgb`."""
+    """Term of the deployable observation: `joints`, `objects`, ..., `rgb`, or one that a project adds."""
     shape: tuple[int, ...]
     """Shape of one observed sample, before encoding."""
     names: tuple[str, ...] = ()

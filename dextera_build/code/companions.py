@@ -1,7 +1,8 @@
 """Companions: files whose code runs an artifact or a call, although no rule imports them.
 
 They lie beside the rule that made the artifact, such as `policy.py` for a checkpoint, or in a folder that an option
-names, such as `primitives/lift/`. An edit of one makes stale what runs it, and nothing else.
+names, such as `primitives/lift/`; the file of a rule may itself be one, such as that of an observation term. An edit of
+one makes stale what runs it, and nothing else.
 """
 
 from __future__ import annotations
@@ -33,8 +34,13 @@ class Companion:
 
     @property
     def name(self) -> str:
-        """The name of its folder: `act` of `rules/learn/act/policy.py`."""
-        return self.file.parent.name
+        """The name of its folder, `act` of `rules/learn/act/policy.py`; of a rule's own file, the name of the rule."""
+        return self.file.stem if self.own else self.file.parent.name
+
+    @property
+    def own(self) -> bool:
+        """Whether it is the file of the rule itself."""
+        return self.file.stem == self.of.rpartition(".")[2]
 
     @property
     def path(self) -> str:
@@ -47,12 +53,12 @@ class Companion:
         return imported(self.root, str(self), self.file)
 
     def __str__(self) -> str:
-        return f"`{self.file.name}` of {self.of}"
+        return self.of if self.own else f"`{self.file.name}` of {self.of}"
 
 
 def beside(found: RuleFile, stem: str) -> Companion:
-    """The companion of a rule in a file of this name, whether it exists or not."""
-    return Companion(found.path, found.file.with_name(f"{stem}.py"), found.root)
+    """The companion of a rule in a file of this name, whether it exists or not; with an empty name its own file."""
+    return Companion(found.path, found.file.with_name(f"{stem}.py") if stem else found.file, found.root)
 
 
 def in_folder(library: Library, folder: str, stem: str) -> Companion:

@@ -128,10 +128,12 @@ def _reads(document: Document) -> dict[str, str]:
 
 
 def _companions(document: Document) -> dict[str, str]:
-    return {
-        slot: ", ".join(f"`{stem}.py` of {of}" for of, _, stem in (path.rpartition("/") for path in paths))
-        for slot, paths in document.get("companions", {}).items()
-    }
+    return {slot: ", ".join(map(_companion, paths)) for slot, paths in document.get("companions", {}).items()}
+
+
+def _companion(path: str) -> str:
+    of, _, stem = path.rpartition("/")
+    return of if of.endswith(f".{stem}") else f"`{stem}.py` of {of}"
 
 
 def _code(document: Document) -> dict[str, str]:

@@ -179,7 +179,10 @@ def _channels(bundle: TaskBundle, layout: Layout, selection: Selection) -> tuple
     if selection.objects == "task":
         name = bundle.task.object
         only = {"objects": (name,), "displacement": bundle.objects[name].joints}
-    made = [contracts.channel(layout, name, only.get(name)) for name in contracts.CHANNELS if name in selection.inputs]
+    rows = {name: term.rows for name in selection.inputs if (term := layout.channel(name))}
+    known = [name for name in contracts.CHANNELS if name in selection.inputs]
+    added = [name for name in selection.inputs if name not in known]
+    made = [contracts.channel(layout, name, only.get(rows.get(name, ""))) for name in (*known, *added)]
     found = tuple(one for one in made if one.shape[0])
     if not found:
         raise RuleError(

@@ -2,28 +2,37 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.policy import Channel, Encoding, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.errors import RuleError, listing
-from dextera_build.policy.declared import BY_NAME
+from dextera_build.policy.declared import BY_NAME, DECLARED, POSE
 from dextera_build.policy.layout import Layout, of_bundle, of_episodes
 
-VECTORS = ("joints", "objects", "displacement", "goal", "previous_action")
-"""Vector channels, in the order of the networks' inputs."""
+VECTORS = tuple(term.name for term in DECLARED if term.seen_by == "policies" and term.rows != "cameras")
+"""Vector channels of dxb, in the order of the networks' inputs."""
 CHANNELS = (*VECTORS, "rgb")
-"""All channels that a policy may use, none of them privileged."""
+"""All channels of dxb that a policy may use, none of them privileged."""
+MISSPELLED = 0.8
+"""Similarity of an unknown name to a channel of dxb, 0..1, above which it is taken for a misspelling."""
 
 
 def check_inputs(names: tuple[str, ...], known: tuple[str, ...] = CHANNELS) -> None:
     """Raise for inputs that no policy can have, so that a recipe with one is refused before anything is built.
 
+    An unknown name may be that of an added term, unless it looks like a misspelling of a known one; the training
+    refuses it if its data lack it.
+
     Args:
         names: Channels of a policy.
-        known: Allowed channels.
+        known: Allowed channels of dxb.
 
     Raises:
-        ValueError: There is none, a duplicate, one that a robot cannot measure, or one that does not exist.
+        ValueError: There is none, a duplicate, one that a robot cannot measure, or a misspelled one.
     """
     if not names or len(set(names)) < len(names):
         raise ValueError("`inputs` must name one channel or more, each once")
@@ -31,6 +40,8 @@ def check_inputs(names: tuple[str, ...], known: tuple[str, ...] = CHANNELS) -> N
         if name in known:
             continue
         term = BY_NAME.get(name)
+        if term is None and not difflib.get_close_matches(name, known, n=1, cutoff=MISSPELLED):
+            continue
         hidden = term is not None and term.seen_by != "policies"
         why = "is privileged: only a simulator measures it" if hidden else "is no channel that this policy can take"
         raise ValueError(f"`{name}` {why}; `inputs` may name {listing(known)}")
@@ -41,7 +52,7 @@ def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> C
 
     Args:
         layout: Layout of the data.
-        name: One of `CHANNELS`.
+        name: One of `CHANNELS`, or an added term.
         only: Components that the policy uses, by name; None: all.
 
     Raises:
@@ -58,17 +69,29 @@ def channel(layout: Layout, name: str, only: tuple[str, ...] | None = None) -> C
             hint="give a film, or leave `rgb` out of `inputs`" if name == "rgb" else None,
         )
     kept = names if only is None else tuple(part for part in names if part in only)
-    encoding: Encoding = "pose" if name == "objects" else "plain"
-    shape = (len(kept), 7) if name == "objects" else (len(kept),)
-    return Channel(name=name, shape=shape, names=kept, encoding=encoding)
+    declared = layout.channel(name)
+    encoding: Encoding = "pose" if declared is not None and declared.parts == POSE else "plain"
+    return Channel(name=name, shape=(len(kept), *_parts(layout, name)), names=kept, encoding=encoding)
 
 
 def offered(layout: Layout) -> tuple[str, ...]:
     """Names of the channels that `layout` provides."""
-    return (*VECTORS, "rgb") if layout.picture else VECTORS
+    return (*VECTORS, *(term.name for term in layout.added), *(("rgb",) if layout.picture else ()))
 
 
-def check(contract: PolicyContract, bundle: TaskBundle, rate_hz: float | None = None, view: View | None = None) -> None:
+def _parts(layout: Layout, name: str) -> tuple[int, ...]:
+    """Shape of one row of a channel."""
+    declared = layout.channel(name)
+    return () if declared is None else layout.shape(declared)[1:]
+
+
+def check(
+    contract: PolicyContract,
+    bundle: TaskBundle,
+    rate_hz: float | None = None,
+    view: View | None = None,
+    terms: Iterable[TermSpec] = (),
+) -> None:
     """Raise for a policy that was trained for another task, robot, rate or camera.
 
     Args:
@@ -76,11 +99,12 @@ def check(contract: PolicyContract, bundle: TaskBundle, rate_hz: float | None = 
         bundle: World that it will run in.
         rate_hz: Rate at which it will be called [Hz]; None: the bundle's.
         view: The camera of its pictures.
+        terms: Terms that do not come with dxb.
 
     Raises:
         RuleError: There are differences; the error lists all of them.
     """
-    found = differences(contract, of_bundle(bundle, view, rate_hz))
+    found = differences(contract, of_bundle(bundle, view, rate_hz, terms))
     if found:
         raise RuleError(
             f"the policy does not fit the task bundle: {', '.join(found)}",
@@ -155,6 +179,10 @@ def _compare_channel(found: dict[str, str], wanted: Channel, here: Layout) -> No
     lost = [part for part in wanted.names if part not in names]
     if wanted.name in ("joints", "previous_action") and wanted.names != here.joints:
         found[f"other `{wanted.name}`"] = f"the policy has {_listed(wanted.names)}, the bundle has {_listed(names)}"
+    elif wanted.shape[1:] != _parts(here, wanted.name):
+        found[f"other components of `{wanted.name}`"] = (
+            f"the policy has {wanted.shape[1:]}, the bundle has {_parts(here, wanted.name)}"
+        )
     elif lost and len(wanted.names) != len(names):
         found[f"another size of `{wanted.name}`"] = (
             f"the policy has {_listed(wanted.names)}, the bundle has {_listed(names)}"

@@ -12,7 +12,6 @@ TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
 PLACE = ("x", "y", "z")
 
 DECLARED: tuple[Declared, ...] = (
-    Declared("previous_action", "policy", "joints", (), "rad or m", "", "joint targets that were sent last"),
     Declared(
         "joints",
         "proprioception",
@@ -24,6 +23,7 @@ DECLARED: tuple[Declared, ...] = (
         feature="observation.state",
         topic="/joint_states",
         message="sensor_msgs/JointState",
+        recorded=True,
     ),
     Declared(
         "objects",
@@ -36,6 +36,7 @@ DECLARED: tuple[Declared, ...] = (
         feature="observation.environment_state",
         topic="/tf",
         message="tf2_msgs/TFMessage",
+        recorded=True,
     ),
     Declared(
         "displacement",
@@ -48,6 +49,7 @@ DECLARED: tuple[Declared, ...] = (
         feature="observation.environment_state",
         topic="/objects/joint_states",
         message="sensor_msgs/JointState",
+        recorded=True,
     ),
     Declared(
         "goal",
@@ -59,6 +61,7 @@ DECLARED: tuple[Declared, ...] = (
         "target pose, or signed target positions of joints, by primitive",
         feature="observation.goal",
     ),
+    Declared("previous_action", "policy", "joints", (), "rad or m", "", "joint targets that were sent last"),
     Declared(
         "contact",
         "contact",
@@ -71,6 +74,7 @@ DECLARED: tuple[Declared, ...] = (
         feature="privileged.contact",
         topic="/wrench/{}",
         message="geometry_msgs/WrenchStamped",
+        recorded=True,
     ),
     Declared(
         "joint_velocities",
@@ -221,3 +225,5 @@ DECLARED: tuple[Declared, ...] = (
 """All terms. Poses are position and quaternion w x y z with w >= 0."""
 
 BY_NAME = {term.name: term for term in DECLARED}
+HIDDEN = frozenset(term.name for term in DECLARED if term.seen_by != "policies")
+"""Terms that policies may not see."""

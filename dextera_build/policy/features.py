@@ -12,41 +12,33 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.policy import Channel
+from dextera_build.policy.declared import HIDDEN
 from dextera_build.policy.layout import Layout
 
 if TYPE_CHECKING:
     from dextera_build.policy.observation import DeployableObservation
 
 Fields = dict[str, np.ndarray]
-"""Field of the deployable observation -> its samples, stacked along the first axis."""
+"""Term of the deployable observation -> its samples, stacked along the first axis."""
 
 
 def recorded(episode: Episode) -> Fields:
     """Observations at each of the T steps of an episode, without pictures.
 
     Returns:
-        `joints`, `previous_action` (T, A) [rad]; `objects` (T, O, 7); `displacement` (T, K); `goal` (T, G).
+        `joints`, `previous_action` (T, A) [rad]; `objects` (T, O, 7); `displacement` (T, K); `goal` (T, G); and the
+        terms that do not come with dxb.
     """
     steps = len(episode.action)
     sent = np.concatenate([episode.start.ctrl[None].astype(np.float32), episode.executed])[:steps]
-    return {
-        "joints": episode.joints,
-        "previous_action": sent,
-        "objects": episode.objects,
-        "displacement": episode.displacement,
-        "goal": np.broadcast_to(episode.goal, (steps, len(episode.goal))),
-    }
+    goal = np.broadcast_to(episode.goal, (steps, len(episode.goal)))
+    shown = {name: values for name, values in episode.terms.items() if name not in HIDDEN}
+    return {**shown, "previous_action": sent, "goal": goal}
 
 
 def observed(observation: DeployableObservation) -> Fields:
     """One live observation as a stack of one sample."""
-    fields = {
-        "joints": observation.joints,
-        "previous_action": observation.previous_action,
-        "objects": observation.objects,
-        "displacement": observation.displacement,
-        "goal": observation.goal,
-    }
+    fields = dict(observation.values)
     if observation.rgb is not None:
         fields["rgb"] = observation.rgb
     return {name: np.asarray(field)[None] for name, field in fields.items()}
@@ -72,7 +64,7 @@ class Reader:
     def read(self, fields: Mapping[str, np.ndarray]) -> Fields:
         """Encoded and normalised inputs, float32 (N, tokens, features) each.
 
-        Each object is one token; every other channel is one token.
+        Each row of a channel with components, such as an object, is one token; every other channel is one token.
         """
         return {channel.name: normalised(channel, self.encoded(channel, fields)) for channel in self._channels}
 
@@ -81,12 +73,14 @@ class Reader:
         picked = fields[channel.name][:, self._rows[channel.name]].astype(np.float32)
         if channel.encoding == "pose":
             return np.concatenate([picked[..., :3], rotation_columns(picked[..., 3:])], axis=-1)
-        return picked[:, None, :]
+        return picked if picked.ndim == 3 else picked[:, None, :]
 
 
 def tokens(channel: Channel) -> tuple[int, int]:
     """(tokens, features per token) of a vector channel."""
-    return (channel.shape[0], 9) if channel.encoding == "pose" else (1, channel.shape[0])
+    if channel.encoding == "pose":
+        return channel.shape[0], 9
+    return (channel.shape[0], channel.shape[1]) if len(channel.shape) == 2 else (1, channel.shape[0])
 
 
 def normalised(channel: Channel, samples: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from dextera_build import digest
@@ -10,8 +10,10 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.episode import Episode, Episodes, Film
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.term import TermSpec
+from dextera_build.errors import RuleError, listing
 from dextera_build.policy.declared import BY_NAME, DECLARED
-from dextera_build.policy.terms import EXACT, Declared, Sensor, Term
+from dextera_build.policy.terms import EXACT, Declared, Sensor, Term, added
 
 
 @dataclass(frozen=True)
@@ -40,13 +42,23 @@ class Layout:
     """Limbs of the robot."""
     points: int = 0
     """Number of points on the surface of the task's object."""
+    added: tuple[Declared, ...] = ()
+    """Terms that do not come with dxb."""
 
     def names(self, channel: str) -> tuple[str, ...] | None:
         """Names of the rows of a channel of numbers that policies may see, or None for another channel."""
-        declared = BY_NAME.get(channel)
-        if declared is None or declared.seen_by != "policies" or declared.rows == "cameras":
-            return None
-        return self._rows(declared)
+        declared = self.channel(channel)
+        return None if declared is None else self._rows(declared)
+
+    def channel(self, name: str) -> Declared | None:
+        """The declaration of a channel of numbers that policies may see, or None for another channel."""
+        found = BY_NAME.get(name) or next((each for each in self.added if each.name == name), None)
+        return None if found is None or found.seen_by != "policies" or found.rows == "cameras" else found
+
+    def shape(self, declared: Declared) -> tuple[int, ...]:
+        """Shape of one observation of a term of numbers."""
+        count = self.points if declared.rows == "points" else len(self._rows(declared))
+        return (count, len(declared.parts)) if declared.parts and declared.rows else (count,)
 
     def terms(
         self, cameras: Mapping[str, Camera] | None = None, sensors: Mapping[str, Sensor] | None = None
@@ -59,7 +71,7 @@ class Layout:
         """
         given = sensors or {}
         found = []
-        for declared in DECLARED:
+        for declared in (*DECLARED, *self.added):
             if declared.rows == "cameras":
                 for name, camera in (cameras or {}).items():
                     # Points have the errors of the depth that they are computed from.
@@ -67,18 +79,16 @@ class Layout:
                     sensor = given.get(f"{source}/{name}", given.get(source, EXACT))
                     found.append(self._term(declared, (), _pixels(declared, camera), sensor, name))
                 continue
-            rows = self._rows(declared)
-            count = self.points if declared.rows == "points" else len(rows)
-            if count:
-                shape = (count, len(declared.parts)) if declared.parts else (count,)
-                found.append(self._term(declared, rows, shape, given.get(declared.name, EXACT)))
+            shape = self.shape(declared)
+            if shape[0]:
+                found.append(self._term(declared, self._rows(declared), shape, given.get(declared.name, EXACT)))
         return tuple(found)
 
     def _rows(self, declared: Declared) -> tuple[str, ...]:
         known: dict[str, tuple[str, ...]] = {
             name: getattr(self, name) for name in ("joints", "objects", "displacement", "goal", "tips", "limbs")
         }
-        return known.get(declared.rows, ())
+        return known.get(declared.rows, ()) if declared.rows else declared.parts
 
     def _term(
         self, declared: Declared, names: tuple[str, ...], shape: tuple[int, ...], sensor: Sensor, camera: str = ""
@@ -97,8 +107,14 @@ def embodiment(robot: RobotModel) -> str:
     return digest.of_value([[joint.name, float(joint.lower), float(joint.upper)] for joint in robot.joints])
 
 
-def of_bundle(bundle: TaskBundle, view: View | None = None, rate_hz: float | None = None) -> Layout:
-    """The layout of a task bundle, seen through `view`, at its own rate or at `rate_hz`."""
+def of_bundle(
+    bundle: TaskBundle, view: View | None = None, rate_hz: float | None = None, terms: Iterable[TermSpec] = ()
+) -> Layout:
+    """The layout of a task bundle, seen through `view`, at its own rate or at `rate_hz`, with added terms.
+
+    Raises:
+        RuleError: Two terms have the same name.
+    """
     task = bundle.task
     points = {name: len(thing.points) for name, thing in bundle.objects.items()}
     return Layout(
@@ -113,6 +129,7 @@ def of_bundle(bundle: TaskBundle, view: View | None = None, rate_hz: float | Non
         tips=bundle.robot.tips,
         limbs=bundle.robot.limb_names,
         points=points.get(task.object, 0),
+        added=_added(terms),
     )
 
 
@@ -129,11 +146,16 @@ def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | None = N
         picture=(film.height, film.width) if film else None,
         tips=episodes.tip_names,
         limbs=episodes.limb_names,
+        added=_added(episodes.terms.values()),
     )
 
 
 def gathered(
-    bundle: TaskBundle, items: Mapping[str, Episode], failures: Mapping[str, Episode], attempts: int
+    bundle: TaskBundle,
+    items: Mapping[str, Episode],
+    failures: Mapping[str, Episode],
+    attempts: int,
+    terms: Iterable[TermSpec] = (),
 ) -> Episodes:
     """Episodes of a task bundle with the names of the components of their arrays.
 
@@ -142,6 +164,7 @@ def gathered(
         items: Index -> accepted episode.
         failures: Index -> discarded episode.
         attempts: Number of attempts behind both.
+        terms: Terms that do not come with dxb.
     """
     here = of_bundle(bundle)
     return Episodes(
@@ -156,4 +179,19 @@ def gathered(
         displacement_names=here.displacement,
         tip_names=bundle.robot.tips,
         limb_names=bundle.robot.limb_names,
+        terms={term.term: term for term in terms},
     )
+
+
+def _added(specs: Iterable[TermSpec]) -> tuple[Declared, ...]:
+    found: dict[str, Declared] = {}
+    for spec in specs:
+        if spec.term in found or spec.term in BY_NAME:
+            raise RuleError(
+                f"two terms are called `{spec.term}`",
+                code="DXB-B391",
+                facts={"terms of dxb": listing(BY_NAME, most=40)},
+                hint="rename the added term, and the file of its rule",
+            )
+        found[spec.term] = added(spec)
+    return tuple(found.values())

@@ -1,16 +1,24 @@
 """Deployable and privileged observations, as two types to prevent confusion.
 
-Table I of the paper; `declared` describes every field. Deployable values are also available from sensors and an object
-tracker on hardware; privileged ones are read from the simulator's state, for teachers and critics only. Poses and
-forces are expressed in the robot's base frame, which is available on hardware without a world frame.
+Table I of the paper; both hold values by term, and `declared` describes every term. Deployable values are also
+available from sensors and an object tracker on hardware; privileged ones are read from the simulator's state, for
+teachers and critics only. Poses and forces are expressed in the robot's base frame, which is available on hardware
+without a world frame.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+from dextera_build.policy.declared import HIDDEN
+from dextera_build.policy.seen import Seen, values
+
+if TYPE_CHECKING:
+    from dextera_build.policy.added import AddedTerms
 
 
 @dataclass(frozen=True)
@@ -49,18 +57,18 @@ class Measurement:
 class DeployableObservation:
     """All inputs that a policy may use, made from a `Measurement`, never from a simulator's state."""
 
-    previous_action: np.ndarray
-    """Last joint targets sent (A,) float32 [rad]."""
-    joints: np.ndarray
-    """Positions of the robot's joints (A,) float32 [rad]."""
-    objects: np.ndarray
-    """Poses of the objects (O, 7) float32 in the base frame."""
-    displacement: np.ndarray
-    """Positions of the objects' joints (K,) float32 [rad or m]."""
-    goal: np.ndarray
-    """Goal (G,) float32 in the base frame, see `dextera_build.artifacts.goals`."""
+    values: Mapping[str, np.ndarray]
+    """Term -> its values, float32; see `declared`."""
     frames: Frames = field(default_factory=dict)
     """Frames of all cameras; a `Frame` has the terms `rgb`, `depth` and `cloud`."""
+
+    def __post_init__(self) -> None:
+        if not HIDDEN.isdisjoint(self.values):
+            raise TypeError(f"policies may not see {sorted(HIDDEN & self.values.keys())}")
+
+    def __getitem__(self, term: str) -> np.ndarray:
+        """Values of a term."""
+        return self.values[term]
 
     @property
     def rgb(self) -> np.ndarray | None:
@@ -72,33 +80,55 @@ class DeployableObservation:
 class PrivilegedObservation:
     """Values available only in a simulator."""
 
-    contact: np.ndarray
-    """Force on each fingertip (F, 3) float32 [N] in the base frame."""
-    joint_velocities: np.ndarray
-    """Speeds of the robot's joints (A,) float32 [rad/s]."""
-    object_velocities: np.ndarray
-    """Velocities of the objects' origins (O, 6) float32: linear [m/s], angular [rad/s], in the base frame."""
-    displacement_velocities: np.ndarray
-    """Speeds of the objects' joints (K,) float32 [rad/s or m/s]."""
-    hand_poses: np.ndarray
-    """Pose of every limb's palm (L, 7) float32 in the base frame."""
-    hand_velocities: np.ndarray
-    """Velocities of the palms (L, 6) float32: linear [m/s], angular [rad/s], in the base frame."""
-    tip_poses: np.ndarray
-    """Poses of the fingertips of all limbs (F, 7) float32 in the base frame."""
-    tip_velocities: np.ndarray
-    """Velocities of the fingertips (F, 6) float32: linear [m/s], angular [rad/s], in the base frame."""
-    points: np.ndarray
-    """Points on the surface of the task's object (P, 3) float32 [m] in the base frame."""
+    values: Mapping[str, np.ndarray]
+    """Term -> its values, float32; see `declared`."""
+
+    def __getitem__(self, term: str) -> np.ndarray:
+        """Values of a term."""
+        return self.values[term]
 
 
-def deployable(measured: Measurement, previous_action: np.ndarray, goal: np.ndarray) -> DeployableObservation:
-    """The observation of a policy from one measurement; the only way to make one at run time."""
-    return DeployableObservation(
-        previous_action=np.asarray(previous_action, np.float32),
-        joints=np.asarray(measured.joints, np.float32),
-        objects=np.asarray(measured.objects, np.float32),
-        displacement=np.asarray(measured.displacement, np.float32),
-        goal=np.array(goal, np.float32),
-        frames=measured.frames,
+def deployable(
+    measured: Measurement, previous_action: np.ndarray, goal: np.ndarray, added: AddedTerms | None = None
+) -> DeployableObservation:
+    """The observation of a policy from one measurement; the only way to make one at run time.
+
+    Args:
+        measured: The measurement.
+        previous_action: Joint targets that were sent last (A,) [rad].
+        goal: Goal (G,).
+        added: Terms that do not come with dxb.
+    """
+    worlds = Seen(
+        measured.joints[None],
+        measured.objects[None],
+        measured.displacement[None],
+        previous_action[None],
+        goal[None],
+        None if added is None else added.embodied,
     )
+    found = _values(worlds, added)
+    return DeployableObservation({name: value[0] for name, value in found.items()}, measured.frames)
+
+
+def in_worlds(
+    measured: Sequence[Measurement],
+    previous_actions: Sequence[np.ndarray],
+    goals: Sequence[np.ndarray],
+    added: AddedTerms | None = None,
+) -> dict[str, np.ndarray]:
+    """Deployable term -> its values in N worlds (N, ...) float32, without pictures."""
+    worlds = Seen(
+        np.stack([each.joints for each in measured]),
+        np.stack([each.objects for each in measured]),
+        np.stack([each.displacement for each in measured]),
+        np.stack(previous_actions),
+        np.stack(goals),
+        None if added is None else added.embodied,
+    )
+    return _values(worlds, added)
+
+
+def _values(worlds: Seen, added: AddedTerms | None) -> dict[str, np.ndarray]:
+    own = values(worlds)
+    return own if added is None else own | added.values(worlds)

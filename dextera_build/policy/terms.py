@@ -1,7 +1,9 @@
 """Terms: quantities that can be observed and recorded in a task, declared once as data in `declared`.
 
-Spaces of Gymnasium, features of LeRobot, topics and messages of ROS 2 recordings and the table in the docs are
-generated from them. `Layout.terms` resolves a declaration for one robot, its objects and its cameras.
+Observations, recordings, spaces of Gymnasium, features of LeRobot, topics and messages of ROS 2 recordings and the
+table in the docs are generated from them. `Layout.terms` resolves a declaration for one robot, its objects and its
+cameras. The function of a term has its name: in `seen` for a term that policies may see, in
+`dextera_build.sim.runtime.privileged` for one that only critics may see.
 """
 
 from __future__ import annotations
@@ -11,13 +13,14 @@ from functools import cached_property
 from typing import Literal
 
 from dextera_build.artifacts.noise import ColourNoise, DepthNoise
+from dextera_build.artifacts.term import TermSpec
 
 Group = Literal["policy", "proprioception", "state", "contact", "goal", "privileged", "rgb", "depth", "cloud", "record"]
 """The nine modalities of Table I, and `record` for additional recorded data."""
 Reader = Literal["policies", "critics", "data sets"]
 """Access to a term: `policies` unrestricted, `critics` only in a simulator, `data sets` only in recordings."""
-Rows = Literal["joints", "objects", "displacement", "goal", "tips", "limbs", "points", "cameras"]
-"""Meaning of the first axis of a term, or that there is one term per camera."""
+Rows = Literal["joints", "objects", "displacement", "goal", "tips", "limbs", "points", "cameras", ""]
+"""Meaning of the first axis of a term, or that there is one term per camera; empty: a single row."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class Declared:
     """Declaration of a term, common to all tasks."""
 
     name: str
-    """Field of its observation type, of `Frame` or of `Episode`."""
+    """Its name in observations and episodes, or a field of `Frame`."""
     group: Group
     """Its modality."""
     rows: Rows
@@ -72,6 +75,25 @@ class Declared:
     """Topic of ROS 2; `{}` is the row or the camera."""
     message: str = ""
     """Type of its messages."""
+    recorded: bool = False
+    """Whether episodes hold its observed values."""
+
+
+def added(spec: TermSpec) -> Declared:
+    """The declaration of a term that does not come with dxb."""
+    return Declared(
+        spec.term,
+        "state",
+        spec.rows,  # type: ignore[arg-type]  # checked by `TermSpec`
+        spec.parts,
+        spec.unit,
+        spec.frame,
+        spec.about,
+        feature=f"observation.{spec.term}",
+        topic=f"/{spec.term}",
+        message="std_msgs/Float64MultiArray",
+        recorded=True,
+    )
 
 
 @dataclass(frozen=True)
@@ -105,8 +127,8 @@ class Term:
     @property
     def components(self) -> tuple[str, ...]:
         """Names of its components, row by row: `mug.x`; rows of a single, nameless limb have no prefix."""
-        if not self.declared.parts:
-            return self.names
+        if not self.declared.parts or not self.declared.rows:
+            return self.declared.parts or self.names
         alone = self.declared.rows == "limbs" and len(self.names) == 1
         return tuple(part if alone else f"{name}.{part}" for name in self.names for part in self.declared.parts)
 

@@ -173,7 +173,8 @@ class Context(Calling, Generic[B]):
 
         Args:
             slot: An input.
-            name: Folder of the rule that made the artifact, as the artifact says: `act` of `rules/learn/act/`.
+            name: Folder of the rule that made the artifact, as the artifact says: `act` of `rules/learn/act/`; with
+                `@rule(runs={slot: ""})` the name of the rule itself.
             protocol: The `Protocol` that the module follows.
 
         Raises:

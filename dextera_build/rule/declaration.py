@@ -164,7 +164,8 @@ def rule(  # noqa: PLR0913 - one argument per declaration
             result of a key stays.
         discovers: Whether calls discover the project files they read, with `ctx.read`, `ctx.glob`, `ctx.exists`.
         runs: Inputs that are run by code beside the rules that made them, `{"checkpoint": "policy"}` for `policy.py`,
-            or in the folder that an option of these rules names; `ctx.companion` gives it. It is part of the key.
+            `{"terms": ""}` for the files of these rules, or in the folder that an option of these rules names;
+            `ctx.companion` gives it. It is part of the key.
         folders: Options that name a folder of code, `{"primitive": "primitives"}`: `primitive: lift` is the folder
             `primitives/lift/`, whose `primitive.py` is part of the key and defines `Options`, set as `lift: {...}`;
             `ctx.named` gives both.

@@ -48,7 +48,7 @@ def running(companions: Companions) -> Callable[[str, str, type[Any]], Any]:
     def companion(slot: str, name: str, protocol: type[Any]) -> Any:
         named = {each.name: each for each in companions.get(slot, ())}
         if name not in named:
-            said = f"the rule must name what it makes after its folder: {listing(named)}" if named else None
+            said = f"the rule must name what it makes after its folder or file: {listing(named)}" if named else None
             raise RuleError(
                 f"what runs `{name}` of the input `{slot}` is not beside a rule that made it",
                 code="DXB-B385",

@@ -6,7 +6,8 @@ from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.rule import Context, rule
 
-SAME = ("task", "embodiment", "rate_hz", "joint_names", "object_names", "displacement_names", "tip_names", "limb_names")
+NAMES = ("joint_names", "object_names", "displacement_names", "tip_names", "limb_names")
+SAME = ("task", "embodiment", "rate_hz", *NAMES, "terms")
 """Fields that must be equal in all shards."""
 
 

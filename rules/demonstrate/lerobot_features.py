@@ -99,6 +99,6 @@ def _by_feature(episodes: Episodes, goal: tuple[str, ...]) -> list[tuple[str, li
 
 def _recorded(episode: Episode, term: Term) -> np.ndarray:
     """Values of a term at every step (T, N)."""
-    values: np.ndarray = getattr(episode, term.declared.name)
+    values = episode.values(term.declared.name)
     steps = len(episode.joints)
     return np.tile(values, (steps, 1)) if term.declared.name == "goal" else values.reshape(steps, -1)

@@ -120,7 +120,7 @@ class EpisodeRecording:
         t, reach = self._time(step), self._time(1)
         edges = [(parent, child, rows[step]) for parent, child, rows in self._moving]
         for term in self._terms:
-            for topic, message in _messages(term, getattr(episode, term.declared.name)[step], t, reach, edges):
+            for topic, message in _messages(term, episode.values(term.declared.name)[step], t, reach, edges):
                 self._out.send(topic, term.declared.message, t, message)
 
     def picture(self, step: int, pixels: np.ndarray, view: View | None) -> None:
@@ -167,4 +167,6 @@ def _messages(
             return [(term.topic(name), messages.pose(t, BASE, row)) for name, row in rows]
         case "geometry_msgs/WrenchStamped":
             return [(term.topic(name), messages.wrench(t, BASE, row)) for name, row in rows]
+        case "std_msgs/Float64MultiArray":
+            return [(term.topic(), messages.numbers(term.components, values))]
     raise NotImplementedError(term.declared.message)

@@ -8,9 +8,12 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.reasons import spelled
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.term import TermSpec
+from dextera_build.policy.added import listed
 from dextera_build.rule import Context, Options, Tolerance, rule
 from dextera_build.statistics import wilson
 
@@ -41,7 +44,15 @@ class OperateOptions(Options):
 class OperateBackend(Protocol):
     """Interface of a backend of demonstrate.operate."""
 
-    def operate(self, ctx: Context, bundle: TaskBundle, common: OperateOptions, options: Any) -> Episodes:
+    def operate(
+        self,
+        ctx: Context,
+        bundle: TaskBundle,
+        common: OperateOptions,
+        options: Any,
+        *,
+        terms: tuple[TermSpec, ...],
+    ) -> Episodes:
         """Attempt demonstrations until enough succeed or the attempts are used up."""
         ...
 
@@ -56,18 +67,24 @@ class OperateBackend(Protocol):
 @rule(
     version=2,
     tolerance=Tolerance({"items": math.inf, "failures": math.inf, "attempts": math.inf}, metrics={"success": 20.0}),
-    runs={"bundle": ("primitive", "script")},
+    runs={"bundle": ("primitive", "script"), "terms": ""},
 )
-def operate(ctx: Context[OperateBackend], bundle: TaskBundle, *, options: OperateOptions) -> Episodes:
+def operate(
+    ctx: Context[OperateBackend],
+    bundle: TaskBundle,
+    terms: Collection[TermSpec] | None = None,
+    *,
+    options: OperateOptions,
+) -> Episodes:
     """Return demonstrations from drawn starts, in the robot's base frame [m, rad], and failed attempts with reasons.
 
     The backend's operator plans only from the shape of the task's assets and the embodiment's data. The backend
-    offers `operate(bundle, options, progress) -> Episodes` and `strips(bundle, episodes) -> list of (caption, pixels)`.
+    offers `operate(bundle, options, terms) -> Episodes` and `strips(bundle, episodes) -> list of (caption, pixels)`.
 
     Raises:
         RuleError: Too few attempts succeed, or the operator finds no plan for the task; not with option `attempts`.
     """
-    shown: Episodes = ctx.backend.operate(ctx, bundle, options, ctx.backend_options)
+    shown: Episodes = ctx.backend.operate(ctx, bundle, options, ctx.backend_options, terms=listed(terms))
     reasons = spelled(shown.reasons, most=5)
     done = len(shown.items)
     ctx.check(

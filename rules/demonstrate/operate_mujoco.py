@@ -8,7 +8,9 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Episodes
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.policy import layout
+from dextera_build.policy.added import of_specs
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.drive import Driver, Filters
@@ -31,9 +33,11 @@ SHOWN = 10
 """Pictures per strip."""
 
 
-def operate(ctx: Context, bundle: TaskBundle, common: OperateOptions, options: Options) -> Episodes:
+def operate(
+    ctx: Context, bundle: TaskBundle, common: OperateOptions, options: Options, *, terms: tuple[TermSpec, ...]
+) -> Episodes:
     """Attempt demonstrations until enough succeed or the attempts are used up."""
-    driver = Driver(Environment(bundle))
+    driver = Driver(Environment(bundle, terms=of_specs(terms, ctx.companion)))
     operator = planning.practise(driver, ctx.progress, anyway=common.attempts is not None)
     filters = Filters(lag_m=common.lag_m, press_n=common.press_n)
     items: dict[str, Episode] = {}
@@ -46,7 +50,7 @@ def operate(ctx: Context, bundle: TaskBundle, common: OperateOptions, options: O
         (items if episode.success else failures)[f"{attempts:05d}"] = episode
         attempts += 1
         ctx.progress(attempts, most, f"{len(items)} succeeded")
-    return layout.gathered(bundle, items, failures, attempts)
+    return layout.gathered(bundle, items, failures, attempts, terms)
 
 
 def strips(ctx: Context, bundle: TaskBundle, episodes: Episodes, options: Options) -> list[tuple[str, np.ndarray]]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.runtime.pretence import pretended
@@ -18,13 +19,15 @@ if TYPE_CHECKING:
 BACKEND = Backend(summary="no simulation: nothing moves, and every episode succeeds", profiles=("stub",))
 
 
-def operate(ctx: Context, bundle: TaskBundle, common: OperateOptions, options: Options) -> Episodes:
+def operate(
+    ctx: Context, bundle: TaskBundle, common: OperateOptions, options: Options, *, terms: tuple[TermSpec, ...]
+) -> Episodes:
     """Return the requested number of motionless episodes."""
     items = {
-        f"{number:05d}": pretended(bundle, common.seed + number, "operator", success=True)
+        f"{number:05d}": pretended(bundle, common.seed + number, "operator", success=True, terms=terms)
         for number in range(min(common.most()))
     }
-    return layout.gathered(bundle, items, {}, len(items))
+    return layout.gathered(bundle, items, {}, len(items), terms)
 
 
 def strips(ctx: Context, bundle: TaskBundle, episodes: Episodes, options: Options) -> list[tuple[str, np.ndarray]]:

@@ -7,9 +7,12 @@ from typing import Any, Protocol
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.episode import Episodes, Shard
 from dextera_build.artifacts.reasons import spelled
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.term import TermSpec
+from dextera_build.policy.added import listed
 from dextera_build.rule import Context, Options, Tolerance, rule
 
 
@@ -44,7 +47,15 @@ class SynthesizeBackend(Protocol):
     """Interface of a backend of demonstrate.synthesize."""
 
     def synthesize(
-        self, ctx: Context, bundle: TaskBundle, sources: Episodes, shard: Shard, common: SynthesizeOptions, options: Any
+        self,
+        ctx: Context,
+        bundle: TaskBundle,
+        sources: Episodes,
+        shard: Shard,
+        common: SynthesizeOptions,
+        options: Any,
+        *,
+        terms: tuple[TermSpec, ...],
     ) -> Episodes:
         """Attempt episodes until the shard is full or fails."""
         ...
@@ -54,10 +65,16 @@ class SynthesizeBackend(Protocol):
 @rule(
     version=1,
     tolerance=Tolerance({"items": math.inf, "failures": math.inf, "attempts": math.inf}, metrics={"yield": 0.2}),
-    runs={"bundle": "primitive"},
+    runs={"bundle": "primitive", "terms": ""},
 )
 def synthesize(
-    ctx: Context[SynthesizeBackend], bundle: TaskBundle, sources: Episodes, shard: Shard, *, options: SynthesizeOptions
+    ctx: Context[SynthesizeBackend],
+    bundle: TaskBundle,
+    sources: Episodes,
+    shard: Shard,
+    terms: Collection[TermSpec] | None = None,
+    *,
+    options: SynthesizeOptions,
 ) -> Episodes:
     """Return the shard's episodes in the robot's base frame [m, rad], and discarded attempts with their reasons.
 
@@ -70,7 +87,9 @@ def synthesize(
         f"the demonstrations show `{sources.task}`, but the task is `{bundle.task.name}`",
         hint="give both the same task bundle",
     )
-    found: Episodes = ctx.backend.synthesize(ctx, bundle, sources, shard, options, ctx.backend_options)
+    found: Episodes = ctx.backend.synthesize(
+        ctx, bundle, sources, shard, options, ctx.backend_options, terms=listed(terms)
+    )
     done = len(found.items)
     ctx.check(
         done == shard.count,

@@ -8,8 +8,10 @@ import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Episodes, Shard
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.errors import RuleError
 from dextera_build.policy import layout
+from dextera_build.policy.added import of_specs
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.drive import Driver, Filters, Noise
@@ -28,10 +30,17 @@ BACKEND = Backend(
 
 
 def synthesize(
-    ctx: Context, bundle: TaskBundle, sources: Episodes, shard: Shard, common: SynthesizeOptions, options: Options
+    ctx: Context,
+    bundle: TaskBundle,
+    sources: Episodes,
+    shard: Shard,
+    common: SynthesizeOptions,
+    options: Options,
+    *,
+    terms: tuple[TermSpec, ...],
 ) -> Episodes:
     """Attempt episodes until the shard is full or fails."""
-    driver = Driver(Environment(bundle))
+    driver = Driver(Environment(bundle, terms=of_specs(terms, ctx.companion)))
     manner = _manner(common)
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}
@@ -51,7 +60,7 @@ def synthesize(
         else:
             failures[f"{shard.first:05d}-{attempts:03d}"] = episode
         ctx.progress(len(items), shard.count, f"{attempts} attempts")
-    return layout.gathered(bundle, items, failures, attempts)
+    return layout.gathered(bundle, items, failures, attempts, terms)
 
 
 def _manner(options: SynthesizeOptions) -> synthesis.Manner:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.episode import Episodes, Shard
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:
@@ -15,7 +16,14 @@ BACKEND = Backend(summary="no simulation: the demonstrations over again", profil
 
 
 def synthesize(
-    ctx: Context, bundle: TaskBundle, sources: Episodes, shard: Shard, common: SynthesizeOptions, options: Options
+    ctx: Context,
+    bundle: TaskBundle,
+    sources: Episodes,
+    shard: Shard,
+    common: SynthesizeOptions,
+    options: Options,
+    *,
+    terms: tuple[TermSpec, ...],
 ) -> Episodes:
     """Return the shard's number of episodes."""
     demonstrations = list(sources.items.values())

@@ -15,9 +15,10 @@ from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.episode import Episodes
 from dextera_build.artifacts.reasons import spelled, tally
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.artifacts.trials import Actor, Attempt, Poses, Sighting, Trial, Trials
 from dextera_build.errors import listing
-from dextera_build.policy.layout import embodiment, of_bundle
+from dextera_build.policy.layout import embodiment, gathered
 from dextera_build.rule import ROUNDING, Context, Tolerance
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.statistics import Rate
@@ -40,10 +41,12 @@ class Record:
     Args:
         bundle: The world.
         poses: Source of the actor's object poses.
+        terms: Recorded terms that do not come with dxb.
     """
 
     bundle: TaskBundle
     poses: Poses = "exact"
+    terms: tuple[TermSpec, ...] = ()
     items: list[Trial] = field(default_factory=list)
     placed: list[np.ndarray] = field(default_factory=list)
     excluded: Counter[str] = field(default_factory=Counter)
@@ -93,25 +96,12 @@ class Record:
 
     def kept(self) -> Episodes:
         """The kept examples, readable without the task's model."""
-        layout = of_bundle(self.bundle)
         kept = {
             success: {str(number): attempt.episode}
             for success, (number, attempt) in self.examples.items()
             if attempt.episode is not None
         }
-        return Episodes(
-            items=kept.get(True, {}),
-            failures=kept.get(False, {}),
-            attempts=len(self.items),
-            task=layout.task,
-            embodiment=layout.embodiment,
-            rate_hz=layout.rate_hz,
-            joint_names=layout.joints,
-            object_names=layout.objects,
-            displacement_names=layout.displacement,
-            tip_names=self.bundle.robot.tips,
-            limb_names=self.bundle.robot.limb_names,
-        )
+        return gathered(self.bundle, kept.get(True, {}), kept.get(False, {}), len(self.items), self.terms)
 
 
 def same_task(ctx: Context, twin: TaskBundle, world: TaskBundle) -> None:

@@ -8,12 +8,15 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.artifacts.trials import Attempt, Trials
 from dextera_build.policy import contract as contracts
+from dextera_build.policy.added import listed
 from dextera_build.rule import Context, Options, rule
 
 from .attempts import resumed
@@ -37,7 +40,7 @@ class RolloutsOptions(Options):
 class RolloutsBackend(Protocol):
     """Interface of a backend of evaluate.rollouts."""
 
-    def rollouts(
+    def rollouts(  # noqa: PLR0913 - one argument per input
         self,
         ctx: Context,
         bundle: TaskBundle,
@@ -47,6 +50,8 @@ class RolloutsBackend(Protocol):
         twin: TaskBundle | None,
         seeds: list[int],
         options: Any,
+        *,
+        terms: tuple[TermSpec, ...],
     ) -> Iterator[Attempt]:
         """One attempt per seed, in order, each independent of the earlier ones."""
         ...
@@ -63,7 +68,7 @@ class RolloutsBackend(Protocol):
     packages=("numpy",),
     memory_gb=2.0,
     tolerance=TOLERANCE,
-    runs={"checkpoint": "policy", "bundle": "primitive", "twin": "primitive"},
+    runs={"checkpoint": "policy", "bundle": "primitive", "twin": "primitive", "terms": ""},
 )
 def rollouts(
     ctx: Context[RolloutsBackend],
@@ -72,6 +77,7 @@ def rollouts(
     view: View | None = None,
     cell: Cell | None = None,
     twin: TaskBundle | None = None,
+    terms: Collection[TermSpec] | None = None,
     *,
     options: RolloutsOptions,
 ) -> Trials:
@@ -85,12 +91,13 @@ def rollouts(
     """
     if twin is not None:
         same_task(ctx, twin, bundle)
-    contracts.check(checkpoint.contract, bundle, view=view)
-    record = Record(bundle, "exact" if cell is None else "tracked")
+    added = listed(terms)
+    contracts.check(checkpoint.contract, bundle, view=view, terms=added)
+    record = Record(bundle, "exact" if cell is None else "tracked", added)
 
     def make(left: list[int]) -> Iterator[Attempt]:
         made: Iterator[Attempt] = ctx.backend.rollouts(
-            ctx, bundle, checkpoint, view, cell, twin, left, ctx.backend_options
+            ctx, bundle, checkpoint, view, cell, twin, left, ctx.backend_options, terms=added
         )
         return made
 

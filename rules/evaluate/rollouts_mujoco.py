@@ -8,7 +8,9 @@ from contextlib import nullcontext
 from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.artifacts.trials import Attempt
+from dextera_build.policy.added import of_specs
 from dextera_build.policy.running import Runner
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.observe import pictures
@@ -27,7 +29,7 @@ BACKEND = Backend(
 )
 
 
-def rollouts(
+def rollouts(  # noqa: PLR0913 - one argument per input
     ctx: Context,
     bundle: TaskBundle,
     checkpoint: Checkpoint,
@@ -36,11 +38,13 @@ def rollouts(
     twin: TaskBundle | None,
     seeds: list[int],
     options: Options,
+    *,
+    terms: tuple[TermSpec, ...],
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     runner: Runner = ctx.companion("checkpoint", checkpoint.contract.algorithm, Runner)
-    policy = load(runner, checkpoint, bundle, view)
-    environment = Environment(bundle)
+    policy = load(runner, checkpoint, bundle, view, terms=terms)
+    environment = Environment(bundle, terms=of_specs(terms, ctx.companion))
     sees = view is not None and any(channel.name == "rgb" for channel in checkpoint.contract.inputs)
     opened = pictures.live(environment, view) if view and sees else nullcontext()
     names = objects_of(checkpoint.contract, bundle)

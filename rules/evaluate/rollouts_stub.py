@@ -10,6 +10,7 @@ from dextera_build.artifacts.cell import Cell
 from dextera_build.artifacts.episode import Episode
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.artifacts.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.runtime.pretence import pretended
@@ -17,7 +18,7 @@ from dextera_build.sim.runtime.pretence import pretended
 BACKEND = Backend(summary="no simulation: nine of ten tries succeed", profiles=("stub",))
 
 
-def rollouts(
+def rollouts(  # noqa: PLR0913 - one argument per input
     ctx: Context,
     bundle: TaskBundle,
     checkpoint: Checkpoint,
@@ -26,10 +27,12 @@ def rollouts(
     twin: TaskBundle | None,
     seeds: list[int],
     options: Options,
+    *,
+    terms: tuple[TermSpec, ...],
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     for seed in seeds:
-        episode = pretended(bundle, seed, "policy", success=seed % 10 > 0)
+        episode = pretended(bundle, seed, "policy", success=seed % 10 > 0, terms=terms)
         yield Attempt(seed=seed, episode=episode, placed=episode.objects[0])
 
 

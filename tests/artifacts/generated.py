@@ -41,6 +41,7 @@ from dextera_build.artifacts.scene_description import (
     SceneDescription,
 )
 from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.term import ROWS, TermSpec
 from dextera_build.artifacts.trials import Operated, Trials
 from tests.artifacts import generated_cameras
 from tests.artifacts import generated_scenes as scenes
@@ -94,6 +95,10 @@ def _fields(draw: Draw, kind: type[BaseModel]) -> dict[str, Any]:
 
 def _folder(draw: Draw) -> dict[str, Any]:
     return {"files": draw(st.dictionaries(LABELS.map(lambda name: f"a/{name}"), PLAIN[bytes], max_size=3))}
+
+
+def _term(draw: Draw) -> dict[str, Any]:
+    return _fields(draw, TermSpec) | {"term": "height", "rows": draw(st.sampled_from(ROWS))}
 
 
 def _mesh(draw: Draw) -> dict[str, Any]:
@@ -182,6 +187,7 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Photograph: _photograph,
     Pose: _pose,
     Similarity: _similarity,
+    TermSpec: _term,
     **generated_cameras.SPECIAL,
     PointCloud: _point_cloud,
     Splats: _splats,
@@ -232,6 +238,8 @@ def _array(draw: Draw, spec: Array, axes: dict[str, int]) -> np.ndarray:
         return draw(st.integers(0, 4)) if axis == "*" else axes.setdefault(axis, draw(st.integers(1, 4)))
 
     dtype = np.dtype(spec.dtype)
-    shape = tuple(map(size, spec.shape.split()))
+    *axes_named, last = spec.shape.split()
+    rest = draw(st.sampled_from([[], ["*"], ["*", "*"]])) if last == "..." else [last]
+    shape = tuple(map(size, (*axes_named, *rest)))
     options = {"allow_nan": not spec.finite, "allow_infinity": not spec.finite} if dtype.kind == "f" else {}
     return draw(arrays.arrays(dtype, shape, elements=arrays.from_dtype(dtype, **options)))  # type: ignore[call-overload]

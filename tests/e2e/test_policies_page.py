@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 import shutil
 from pathlib import Path
@@ -10,23 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import dextera_build
 from dextera_build.code.loader import bundled
-from dextera_build.project.project import Project
-from dextera_build.recipe.plan import Plan, Request, plan
-from dextera_build.recipe.profiles import Profile
 from dextera_build.testing import RuleRunner
 from tests import gate
+from tests.e2e.page import blocks, planned, stale
 from tests.e2e.space import Space
 from tests.policy import policies
 
-PAGE = (Path(dextera_build.__file__).parent / "docs" / "policies.md").read_text()
 TRIALS = {"act_twin", "act_reference", "act_cell", "act_image_twin", "act_image_reference"}
 """Nodes of task/close_laptop that run a policy of learn.act."""
-
-
-def blocks(kind: str) -> list[str]:
-    return re.findall(rf"^```{kind}\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
 
 
 @pytest.fixture
@@ -38,21 +29,9 @@ def space(tmp_path: Path) -> Space:
 
 def add_nearest(space: Space) -> None:
     """Write the files of the page."""
-    space.write("rules/learn/nearest/nearest.py", blocks("python")[0])
-    space.write("rules/learn/nearest/policy.py", blocks("python")[1])
-    space.write("recipes/task/nearest.yaml", blocks("yaml")[0])
-
-
-def planned(space: Space, address: str) -> Plan:
-    project = Project(space.root)
-    return plan(address, project.recipe, project.library, project.root, Request(Profile("stub", {})))
-
-
-def stale(before: Plan, after: Plan) -> set[str]:
-    """Calls of which the key holds something else."""
-    old = {path: (call.rule, call.options, call.inputs) for path, call in before.graph.calls()}
-    new = {path: (call.rule, call.options, call.inputs) for path, call in after.graph.calls()}
-    return {".".join(path) for path in old.keys() | new.keys() if old.get(path) != new.get(path)}
+    space.write("rules/learn/nearest/nearest.py", blocks("policies", "python")[0])
+    space.write("rules/learn/nearest/policy.py", blocks("policies", "python")[1])
+    space.write("recipes/task/nearest.yaml", blocks("policies", "yaml")[0])
 
 
 def test_adding_and_editing_an_algorithm_makes_its_own_nodes_stale_alone(space: Space) -> None:
@@ -93,7 +72,9 @@ def test_the_commands_of_the_page_run_and_only_what_was_added_runs(space: Space)
     before = space.build("task/close_laptop", "--profile", "stub")
     assert before.code == 0, before.err[-3000:]
     add_nearest(space)
-    commands = [line[2:] for block in blocks("console") for line in block.splitlines() if line.startswith("$ ")]
+    commands = [
+        line[2:] for block in blocks("policies", "console") for line in block.splitlines() if line.startswith("$ ")
+    ]
     assert any(command.startswith("dxb build") for command in commands)
     for command in commands:
         words = shlex.split(command)[1:]

@@ -12,7 +12,7 @@ from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.policy import layout
 from dextera_build.policy.features import Fields
-from dextera_build.policy.observation import DeployableObservation, PrivilegedObservation
+from dextera_build.policy.observation import DeployableObservation
 from dextera_build.policy.running import Ensemble, Policy, PolicyFault
 from tests import episodes
 from tests.policy import policies
@@ -115,10 +115,10 @@ def test_pictures_are_needed_by_policies_that_look_and_by_no_others():
 def test_a_policy_cannot_be_given_what_only_a_simulator_knows():
     hints = typing.get_type_hints(Policy.act)
     assert hints["observation"] is DeployableObservation
-    shown = {field.name for field in dataclasses.fields(DeployableObservation)}
-    hidden = {field.name for field in dataclasses.fields(PrivilegedObservation)}
-    assert not shown & hidden
-    assert {channel.name for channel in policies.contract(BUNDLE).inputs} <= shown
+    shown = policies.observation().values
+    assert {channel.name for channel in policies.contract(BUNDLE).inputs} <= shown.keys()
+    with pytest.raises(TypeError, match=r"policies may not see \['contact'\]"):
+        DeployableObservation({**shown, "contact": np.zeros((2, 3))})
 
 
 def test_privileged_quantities_full_of_nan_change_nothing():

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.episode import Episode
-from dextera_build.policy import layout
+from dextera_build.policy import layout, seen
 from dextera_build.policy.declared import BY_NAME, DECLARED
-from dextera_build.policy.observation import DeployableObservation, Frame, PrivilegedObservation
+from dextera_build.policy.observation import Frame
 from dextera_build.policy.terms import Sensor
+from dextera_build.sim.runtime import privileged
 from rules.demonstrate import lerobot_features
 from tests import episodes
+from tests.policy import policies
 
 BUNDLE = episodes.bundle()
 
@@ -23,11 +25,11 @@ def names(reader: str, *, cameras: bool = False) -> set[str]:
 
 
 def test_every_field_of_an_observation_is_declared_and_the_reverse():
-    fields = {kind: {field.name for field in dataclasses.fields(kind)} for kind in (DeployableObservation, Frame)}
-    assert names("policies") == fields[DeployableObservation] - {"frames"}
-    assert names("policies", cameras=True) == fields[Frame]
-    assert names("critics") == {field.name for field in dataclasses.fields(PrivilegedObservation)}
+    assert names("policies") == policies.observation().values.keys() == seen.MEASURES.keys()
+    assert names("policies", cameras=True) == {field.name for field in dataclasses.fields(Frame)}
+    assert names("critics") == privileged.MEASURES.keys()
     assert names("data sets") <= set(Episode.model_fields)
+    assert {term.name for term in DECLARED if term.recorded} == episodes.episode().terms.keys()
 
 
 def test_the_nine_modalities_of_the_paper_are_there():

@@ -261,6 +261,22 @@ def test_a_name_that_no_maker_has_is_one_clear_error(songs: Space) -> None:
         run(songs, None)
 
 
+def test_a_rule_may_be_its_own_companion(songs: Space) -> None:
+    songs.edit("rules/songs/perform.py", 'runs={"song": "sing"}', 'runs={"song": ""}')
+    own = SING.replace('"""Sings."""', "")
+    for name in ("high", "low"):
+        songs.write(f"rules/songs/{name}/{name}.py", MAKE.format(name=name).lstrip() + own)
+    before = calls(songs)
+    assert before["one"].rule.companions == {"song": {"songs.high": ""}}
+    assert run(songs, "songs.high").data == b"high!"
+    with pytest.raises(RuleError, match="is not beside a rule that made it") as wrong:
+        run(songs, "songs.high", name="low")
+    assert wrong.value.hint == "the rule must name what it makes after its folder or file: high"
+    songs.edit("rules/songs/high/high.py", "song.singer.encode()", "song.singer.upper().encode()")
+    after = calls(songs)
+    assert {name for name in before if before[name].rule.code != after[name].rule.code} == {"high", "one"}
+
+
 def test_a_companion_without_its_function_is_one_clear_error(songs: Space) -> None:
     songs.edit("rules/songs/high/sing.py", "def sing", "def hum")
     with pytest.raises(RuleError, match=r"`sing\.py` of songs\.high has no function `sing`") as caught:

@@ -47,6 +47,12 @@ def text(words: str) -> bytes:
     return Cdr().string(words).bytes()
 
 
+def numbers(names: Sequence[str], values: np.ndarray) -> bytes:
+    """`std_msgs/Float64MultiArray` of named numbers; the label of its only dimension lists the names."""
+    count = len(names)
+    return Cdr().u32(1).string(", ".join(names)).u32(count, count, 0).f64s(values.ravel()).bytes()
+
+
 def wrench(stamp: int, frame: str, force: np.ndarray) -> bytes:
     """`geometry_msgs/WrenchStamped` of a force (3,) [N] along the axes of `frame`; torque was not recorded."""
     return _header(stamp, frame).f64(force).f64((0.0, 0.0, 0.0)).bytes()

@@ -50,7 +50,7 @@ class Deployed:
 
     def _begin(self, observation: DeployableObservation) -> None:
         """Plan in the twin from the measured state."""
-        environment, sent = self._twin.environment, np.asarray(observation.previous_action, np.float64)
+        environment, sent = self._twin.environment, np.asarray(observation["previous_action"], np.float64)
         environment.begin(reconstruct(_measured(observation), sent, environment, Tracker(), 0))
         try:
             self._operator.begin(self._twin.state())
@@ -62,7 +62,7 @@ class Deployed:
 
 def _measured(observation: DeployableObservation) -> Measurement:
     return Measurement(
-        observation.joints.astype(np.float64),
-        observation.objects.astype(np.float64),
-        observation.displacement.astype(np.float64),
+        observation["joints"].astype(np.float64),
+        observation["objects"].astype(np.float64),
+        observation["displacement"].astype(np.float64),
     )

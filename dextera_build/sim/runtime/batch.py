@@ -17,6 +17,8 @@ import numpy as np
 from dextera_build.artifacts.episode import Start
 from dextera_build.artifacts.task import TaskBundle
 from dextera_build.errors import MachineError, RuleError, install_extra
+from dextera_build.policy.added import AddedTerm
+from dextera_build.policy.observation import in_worlds
 from dextera_build.sim.runtime.environment import Environment, Outcome
 
 CONTACTS, CONSTRAINTS = 256, 1024
@@ -30,13 +32,20 @@ class Batch:
         bundle: The task.
         starts: The start of every world; all have objects of the same sizes, because meshes are shared.
         device: A device of Warp, `cpu` or `cuda:0`; None: a GPU if there is one.
+        terms: Terms of observations that do not come with dxb.
 
     Raises:
         MachineError: MuJoCo Warp is not installed.
         RuleError: Sizes differ, or MuJoCo Warp does not support the model.
     """
 
-    def __init__(self, bundle: TaskBundle, starts: Sequence[Start], device: str | None = None) -> None:
+    def __init__(
+        self,
+        bundle: TaskBundle,
+        starts: Sequence[Start],
+        device: str | None = None,
+        terms: Sequence[AddedTerm] = (),
+    ) -> None:
         warp, self._mjw = _installed()
         if any(start.size_scale != starts[0].size_scale for start in starts):
             raise RuleError(
@@ -44,8 +53,8 @@ class Batch:
                 code="DXB-B221",
                 hint="give all starts one `size_scale`, or run one batch for each",
             )
-        first = Environment(bundle)
-        others = [Environment(bundle, copy.copy(first.model)) for _ in starts[1:]]
+        first = Environment(bundle, terms=terms)
+        others = [Environment(bundle, copy.copy(first.model), terms) for _ in starts[1:]]
         self.worlds = [first, *others]
         """The world of every start, for observations and success."""
         for world, start in zip(self.worlds, starts, strict=True):
@@ -82,6 +91,15 @@ class Batch:
             world.broken(action) if to is None else world.conclude(to)
             for world, action, to in zip(self.worlds, actions, limited, strict=True)
         ]
+
+    def observe(self) -> dict[str, np.ndarray]:
+        """Deployable term -> its values in all worlds (N, ...) float32."""
+        return in_worlds(
+            [world.measure() for world in self.worlds],
+            [world.previous_action for world in self.worlds],
+            [world.goal for world in self.worlds],
+            self.worlds[0].added,
+        )
 
     def _shared(self, warp: Any, known: mujoco.MjModel) -> Any:
         """The model on the device, with one copy per world of the fields that differ."""

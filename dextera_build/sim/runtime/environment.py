@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -15,7 +15,10 @@ from dextera_build.artifacts.task import TaskBundle
 from dextera_build.artifacts.variation import EXACT
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions, transforms
+from dextera_build.policy.added import AddedTerm, AddedTerms
+from dextera_build.policy.layout import of_bundle
 from dextera_build.policy.observation import DeployableObservation, Frames, Measurement, deployable
+from dextera_build.policy.seen import Embodied
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.model import compile_folder
 from dextera_build.sim.primitives import catalogue
@@ -24,6 +27,7 @@ from dextera_build.sim.primitives.state import TaskState
 from dextera_build.sim.primitives.success import Judge
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.dynamics import Dynamics
+from dextera_build.sim.runtime.palms import Palms
 from dextera_build.sim.runtime.strata import Stratum
 
 RAMP = 5
@@ -78,13 +82,18 @@ class Environment:
     Args:
         bundle: The task.
         model: Its compiled model, which this environment takes over and modifies; None: compiled here.
+        terms: Terms of observations that do not come with dxb.
 
     Raises:
-        RuleError: MuJoCo cannot load the model.
+        RuleError: MuJoCo cannot load the model, or two terms have the same name.
     """
 
-    def __init__(self, bundle: TaskBundle, model: mujoco.MjModel | None = None) -> None:
+    def __init__(
+        self, bundle: TaskBundle, model: mujoco.MjModel | None = None, terms: Sequence[AddedTerm] = ()
+    ) -> None:
         self.bundle = bundle
+        self.specs = tuple(term.spec for term in terms)
+        """Declarations of the terms that do not come with dxb."""
         self._set_goal(bundle.task.goal)
         self.model = compile_folder(bundle.model) if model is None else model
         self.data, self._scratch = mujoco.MjData(self.model), mujoco.MjData(self.model)
@@ -95,6 +104,8 @@ class Environment:
         self.period_s = self.substeps * self.model.opt.timestep
         self._dynamics = Dynamics(bundle, self.model)
         self._index()
+        self.added = self._add(terms) if terms else None
+        """The terms that do not come with dxb."""
         self._known = _Frame.of(bundle.base_pose.matrix)
         self.begin(starts.photographed(bundle, self.model))
 
@@ -205,7 +216,7 @@ class Environment:
 
     def observe(self, frames: Frames | None = None) -> DeployableObservation:
         """The current observation of a policy."""
-        return deployable(self.measure(frames), self.previous_action, self.goal)
+        return deployable(self.measure(frames), self.previous_action, self.goal, self.added)
 
     def measure(self, frames: Frames | None = None) -> Measurement:
         """The current readings of joint encoders and a tracker, with the given frames of cameras."""
@@ -263,6 +274,10 @@ class Environment:
             speeds={name: float(self._qvel[speed]) for name, _, _, speed in self._inner},
             grasps=self.hands.grasps(self.model, self.data, self._target) if self.primitive.feels else {},
         )
+
+    def _add(self, terms: Sequence[AddedTerm]) -> AddedTerms:
+        embodied = Embodied(list(self.bundle.objects).index(self.task.object), Palms(self.bundle.robot, self.model))
+        return AddedTerms(terms, of_bundle(self.bundle, terms=self.specs), embodied)
 
     def _set_goal(self, goal: Goal) -> None:
         """Set the objective."""

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from dextera_build.artifacts.policy import Checkpoint
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.policy import contract as contracts
 from dextera_build.policy.layout import of_bundle
 from dextera_build.policy.running import Policy, Runner
@@ -18,6 +21,7 @@ def load(
     view: View | None = None,
     *,
     rate_hz: float | None = None,
+    terms: Collection[TermSpec] = (),
 ) -> Policy:
     """Load the policy of a checkpoint, ready to run in a task bundle.
 
@@ -27,11 +31,12 @@ def load(
         bundle: The world's task; twin, reference or perturbed.
         view: The camera of an image policy.
         rate_hz: Control rate [Hz]; None: the bundle's.
+        terms: Terms of observations that do not come with dxb.
 
     Raises:
         RuleError: The policy does not fit the bundle, or the weights are corrupt.
     """
     contract = checkpoint.contract
-    contracts.check(contract, bundle, rate_hz, view)
+    contracts.check(contract, bundle, rate_hz, view, terms)
     limits = np.array([(joint.lower, joint.upper) for joint in bundle.robot.joints])
-    return Policy(contract, of_bundle(bundle, view, rate_hz), runner.predict(checkpoint, bundle), limits)
+    return Policy(contract, of_bundle(bundle, view, rate_hz, terms), runner.predict(checkpoint, bundle), limits)

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Origin, Start
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.geometry import poses
+from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.primitives import catalogue
 
 STEPS = 4
 
 
-def pretended(bundle: TaskBundle, seed: int, origin: Origin, *, success: bool) -> Episode:
-    """A trial of `STEPS` control periods in which robot and objects stay as photographed."""
+def pretended(
+    bundle: TaskBundle, seed: int, origin: Origin, *, success: bool, terms: Collection[TermSpec] = ()
+) -> Episode:
+    """A trial of `STEPS` control periods in which robot and objects stay as photographed; added `terms` are 0."""
+    layout = of_bundle(bundle, terms=terms)
     joints = np.array([joint.home for joint in bundle.robot.joints], np.float64)
     base_from_world = bundle.base_pose.inverse()
     motions = [(base_from_world @ thing.pose).matrix for thing in bundle.objects.values()]
@@ -35,10 +42,13 @@ def pretended(bundle: TaskBundle, seed: int, origin: Origin, *, success: bool) -
         reason="" if success else "nothing was simulated",
         action=still,
         executed=still.copy(),
-        joints=still.copy(),
         hand=np.tile(np.array([0, 0, 0, 1, 0, 0, 0], np.float32), (STEPS, len(bundle.robot.limbs), 1)),
-        objects=np.tile(placed.astype(np.float32).reshape(1, len(motions), 7), (STEPS, 1, 1)),
-        displacement=np.tile(inner.astype(np.float32), (STEPS, 1)),
-        contact=np.zeros((STEPS, tips, 3), np.float32),
+        terms={
+            "joints": still.copy(),
+            "objects": np.tile(placed.astype(np.float32).reshape(1, len(motions), 7), (STEPS, 1, 1)),
+            "displacement": np.tile(inner.astype(np.float32), (STEPS, 1)),
+            "contact": np.zeros((STEPS, tips, 3), np.float32),
+            **{term.name: np.zeros((STEPS, *layout.shape(term)), np.float32) for term in layout.added},
+        },
         goal=np.array(catalogue.of(bundle.task).goal.numbers(base_from_world.matrix), np.float32),
     )

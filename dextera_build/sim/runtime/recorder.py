@@ -7,8 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from dextera_build.artifacts.episode import Episode, Origin, Segment
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.policy.declared import BY_NAME, DECLARED
+from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.privileged import MEASURES, Simulated
+
+COMMANDED = ("action", "executed", "hand")
+"""Recorded fields of an episode that are no observations."""
 
 
 class Recorder:
@@ -22,9 +27,13 @@ class Recorder:
 
     def __init__(self, environment: Environment) -> None:
         self._environment = environment
-        self._rows: dict[str, list[np.ndarray]] = {
-            name: [] for name in ("action", "executed", "joints", "hand", "objects", "displacement", "contact")
-        }
+        layout = of_bundle(environment.bundle, terms=environment.specs)
+        self._terms = [term for term in (*DECLARED, *layout.added) if term.recorded]
+        self._hidden = {term.name: MEASURES[term.name] for term in self._terms if term.seen_by == "critics"}
+        self._simulated = Simulated([environment])
+        fields = (*self._terms, *(BY_NAME[name] for name in COMMANDED))
+        self._shapes = {term.name: layout.shape(term) for term in fields}
+        self._rows: dict[str, list[np.ndarray]] = {name: [] for name in self._shapes}
 
     def __len__(self) -> int:
         return len(self._rows["executed"])
@@ -32,13 +41,12 @@ class Recorder:
     def before(self, action: np.ndarray, hand: np.ndarray | None = None) -> None:
         """Record the observation, the action (A,) [rad] taken on it, and its palm poses (L, 7) in the base."""
         environment, rows = self._environment, self._rows
-        measured = environment.measure()
         rows["action"].append(np.asarray(action, np.float32))
-        rows["joints"].append(measured.joints)
         rows["hand"].append(environment.palm_poses() if hand is None else hand)
-        rows["objects"].append(measured.objects)
-        rows["displacement"].append(measured.displacement)
-        rows["contact"].append(environment.contact_forces())
+        shown = environment.observe()
+        for term in self._terms:
+            hidden = self._hidden.get(term.name)
+            rows[term.name].append(shown[term.name] if hidden is None else hidden(self._simulated)[0])
 
     def after(self, executed: np.ndarray) -> None:
         """Record the executed command."""
@@ -46,11 +54,7 @@ class Recorder:
 
     def episode(self, origin: Origin, *, success: bool, reason: str = "", segments: Sequence[Segment] = ()) -> Episode:
         """The episode so far. A non-finite action is stored as 0; the reason reports it."""
-        bundle = self._environment.bundle
-        rows = {
-            name: np.nan_to_num(np.array(values, np.float32).reshape(len(self), *_shape(name, bundle)))
-            for name, values in ((name, values[: len(self)]) for name, values in self._rows.items())
-        }
+        rows = {name: self._stacked(name) for name in self._rows}
         return Episode(
             start=self._environment.start,
             origin=origin,
@@ -58,18 +62,10 @@ class Recorder:
             reason=reason,
             segments=tuple(segments),
             goal=self._environment.goal,
-            **rows,
+            **{name: rows[name] for name in COMMANDED},
+            terms={term.name: rows[term.name] for term in self._terms},
         )
 
-
-def _shape(name: str, bundle: TaskBundle) -> tuple[int, ...]:
-    joints = len(bundle.robot.joints)
-    return {
-        "action": (joints,),
-        "executed": (joints,),
-        "joints": (joints,),
-        "hand": (len(bundle.robot.limbs), 7),
-        "objects": (len(bundle.objects), 7),
-        "displacement": (len(bundle.displacement_names),),
-        "contact": (len(bundle.robot.tips), 3),
-    }[name]
+    def _stacked(self, name: str) -> np.ndarray:
+        values = np.array(self._rows[name][: len(self)], np.float32)
+        return np.nan_to_num(values.reshape(len(self), *self._shapes[name]))

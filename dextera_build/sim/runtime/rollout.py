@@ -61,7 +61,7 @@ def closed_loop(
     while True:
         try:
             seen = driven.measure({PICTURE: Frame(rgb=look())} if look else None)
-            action = policy.act(deployable(seen, environment.previous_action, environment.goal))
+            action = policy.act(deployable(seen, environment.previous_action, environment.goal, environment.added))
             recorder.before(action)
             recorder.after(driven.send(action))
         except PolicyFault as fault:

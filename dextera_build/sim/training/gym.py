@@ -24,13 +24,14 @@ from dextera_build.policy.observation import deployable
 from dextera_build.policy.terms import Sensor, Term
 from dextera_build.sim.control.action_map import ActionMap
 from dextera_build.sim.observe.eyes import Eyes, Picture
-from dextera_build.sim.observe.privileged import Insight
 from dextera_build.sim.observe.progress import Progress
 from dextera_build.sim.observe.sensors import Sensors
 from dextera_build.sim.observe.sensors import check as check_sensors
 from dextera_build.sim.render import portrait, rendering
 from dextera_build.sim.runtime import variations
 from dextera_build.sim.runtime.environment import Environment, Outcome
+from dextera_build.sim.runtime.privileged import Simulated
+from dextera_build.sim.runtime.privileged import privileged as privileged_of
 from dextera_build.sim.training.spaces import of_terms, values
 
 DEPLOYABLE, PRIVILEGED = "deployable", "privileged"
@@ -87,13 +88,14 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self.render_mode = render_mode
         self.metadata = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / self.environment.period_s)}
         self._size = size
-        self._insight = Insight(self.environment) if privileged else None
+        self._simulated = Simulated([self.environment]) if privileged else None
         self._progress = Progress(self.environment)
         self._views = views = views or {}
         self._eyes = Eyes(self.environment.model, views, pictures) if views else None
         self._portrait: rendering.Eye | None = None
         lenses = {name: view.camera for name, view in views.items()}
-        self.terms = _chosen(of_bundle(task).terms(lenses, sensors), pictures, privileged)
+        layout = of_bundle(task, terms=self.environment.specs)
+        self.terms = _chosen(layout.terms(lenses, sensors), pictures, privileged)
         """Observed terms, in the order of the observation."""
         self._sensors = Sensors(self.terms, {name: camera.matrix() for name, camera in lenses.items()})
         self._value = self._progress.value(False, self.environment.now)
@@ -178,8 +180,8 @@ class TaskEnv(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         environment = self.environment
         frames = self._eyes.look(environment.data) if self._eyes else None
         seen = self._sensors.measure(environment.measure(frames), environment.steps * environment.period_s)
-        shown = deployable(seen, environment.previous_action, environment.goal)
-        return values(self.terms, shown, self._insight.read() if self._insight else None)
+        shown = deployable(seen, environment.previous_action, environment.goal, environment.added)
+        return values(self.terms, shown, privileged_of(self._simulated) if self._simulated else None)
 
     def _info(self, success: bool, reason: str, executed: np.ndarray) -> dict[str, Any]:
         return {"is_success": success, "success": success, "reason": reason, "executed": np.array(executed)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -10,9 +11,11 @@ from gymnasium import spaces
 
 from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.policy.added import AddedTerm
 from dextera_build.policy.features import Fields, Reader
 from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.control.steering import Steering
+from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.training.gym import DEPLOYABLE, PRIVILEGED, TaskEnv
 
@@ -31,11 +34,20 @@ class Practice(gymnasium.Env[np.ndarray, np.ndarray]):
         contract: Inputs and outputs of the policy.
         seed: Seed of the training.
         number: Index of this environment among several.
+        terms: Terms of observations that do not come with dxb.
     """
 
-    def __init__(self, bundle: TaskBundle, contract: PolicyContract, seed: int = 0, number: int = 0) -> None:
-        self._task = TaskEnv(bundle, privileged=True, action="joint")
-        self._reader = Reader(contract.inputs, of_bundle(bundle))
+    def __init__(
+        self,
+        bundle: TaskBundle,
+        contract: PolicyContract,
+        seed: int = 0,
+        number: int = 0,
+        terms: Sequence[AddedTerm] = (),
+    ) -> None:
+        environment = Environment(bundle, terms=terms)
+        self._task = TaskEnv(environment, privileged=True, action="joint")
+        self._reader = Reader(contract.inputs, of_bundle(bundle, terms=environment.specs))
         self._steering = Steering(bundle.robot, contract)
         self._seed, self._number = seed, number
         self.episode = -1

@@ -28,8 +28,14 @@ def values(
     """
     found = {}
     for term in terms:
-        source = shown.frames[term.camera] if term.camera else shown if term.declared.seen_by == "policies" else hidden
-        found[term.key] = getattr(source, term.declared.name)
+        name = term.declared.name
+        if term.camera:
+            found[term.key] = getattr(shown.frames[term.camera], name)
+        elif term.declared.seen_by == "policies":
+            found[term.key] = shown[name]
+        else:
+            assert hidden is not None
+            found[term.key] = hidden[name]
     return found
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.policy.added import AddedTerm
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.training.gym import TaskEnv, opened
 
@@ -32,16 +33,23 @@ class TaskVectorEnv(VectorEnv[Observations, np.ndarray, np.ndarray]):
         bundle: The task, or the path of an exported one.
         num_envs: Number of copies.
         threads: Threads that step them; None: one per core, at most one per copy.
+        terms: Terms of observations that do not come with dxb.
         options: Options of `TaskEnv`, the same for every copy.
     """
 
     def __init__(
-        self, bundle: TaskBundle | str | Path, num_envs: int = 1, *, threads: int | None = None, **options: Any
+        self,
+        bundle: TaskBundle | str | Path,
+        num_envs: int = 1,
+        *,
+        threads: int | None = None,
+        terms: Sequence[AddedTerm] = (),
+        **options: Any,
     ) -> None:
         task = opened(bundle)
-        first = TaskEnv(task, **options)
+        first = TaskEnv(Environment(task, terms=terms), **options)
         # The model is compiled once; every copy randomises its own.
-        worlds = (Environment(task, copy.copy(first.environment.model)) for _ in range(num_envs - 1))
+        worlds = (Environment(task, copy.copy(first.environment.model), terms) for _ in range(num_envs - 1))
         copies = (TaskEnv(world, **options) for world in worlds)
         self.copies = [first, *copies]
         self.num_envs = num_envs

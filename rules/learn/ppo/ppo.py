@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any, Protocol
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.errors import listing
 from dextera_build.learning import curve_picture
+from dextera_build.policy.added import listed
 from dextera_build.rule import ROUNDING, Context, Tolerance, rule
 
 from .ppo_options import PpoOptions
@@ -24,7 +27,14 @@ class PpoBackend(Protocol):
         ...
 
     def practise(
-        self, ctx: Context, bundle: TaskBundle, contract: PolicyContract, common: PpoOptions, options: Any
+        self,
+        ctx: Context,
+        bundle: TaskBundle,
+        contract: PolicyContract,
+        common: PpoOptions,
+        options: Any,
+        *,
+        terms: tuple[TermSpec, ...],
     ) -> Practised:
         """Train, or resume an interrupted training."""
         ...
@@ -36,17 +46,20 @@ class PpoBackend(Protocol):
     packages=("numpy",),
     memory_gb=2.0,
     tolerance=Tolerance({"": ROUNDING, "weights": math.inf, "curve": 3.0}, metrics={"success while exploring": 0.4}),
-    runs={"bundle": "primitive"},
+    runs={"bundle": "primitive", "terms": ""},
 )
-def ppo(ctx: Context[PpoBackend], bundle: TaskBundle, *, options: PpoOptions) -> Checkpoint:
+def ppo(
+    ctx: Context[PpoBackend], bundle: TaskBundle, terms: Collection[TermSpec] | None = None, *, options: PpoOptions
+) -> Checkpoint:
     """Return a policy trained by PPO on deployable observations; only its critic is privileged.
 
     An interrupted training resumes and ends with the same weights.
     """
     _check(ctx, bundle, options)
-    contract = contract_of(bundle, options, ctx.backend.heading(ctx, bundle, ctx.backend_options))
+    added = listed(terms)
+    contract = contract_of(bundle, options, ctx.backend.heading(ctx, bundle, ctx.backend_options), added)
     ctx.check(int(contract.settings["decisions"]) > 0, "the robot has no joints in `groups`", groups=options.groups)
-    practised = ctx.backend.practise(ctx, bundle, contract, options, ctx.backend_options)
+    practised = ctx.backend.practise(ctx, bundle, contract, options, ctx.backend_options, terms=added)
     ctx.check(len(practised.steps) == len(practised.reward) > 0, "the training has no reward curve")
     _report(ctx, practised)
     return Checkpoint(

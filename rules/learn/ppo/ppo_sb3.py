@@ -12,8 +12,10 @@ from torch import Tensor, nn
 
 from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.errors import RuleError
 from dextera_build.learning import reproducible
+from dextera_build.policy.added import of_specs
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.control.mechanism import Mechanism
 from dextera_build.sim.runtime.environment import Environment
@@ -49,10 +51,16 @@ def heading(ctx: Context, bundle: TaskBundle, options: Options) -> float | None:
 
 
 def practise(
-    ctx: Context, bundle: TaskBundle, contract: PolicyContract, common: PpoOptions, options: Options
+    ctx: Context,
+    bundle: TaskBundle,
+    contract: PolicyContract,
+    common: PpoOptions,
+    options: Options,
+    *,
+    terms: tuple[TermSpec, ...],
 ) -> Practised:
     """Train, or resume an interrupted training."""
-    worlds = Worlds(bundle, contract, common.worlds, common.seed)
+    worlds = Worlds(bundle, contract, common.worlds, common.seed, of_specs(terms, ctx.companion))
     try:
         with reproducible.one_thread(), own_generators(common.seed):
             model = _model(worlds, common)

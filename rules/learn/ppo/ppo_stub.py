@@ -8,6 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.rule import Backend, Context, Options
 
 from .practised import Practised
@@ -27,7 +28,13 @@ def heading(ctx: Context, bundle: TaskBundle, options: Options) -> float | None:
 
 
 def practise(
-    ctx: Context, bundle: TaskBundle, contract: PolicyContract, common: PpoOptions, options: Options
+    ctx: Context,
+    bundle: TaskBundle,
+    contract: PolicyContract,
+    common: PpoOptions,
+    options: Options,
+    *,
+    terms: tuple[TermSpec, ...],
 ) -> Practised:
     """Return a result without training."""
     steps = np.array([1, max(2, common.steps)], np.int64)

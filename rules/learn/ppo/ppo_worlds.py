@@ -11,6 +11,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
 from dextera_build.artifacts.policy import PolicyContract
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.policy.added import AddedTerm
 from dextera_build.sim.training.practice import Practice
 
 Place = tuple[int, list[np.ndarray]]
@@ -25,10 +26,13 @@ class Worlds(DummyVecEnv):
         contract: Inputs and outputs of the policy.
         count: Number of environments.
         seed: Seed of the starts.
+        terms: Terms of observations that do not come with dxb.
     """
 
-    def __init__(self, bundle: TaskBundle, contract: PolicyContract, count: int, seed: int) -> None:
-        self.practices = [Practice(bundle, contract, seed, number) for number in range(count)]
+    def __init__(
+        self, bundle: TaskBundle, contract: PolicyContract, count: int, seed: int, terms: Sequence[AddedTerm] = ()
+    ) -> None:
+        self.practices = [Practice(bundle, contract, seed, number, terms) for number in range(count)]
         super().__init__([lambda practice=practice: practice for practice in self.practices])  # type: ignore[misc]
         self.public = self.practices[0].public
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ from dextera_build import digest
 from dextera_build.artifacts.policy import Channel, PolicyContract
 from dextera_build.artifacts.robot import Grip
 from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.geometry import quaternions
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import features
@@ -25,15 +27,18 @@ PLACE_M, TURN = 0.05, 0.3
 """Scale of object positions [m] and of the columns of their rotations."""
 
 
-def contract_of(bundle: TaskBundle, options: PpoOptions, heading_rad: float | None = None) -> PolicyContract:
+def contract_of(
+    bundle: TaskBundle, options: PpoOptions, heading_rad: float | None = None, terms: Collection[TermSpec] = ()
+) -> PolicyContract:
     """Inputs and outputs of a policy trained with these options.
 
     Args:
         bundle: The task.
         options: The rule's options.
         heading_rad: Direction of the palm about the vertical, in the base [rad]; None: as at home.
+        terms: Terms of observations that do not come with dxb.
     """
-    layout = of_bundle(bundle)
+    layout = of_bundle(bundle, terms=terms)
     thing = bundle.objects[bundle.task.object]
     kept: dict[str, tuple[str, ...] | None] = {"objects": (bundle.task.object,), "displacement": thing.joints}
     inputs = [contracts.channel(layout, name, kept.get(name)) for name in options.inputs]
@@ -109,7 +114,7 @@ def _normalised(channel: Channel, bundle: TaskBundle) -> Channel:
 
 def _statistics(channel: Channel, bundle: TaskBundle) -> tuple[np.ndarray, np.ndarray]:
     thing = bundle.objects[bundle.task.object]
-    count = channel.shape[0]
+    count = int(np.prod(channel.shape))
     if channel.name in ("joints", "previous_action"):
         return np.array([joint.home for joint in bundle.robot.joints]), np.full(count, JOINT_RAD)
     if channel.name == "objects":

@@ -78,9 +78,10 @@ def _episodes(joints: Collection[Joints], rate_hz: float) -> Episodes:
 
 def _episode(pattern: Episode, states: np.ndarray) -> Episode:
     steps = np.arange(len(states)) % len(pattern.joints)
-    others = {name: getattr(pattern, name)[steps] for name in ("hand", "objects", "displacement", "contact")}
+    terms = {name: values[steps] for name, values in pattern.terms.items()} | {"joints": states}
     action = np.concatenate([states[1:], states[-1:]])
-    return pattern.model_copy(update={"joints": states, "action": action, "executed": action, **others})
+    commands = {"action": action, "executed": action, "hand": pattern.hand[steps]}
+    return pattern.model_copy(update={"terms": terms, **commands})
 
 
 def _annex_b(data: bytes) -> bytes:

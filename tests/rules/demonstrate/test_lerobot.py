@@ -289,9 +289,7 @@ def test_the_stub_states_the_same_facts(tmp_path: Path) -> None:
 def test_features_without_components_are_left_out() -> None:
     made = of_lengths([3, 2])
     bare = {
-        label: episode.model_copy(
-            update={"displacement": episode.displacement[:, :0], "contact": episode.contact[:, :0]}
-        )
+        label: episodes.observed(episode, displacement=episode.displacement[:, :0], contact=episode.contact[:, :0])
         for label, episode in made.items.items()
     }
     made = made.model_copy(update={"items": bare, "displacement_names": (), "tip_names": ()})

@@ -26,6 +26,7 @@ from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.episode import Episodes, Film
 from dextera_build.artifacts.ros import types as ros_types
 from dextera_build.artifacts.ros.cdr import Cdr
+from dextera_build.artifacts.term import TermSpec
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model import skins
@@ -166,6 +167,18 @@ def test_shapes_with_a_texture_are_cut_into_patches_of_one_colour() -> None:
     np.testing.assert_allclose(marker.points[:, 2], -0.04)
     middle = cut.mean(axis=1)
     np.testing.assert_array_equal(marker.colours[::3, 0], (middle[:, 0] < 0.1) & (middle[:, 1] > 0.1))
+
+
+def test_a_term_of_a_project_has_a_topic_that_names_its_numbers(made: Episodes, tmp_path: Path) -> None:
+    values = np.arange(STEPS * 6, dtype=np.float32).reshape(STEPS, 2, 3)
+    term = TermSpec(term="pull", about="a pull on each object", rows="objects", parts=("x", "y", "z"), unit="N")
+    one = episodes.observed(made.items["0"], pull=values)
+    shown = made.model_copy(update={"items": {"0": one}, "terms": {"pull": term}})
+    written = RuleRunner(tmp_path).run("demonstrate.mcap", bundle=episodes.bundle(), episodes=shown)
+    messages = [message for _, message in read(written.files["episode-000000.mcap"])["/pull"]]
+    (dimension,) = messages[0].layout.dim
+    assert (dimension.label, dimension.size) == ("box.x, box.y, box.z, case.x, case.y, case.z", 6)
+    np.testing.assert_array_equal([message.data for message in messages], values.reshape(STEPS, 6))
 
 
 def test_a_link_and_an_object_of_one_name_are_refused(made: Episodes, tmp_path: Path) -> None:

@@ -182,7 +182,8 @@ def test_privileged_quantities_full_of_nan_leave_the_weights_alone(tmp_path: Pat
     data = episodes.small(4)
 
     def poison(one: Episode) -> Episode:
-        return one.model_copy(update={name: np.full_like(getattr(one, name), np.nan) for name in ("contact", "hand")})
+        hand, contact = (np.full_like(each, np.nan) for each in (one.hand, one.contact))
+        return episodes.observed(one.model_copy(update={"hand": hand}), contact=contact)
 
     poisoned = data.model_copy(update={"items": {name: poison(one) for name, one in data.items.items()}})
     assert learn(tmp_path, poisoned).weights == learn(tmp_path, data).weights
@@ -198,7 +199,7 @@ def test_labels_are_what_was_meant_and_not_what_was_sent(tmp_path: Path) -> None
 
 def test_the_normalisation_comes_from_training_episodes_alone(tmp_path: Path) -> None:
     data = episodes.small(4)
-    far = {name: one.model_copy(update={"joints": one.joints + np.float32(5.0)}) for name, one in data.items.items()}
+    far = {name: episodes.observed(one, joints=one.joints + np.float32(5.0)) for name, one in data.items.items()}
     plain = learn(tmp_path, data).contract.inputs[0]
     means = [
         learn(tmp_path, data.model_copy(update={"items": data.items | {name: far[name]}})).contract.inputs[0].mean
@@ -295,7 +296,10 @@ def test_bad_input_is_one_clear_error(
             ("joints", "contact"),
             "`contact` is privileged: only a simulator measures it; `inputs` may name displacement",
         ),
-        (("joints", "wrist"), "`wrist` is no channel that this policy can take; `inputs` may name displacement, goal"),
+        (
+            ("joints", "object"),
+            "`object` is no channel that this policy can take; `inputs` may name displacement, goal",
+        ),
     ],
 )
 def test_inputs_that_no_robot_measures_are_refused_before_anything_is_built(

@@ -184,7 +184,7 @@ def test_a_policy_acts_as_it_practised(tmp_path: Path) -> None:
     acted = []
     for _ in range(6 * 4):
         environment.step(policy.act(environment.observe()))
-        acted.append(environment.observe().previous_action)
+        acted.append(environment.observe()["previous_action"])
     assert np.array_equal(acted[3::4], practised)
 
 

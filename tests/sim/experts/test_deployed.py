@@ -71,10 +71,10 @@ def test_it_plans_from_the_measured_place_and_later_sees_the_measured_one(driver
     operator = Watching(driver)
     policy = Deployed(driver, operator)
     first = observed(driver, 0.03)
-    there = observed(driver).objects[0, 0]
+    there = observed(driver)["objects"][0, 0]
     policy.act(first)
     assert operator.begun[0].objects["box"][0, 3] == pytest.approx(there + 0.03, abs=1e-5)
-    assert operator.begun[0].joints == pytest.approx(first.joints, abs=1e-5)
+    assert operator.begun[0].joints == pytest.approx(first["joints"], abs=1e-5)
     policy.act(observed(driver, -0.12))
     assert operator.seen[-1].objects["box"][0, 3] == pytest.approx(there + 0.03 - 0.12, abs=1e-5)
     assert len(operator.begun) == 1

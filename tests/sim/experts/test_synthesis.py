@@ -178,7 +178,7 @@ def test_demonstrations_that_take_hold_otherwise_are_left_out():
     mixed = [*shown[:2], shown[2].model_copy(update={"hand": odd}), *shown[3:]]
     alone = [_hold(source, ["box", "case"]) for source in mixed]
     assert transforms.angle(alone[2][:3, :3].T @ _hold(shown[2], ["box", "case"])[:3, :3]) > 0.5
-    same = [source.model_copy(update={"hand": shown[0].hand, "objects": shown[0].objects}) for source in shown[:4]]
+    same = [source.model_copy(update={"hand": shown[0].hand, "terms": shown[0].terms}) for source in shown[:4]]
     assert alike([*same, mixed[2]], ("box", "case")) == same
     assert alike([], ()) == []
 

@@ -94,7 +94,7 @@ def test_an_episode_of_every_primitive_runs_and_says_why_it_failed(name: str) ->
     task = bundle.task.model_copy(update={"goal": goal, "timeout_s": 0.2})
     environment = Environment(bundle.model_copy(update={"task": task}))
     assert task.primitive == name
-    assert len(goal.names) == len(environment.goal) == len(environment.observe().goal)
+    assert len(goal.names) == len(environment.goal) == len(environment.observe()["goal"])
     assert np.isfinite(environment.goal).all()
     assert np.isfinite(Progress(environment).value(False))
     outcome = environment.step(environment.previous_action)

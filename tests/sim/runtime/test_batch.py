@@ -63,9 +63,11 @@ class TestWithWarp:
             for one, other in zip(outcomes, found, strict=True):
                 assert one.executed.tobytes() == other.executed.tobytes()
             there, here = batch_of_six.worlds[number].observe(), alone.observe()
+            together = {name: values[number].tobytes() for name, values in batch_of_six.observe().items()}
+            assert together == {name: values.tobytes() for name, values in there.values.items()}
             # Not the lid, which creeps under its friction where it does not sleep.
-            assert np.allclose(there.objects[0], here.objects[0], atol=1e-3)
-            assert np.allclose(there.joints, here.joints, atol=1e-4)
+            assert np.allclose(there["objects"][0], here["objects"][0], atol=1e-3)
+            assert np.allclose(there["joints"], here["joints"], atol=1e-4)
 
     def test_an_action_that_is_not_finite_ends_one_episode_and_no_other(self) -> None:
         bundle = task_bundles.lift()

@@ -51,8 +51,8 @@ def test_a_policy_that_pushes_succeeds_and_one_that_stops_short_does_not(environ
 def test_it_sees_the_joints_and_what_was_sent_before(environment):
     policy = Constant(gate.PUSHES)
     episode = closed_loop(environment, policy, drawn(environment))
-    assert np.array([seen.joints for seen in policy.seen]) == pytest.approx(episode.joints)
-    sent = np.array([seen.previous_action for seen in policy.seen])
+    assert np.array([seen["joints"] for seen in policy.seen]) == pytest.approx(episode.joints)
+    sent = np.array([seen["previous_action"] for seen in policy.seen])
     assert sent[1:] == pytest.approx(episode.executed[:-1])
     assert policy.seen[0].rgb is None
 

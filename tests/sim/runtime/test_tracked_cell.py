@@ -33,8 +33,8 @@ class Pushing:
         pass
 
     def act(self, observation):
-        self.objects.append(observation.objects[0])
-        self.joints.append(float(observation.displacement[0]))
+        self.objects.append(observation["objects"][0])
+        self.joints.append(float(observation["displacement"][0]))
         return np.array([gate.target(gate.PUSHES)])
 
 
@@ -42,7 +42,7 @@ class Idle(Pushing):
     """Stays where it is."""
 
     def act(self, observation):
-        return observation.previous_action
+        return observation["previous_action"]
 
 
 def pushed(environment: Environment, cell: Cell, seed: int = 0):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import warnings
 
 import numpy as np
@@ -13,8 +12,8 @@ from stable_baselines3.common.env_checker import check_env as check_for_sb3
 from dextera_build.artifacts.task import Reset
 from dextera_build.errors import RuleError
 from dextera_build.geometry import transforms
-from dextera_build.policy.observation import PrivilegedObservation
 from dextera_build.policy.terms import Sensor
+from dextera_build.sim.runtime import privileged
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.training import gym
 from tests import episodes, factories, task_bundles
@@ -77,10 +76,10 @@ def test_a_seed_begins_the_episode_that_it_begins_everywhere():
     seen, _ = gym.TaskEnv(bundle).reset(seed=11)
     plain = Environment(bundle)
     wanted = plain.reset(11)
-    assert np.array_equal(seen["deployable/objects"], wanted.objects)
+    assert np.array_equal(seen["deployable/objects"], wanted["objects"])
     environment = gym.TaskEnv(bundle)
     given, _ = environment.reset(options={"start": plain.start})
-    assert np.array_equal(given["deployable/objects"], wanted.objects)
+    assert np.array_equal(given["deployable/objects"], wanted["objects"])
     first, second = environment.reset(seed=1), environment.reset()
     assert not np.array_equal(first[0]["deployable/objects"], second[0]["deployable/objects"])
 
@@ -167,9 +166,8 @@ def test_privileged_values_full_of_nan_change_no_deployable_byte(monkeypatch):
     def episode(poisoned: bool) -> list[bytes]:
         environment = gym.TaskEnv(task_bundles.close(reset=WIDE), privileged=poisoned)
         if poisoned:
-            names = [field.name for field in dataclasses.fields(PrivilegedObservation)]
-            nothing = PrivilegedObservation(**dict.fromkeys(names, np.full(1, np.nan)))
-            monkeypatch.setattr(environment._insight, "read", lambda: nothing)
+            nothing = {name: lambda worlds: np.full((1, 1), np.nan) for name in privileged.MEASURES}
+            monkeypatch.setattr(privileged, "MEASURES", nothing)
         seen, _ = environment.reset(seed=5)
         found = [seen]
         for step in range(12):
