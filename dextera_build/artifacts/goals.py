@@ -6,6 +6,10 @@ observations.
 
 from __future__ import annotations
 
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator
+
 from dextera_build.artifacts.value import Open
 
 
@@ -20,3 +24,12 @@ class Goal(Open):
     """Kind of objective: `lift`."""
     names: tuple[str, ...]
     """Names of its numbers in the observations of policies."""
+
+
+def _stored(goal: Any) -> Any:
+    """A goal without its primitive's own type, as it is read back from a store."""
+    return Goal(**goal.model_dump()) if isinstance(goal, Goal) else goal
+
+
+StoredGoal = Annotated[Goal, BeforeValidator(_stored)]
+"""A goal as a field of a stored value, equal before and after it was stored."""

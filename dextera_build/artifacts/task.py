@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import SerializeAsAny
 
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
-from dextera_build.artifacts.goals import Goal
+from dextera_build.artifacts.goals import StoredGoal
 from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
@@ -61,7 +60,7 @@ class TaskSpec(Value):
     """`CloseLaptop`."""
     object: str
     """Root body of the task's object."""
-    goal: SerializeAsAny[Goal]
+    goal: StoredGoal
     """The goal, which names the primitive."""
     limbs: tuple[str, ...] = ()
     """Limbs that must act, jointly if several are named; empty: any."""

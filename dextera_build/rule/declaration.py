@@ -144,8 +144,8 @@ def rule(  # noqa: PLR0913 - one argument per declaration
 ) -> Callable[[Callable[P, R]], Rule[P, R]]:
     """Declare the decorated function as the rule of its file; both must have the same name.
 
-    The function takes `ctx: Context`, then artifacts (its inputs; `X | None = None` makes one optional), then, by
-    keyword, `options: <Options class>`.
+    The function takes `ctx: Context`, artifacts (its inputs; `X | None = None` makes one optional), and by keyword
+    `options: <Options class>`.
 
     Args:
         version: Increment it when the meaning changes without a change of the code digest.
@@ -176,16 +176,13 @@ def rule(  # noqa: PLR0913 - one argument per declaration
             raise ValueError(f"a named resource is called `kind:name`, not `{name}`")
 
     def mark(function: Callable[P, R]) -> Rule[P, R]:
-        unknown = (runs or {}).keys() - inspect.signature(function).parameters
-        if unknown:
+        if unknown := (runs or {}).keys() - inspect.signature(function).parameters:
             raise ValueError(f"`runs` names {sorted(unknown)}, which `{function.__name__}` does not take")
-        named = dict(resources or {})
-        allowed = tolerance or Tolerance()
-        needs = (cpus, memory_gb, gpus, named)
+        needs = (cpus, memory_gb, gpus, dict(resources or {}))
         run = {slot: (files,) if isinstance(files, str) else files for slot, files in (runs or {}).items()}
         again = (retries, retry_on, retry_wait_s)
         code = (run, dict(folders or {}), typed_by)
-        return Rule(function, version, packages, *needs, *again, allowed, discovers, *code)
+        return Rule(function, version, packages, *needs, *again, tolerance or Tolerance(), discovers, *code)
 
     return mark
 

@@ -45,13 +45,7 @@ class OperateBackend(Protocol):
     """Interface of a backend of demonstrate.operate."""
 
     def operate(
-        self,
-        ctx: Context,
-        bundle: TaskBundle,
-        common: OperateOptions,
-        options: Any,
-        *,
-        terms: tuple[TermSpec, ...],
+        self, ctx: Context, bundle: TaskBundle, terms: tuple[TermSpec, ...], common: OperateOptions, options: Any
     ) -> Episodes:
         """Attempt demonstrations until enough succeed or the attempts are used up."""
         ...
@@ -84,7 +78,7 @@ def operate(
     Raises:
         RuleError: Too few attempts succeed, or the operator finds no plan for the task; not with option `attempts`.
     """
-    shown: Episodes = ctx.backend.operate(ctx, bundle, options, ctx.backend_options, terms=listed(terms))
+    shown: Episodes = ctx.backend.operate(ctx, bundle, listed(terms), options, ctx.backend_options)
     reasons = spelled(shown.reasons, most=5)
     done = len(shown.items)
     ctx.check(

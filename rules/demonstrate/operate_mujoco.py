@@ -34,7 +34,7 @@ SHOWN = 10
 
 
 def operate(
-    ctx: Context, bundle: TaskBundle, common: OperateOptions, options: Options, *, terms: tuple[TermSpec, ...]
+    ctx: Context, bundle: TaskBundle, terms: tuple[TermSpec, ...], common: OperateOptions, options: Options
 ) -> Episodes:
     """Attempt demonstrations until enough succeed or the attempts are used up."""
     driver = Driver(Environment(bundle, terms=of_specs(terms, ctx.companion)))

@@ -20,7 +20,7 @@ BACKEND = Backend(summary="no simulation: nothing moves, and every episode succe
 
 
 def operate(
-    ctx: Context, bundle: TaskBundle, common: OperateOptions, options: Options, *, terms: tuple[TermSpec, ...]
+    ctx: Context, bundle: TaskBundle, terms: tuple[TermSpec, ...], common: OperateOptions, options: Options
 ) -> Episodes:
     """Return the requested number of motionless episodes."""
     items = {

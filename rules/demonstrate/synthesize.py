@@ -52,10 +52,9 @@ class SynthesizeBackend(Protocol):
         bundle: TaskBundle,
         sources: Episodes,
         shard: Shard,
+        terms: tuple[TermSpec, ...],
         common: SynthesizeOptions,
         options: Any,
-        *,
-        terms: tuple[TermSpec, ...],
     ) -> Episodes:
         """Attempt episodes until the shard is full or fails."""
         ...
@@ -87,9 +86,7 @@ def synthesize(
         f"the demonstrations show `{sources.task}`, but the task is `{bundle.task.name}`",
         hint="give both the same task bundle",
     )
-    found: Episodes = ctx.backend.synthesize(
-        ctx, bundle, sources, shard, options, ctx.backend_options, terms=listed(terms)
-    )
+    found: Episodes = ctx.backend.synthesize(ctx, bundle, sources, shard, listed(terms), options, ctx.backend_options)
     done = len(found.items)
     ctx.check(
         done == shard.count,

@@ -34,10 +34,9 @@ def synthesize(
     bundle: TaskBundle,
     sources: Episodes,
     shard: Shard,
+    terms: tuple[TermSpec, ...],
     common: SynthesizeOptions,
     options: Options,
-    *,
-    terms: tuple[TermSpec, ...],
 ) -> Episodes:
     """Attempt episodes until the shard is full or fails."""
     driver = Driver(Environment(bundle, terms=of_specs(terms, ctx.companion)))

@@ -20,10 +20,9 @@ def synthesize(
     bundle: TaskBundle,
     sources: Episodes,
     shard: Shard,
+    terms: tuple[TermSpec, ...],
     common: SynthesizeOptions,
     options: Options,
-    *,
-    terms: tuple[TermSpec, ...],
 ) -> Episodes:
     """Return the shard's number of episodes."""
     demonstrations = list(sources.items.values())

@@ -40,7 +40,7 @@ class RolloutsOptions(Options):
 class RolloutsBackend(Protocol):
     """Interface of a backend of evaluate.rollouts."""
 
-    def rollouts(  # noqa: PLR0913 - one argument per input
+    def rollouts(
         self,
         ctx: Context,
         bundle: TaskBundle,
@@ -49,9 +49,8 @@ class RolloutsBackend(Protocol):
         cell: Cell | None,
         twin: TaskBundle | None,
         seeds: list[int],
-        options: Any,
-        *,
         terms: tuple[TermSpec, ...],
+        options: Any,
     ) -> Iterator[Attempt]:
         """One attempt per seed, in order, each independent of the earlier ones."""
         ...
@@ -97,7 +96,7 @@ def rollouts(
 
     def make(left: list[int]) -> Iterator[Attempt]:
         made: Iterator[Attempt] = ctx.backend.rollouts(
-            ctx, bundle, checkpoint, view, cell, twin, left, ctx.backend_options, terms=added
+            ctx, bundle, checkpoint, view, cell, twin, left, added, ctx.backend_options
         )
         return made
 

@@ -29,7 +29,7 @@ BACKEND = Backend(
 )
 
 
-def rollouts(  # noqa: PLR0913 - one argument per input
+def rollouts(
     ctx: Context,
     bundle: TaskBundle,
     checkpoint: Checkpoint,
@@ -37,9 +37,8 @@ def rollouts(  # noqa: PLR0913 - one argument per input
     cell: Cell | None,
     twin: TaskBundle | None,
     seeds: list[int],
-    options: Options,
-    *,
     terms: tuple[TermSpec, ...],
+    options: Options,
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     runner: Runner = ctx.companion("checkpoint", checkpoint.contract.algorithm, Runner)

@@ -18,7 +18,7 @@ from dextera_build.sim.runtime.pretence import pretended
 BACKEND = Backend(summary="no simulation: nine of ten tries succeed", profiles=("stub",))
 
 
-def rollouts(  # noqa: PLR0913 - one argument per input
+def rollouts(
     ctx: Context,
     bundle: TaskBundle,
     checkpoint: Checkpoint,
@@ -26,9 +26,8 @@ def rollouts(  # noqa: PLR0913 - one argument per input
     cell: Cell | None,
     twin: TaskBundle | None,
     seeds: list[int],
-    options: Options,
-    *,
     terms: tuple[TermSpec, ...],
+    options: Options,
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     for seed in seeds:

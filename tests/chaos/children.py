@@ -26,8 +26,8 @@ for _name in (
     "cli.build.build",
     "cli.share.cache",
     "cli.build.check",
-    "build.build",
-    "build.export",
+    "building.build",
+    "building.export",
 ):
     importlib.import_module(f"dextera_build.{_name}")  # here, once, rather than in every child
 for _name in ("numpy", "pydantic", "dextera_build.engine.run", "dextera_build.recipe.plan"):

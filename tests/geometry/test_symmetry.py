@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rules.align.canonical.canonical.bodies import Surface
 
 from dextera_build.geometry import lie, solids, symmetry
+from rules.align.canonical.bodies import Surface
 from tests import object_views
 
 TURN = lie.rotation(np.array([0.9, -0.4, 1.7]))

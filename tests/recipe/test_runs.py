@@ -267,7 +267,7 @@ def test_a_rule_may_be_its_own_companion(songs: Space) -> None:
     for name in ("high", "low"):
         songs.write(f"rules/songs/{name}/{name}.py", MAKE.format(name=name).lstrip() + own)
     before = calls(songs)
-    assert before["one"].rule.companions == {"song": {"songs.high": ""}}
+    assert before["one"].rule.companions == {"song": ["songs.high/high"]}
     assert run(songs, "songs.high").data == b"high!"
     with pytest.raises(RuleError, match="is not beside a rule that made it") as wrong:
         run(songs, "songs.high", name="low")

@@ -31,10 +31,9 @@ class PpoBackend(Protocol):
         ctx: Context,
         bundle: TaskBundle,
         contract: PolicyContract,
+        terms: tuple[TermSpec, ...],
         common: PpoOptions,
         options: Any,
-        *,
-        terms: tuple[TermSpec, ...],
     ) -> Practised:
         """Train, or resume an interrupted training."""
         ...
@@ -59,7 +58,7 @@ def ppo(
     added = listed(terms)
     contract = contract_of(bundle, options, ctx.backend.heading(ctx, bundle, ctx.backend_options), added)
     ctx.check(int(contract.settings["decisions"]) > 0, "the robot has no joints in `groups`", groups=options.groups)
-    practised = ctx.backend.practise(ctx, bundle, contract, options, ctx.backend_options, terms=added)
+    practised = ctx.backend.practise(ctx, bundle, contract, added, options, ctx.backend_options)
     ctx.check(len(practised.steps) == len(practised.reward) > 0, "the training has no reward curve")
     _report(ctx, practised)
     return Checkpoint(

@@ -54,10 +54,9 @@ def practise(
     ctx: Context,
     bundle: TaskBundle,
     contract: PolicyContract,
+    terms: tuple[TermSpec, ...],
     common: PpoOptions,
     options: Options,
-    *,
-    terms: tuple[TermSpec, ...],
 ) -> Practised:
     """Train, or resume an interrupted training."""
     worlds = Worlds(bundle, contract, common.worlds, common.seed, of_specs(terms, ctx.companion))

@@ -31,10 +31,9 @@ def practise(
     ctx: Context,
     bundle: TaskBundle,
     contract: PolicyContract,
+    terms: tuple[TermSpec, ...],
     common: PpoOptions,
     options: Options,
-    *,
-    terms: tuple[TermSpec, ...],
 ) -> Practised:
     """Return a result without training."""
     steps = np.array([1, max(2, common.steps)], np.int64)

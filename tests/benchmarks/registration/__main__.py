@@ -22,10 +22,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rules.align.object.object.icp_options import IcpOptions
 
 from dextera_build.geometry.registration import Similarity
-from rules.align.object.object import ObjectOptions, misfit, object_icp
+from rules.align.object import object_icp
+from rules.align.object.icp_options import IcpOptions
+from rules.align.object.object import ObjectOptions, misfit
 
 from . import baselines, judged, scenes
 from .scenes import Known

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from rules.align.object.object.icp_options import IcpOptions
-
 from dextera_build.geometry import kinematics, metrics
 from dextera_build.geometry.registration import Similarity
-from rules.align.object.object import boxed, starts
+from rules.align.object import boxed, starts
+from rules.align.object.icp_options import IcpOptions
 
 from .scenes import Known
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rules.align.canonical.canonical.bodies import Surface
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
@@ -24,6 +23,7 @@ from dextera_build.geometry import canonical as geometry
 from dextera_build.geometry import kinematics, registration
 from dextera_build.geometry import symmetry as symmetries
 from dextera_build.statistics import Rate
+from rules.align.canonical.bodies import Surface
 from tests.benchmarks import catalogue
 
 from . import scenes

@@ -13,8 +13,6 @@ import json
 import sys
 
 import numpy as np
-from rules.align.object.object.icp_options import IcpOptions
-from rules.align.object.object.model_view import ModelView, seen_points
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
@@ -25,7 +23,9 @@ from dextera_build.geometry import kinematics, lie, raycast, registration, solid
 from dextera_build.geometry.registration import Search, Similarity
 from dextera_build.sim.render import sensor
 from dextera_build.statistics import wilson
-from rules.align.object.object import polish, spread
+from rules.align.object import polish, spread
+from rules.align.object.icp_options import IcpOptions
+from rules.align.object.model_view import ModelView, seen_points
 from tests import factories, object_views
 
 from . import scenes

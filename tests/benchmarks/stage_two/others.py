@@ -23,7 +23,7 @@ from dextera_build.sim.model import tessellate
 from dextera_build.sim.model.forward import Kinematics
 from dextera_build.sim.model.robot import CONTACT_GROUP
 from dextera_build.sim.render.robot_view import RobotRenderer
-from rules.align.object.object import boxed
+from rules.align.object import boxed
 
 SEEN_POINTS, MODEL_POINTS = 2000, 5000
 """Points of each picture that roboreg gets; the second is its own default."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from rules.align.object.object.model_view import ModelView
 from scipy.spatial.transform import Rotation
 
 from dextera_build.artifacts.object import Placement
 from dextera_build.geometry import lie, solids, transforms
 from dextera_build.geometry.registration import Similarity
 from dextera_build.testing import RuleRunner
-from rules.align.object.object import polish, spread
+from rules.align.object import polish, spread
+from rules.align.object.model_view import ModelView
 from tests import factories, object_views, tabletops
 
 TRUTH = factories.pose(0.02, 0.03, 0.0, 0.6)

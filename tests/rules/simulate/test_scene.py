@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from rules.simulate.scene.scene.metric import metric
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.object import Asset
 from dextera_build.rule import Context
+from rules.simulate.scene.metric import metric
 from rules.simulate.scene.scene import scene
 from tests import factories
 

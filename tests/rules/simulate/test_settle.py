@@ -7,8 +7,6 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from rules.simulate.scene.scene.settle import SettleOptions, settle
-from rules.simulate.scene.scene.settle_mujoco import rests
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.object import Asset
@@ -16,7 +14,10 @@ from dextera_build.artifacts.scene import Scene, SettleReport
 from dextera_build.errors import RuleError
 from dextera_build.rule import Context, Options
 from dextera_build.sim.worlds.settle import Motion
-from rules.simulate.scene.scene import scene, settle_mujoco, settle_stub
+from rules.simulate.scene import settle_mujoco, settle_stub
+from rules.simulate.scene.scene import scene
+from rules.simulate.scene.settle import SettleOptions, settle
+from rules.simulate.scene.settle_mujoco import rests
 from tests import factories
 
 

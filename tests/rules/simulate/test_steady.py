@@ -5,15 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from rules.simulate.scene.scene.settle import SettleOptions, settle
-from rules.simulate.scene.scene.steady import SteadyOptions, steady
 
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.scene import Scene
 from dextera_build.rule import Context
 from dextera_build.sim.model import model as models
-from rules.simulate.scene.scene import scene, settle_mujoco, steady_mujoco, steady_stub
+from rules.simulate.scene import settle_mujoco, steady_mujoco, steady_stub
+from rules.simulate.scene.scene import scene
+from rules.simulate.scene.settle import SettleOptions, settle
+from rules.simulate.scene.steady import SteadyOptions, steady
 from tests import factories
 
 

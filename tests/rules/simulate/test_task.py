@@ -321,7 +321,7 @@ def test_a_push_has_its_target_in_the_world_and_policies_see_it_in_the_base(make
     assert (names["x"], names["y"]) == pytest.approx(seen[:2])
     ahead = bundle.base_pose.matrix[:3, :3] @ [names["heading_x"], names["heading_y"], 0.0]
     assert ahead == pytest.approx([0.0, 1.0, 0.0], abs=1e-6)
-    assert np.array_equal(environment.reset(0).goal, environment.goal)
+    assert np.array_equal(environment.reset(0)["goal"], environment.goal)
     assert not environment.judge.held_at_reset
 
 

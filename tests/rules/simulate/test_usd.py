@@ -7,15 +7,16 @@ from types import ModuleType
 
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
-from rules.simulate.scene.scene.steady import SteadyOptions, steady
-from rules.simulate.scene.scene.usd import usd
 
 from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.object import Asset
 from dextera_build.artifacts.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.rule import Context
-from rules.simulate.scene.scene import scene, steady_mujoco, usd_openusd, usd_stub
+from rules.simulate.scene import steady_mujoco, usd_openusd, usd_stub
+from rules.simulate.scene.scene import scene
+from rules.simulate.scene.steady import SteadyOptions, steady
+from rules.simulate.scene.usd import usd
 from tests import factories, task_bundles
 
 

@@ -82,7 +82,7 @@ def test_the_goal_of_an_episode_is_what_is_seen_and_judged():
     assert 0.8 <= drawn <= 1.2
     assert drawn != 1.0
     assert seen["goal"] == pytest.approx([drawn])
-    assert environment.judge.task.goal == goal
+    assert environment.judge.task.goal.model_dump() == goal.model_dump()
     environment.begin(environment.start.model_copy(update={"variation": type(environment.start.variation)()}))
     assert environment.task.goal == environment.bundle.task.goal
 
