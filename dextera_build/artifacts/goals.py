@@ -6,9 +6,7 @@ observations.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
-
-from pydantic import BeforeValidator
+from typing import Any
 
 from dextera_build.artifacts.value import Open
 
@@ -26,10 +24,6 @@ class Goal(Open):
     """Names of its numbers in the observations of policies."""
 
 
-def _stored(goal: Any) -> Any:
-    """A goal without its primitive's own type, as it is read back from a store."""
+def untyped(goal: Any) -> Any:
+    """A goal without its primitive's own type, as it is read back from a store; anything else as it is."""
     return Goal(**goal.model_dump()) if isinstance(goal, Goal) else goal
-
-
-StoredGoal = Annotated[Goal, BeforeValidator(_stored)]
-"""A goal as a field of a stored value, equal before and after it was stored."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, get_args, get_origin
+from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import BaseModel
 
@@ -40,9 +40,11 @@ def _schema(annotation: Any, seen: tuple[str, ...]) -> Any:
         }
         own = spelled(annotation) if hasattr(annotation, "type_version") else annotation.__name__
         return [own, fields]
+    if get_origin(annotation) is Annotated:
+        kind, *metadata = get_args(annotation)
+        # The text of a validator would hold an address in memory, which differs from process to process.
+        return [_schema(kind, seen), [m.describe() for m in metadata if isinstance(m, Array | Frames)]]
     if get_args(annotation):
         origin = getattr(get_origin(annotation), "__name__", str(get_origin(annotation)))
         return [origin, [_schema(part, seen) for part in get_args(annotation)]]
-    if isinstance(annotation, Array):
-        return annotation.describe()
     return getattr(annotation, "__name__", repr(annotation))

@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import field_validator
 
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
-from dextera_build.artifacts.goals import StoredGoal
+from dextera_build.artifacts.goals import Goal, untyped
 from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
@@ -60,7 +61,7 @@ class TaskSpec(Value):
     """`CloseLaptop`."""
     object: str
     """Root body of the task's object."""
-    goal: StoredGoal
+    goal: Goal
     """The goal, which names the primitive."""
     limbs: tuple[str, ...] = ()
     """Limbs that must act, jointly if several are named; empty: any."""
@@ -75,6 +76,8 @@ class TaskSpec(Value):
     targets."""
     reset: Reset = Reset()
     """Start distribution."""
+
+    _untyped = field_validator("goal", mode="before")(untyped)
 
     @property
     def primitive(self) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
-from dextera_build.artifacts.goals import StoredGoal
+from dextera_build.artifacts.goals import Goal, untyped
 from dextera_build.artifacts.value import Value
 
 Twist = tuple[float, float, float, float, float, float]
@@ -20,7 +20,7 @@ class Variation(Value):
     """Root body, or `robot`, -> factor on the damping of its joints."""
     joint_friction: dict[str, float] = Field(default_factory=dict)
     """Root body, or `robot`, -> factor on the friction of its joints."""
-    goal: StoredGoal | None = None
+    goal: Goal | None = None
     """The goal of this episode; None: the task's."""
     cameras: dict[str, Twist] = Field(default_factory=dict)
     """Camera -> error of its pose in the world."""
@@ -30,3 +30,5 @@ class Variation(Value):
     """Factor on the scene's lights."""
     noise: float = 1.0
     """Factor on noise and dropout of cameras."""
+
+    _untyped = field_validator("goal", mode="before")(untyped)

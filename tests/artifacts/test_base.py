@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from typing import Annotated, Any
 
 import numpy as np
 import pytest
+from pydantic import AfterValidator
 
 from dextera_build import digest
 from dextera_build.artifacts.base import Artifact, Collection, File, Folder
@@ -170,3 +172,10 @@ def test_a_schema_changes_with_its_fields() -> None:
     assert schema_digest(Once) == schema_digest(Once)
     assert schema_digest(Once) != schema_digest(Twice)
     assert schema_digest(Collection[Mesh]) != schema_digest(Collection[Hull])
+
+
+def test_a_validator_in_a_type_leaves_no_address_in_its_digest():
+    def checked() -> Any:
+        return Annotated[int, AfterValidator(lambda value: value)] | None
+
+    assert schema_digest(checked()) == schema_digest(checked()) == schema_digest(Annotated[int, ""] | None)
