@@ -6,8 +6,6 @@ observations.
 
 from __future__ import annotations
 
-from typing import Any
-
 from dextera_build.artifacts.value import Open
 
 
@@ -22,8 +20,3 @@ class Goal(Open):
     """Kind of objective: `lift`."""
     names: tuple[str, ...]
     """Names of its numbers in the observations of policies."""
-
-
-def untyped(goal: Any) -> Any:
-    """A goal without its primitive's own type, as it is read back from a store; anything else as it is."""
-    return Goal(**goal.model_dump()) if isinstance(goal, Goal) else goal

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import field_validator
 
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
-from dextera_build.artifacts.goals import Goal, untyped
+from dextera_build.artifacts.goals import Goal
 from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
@@ -76,8 +75,6 @@ class TaskSpec(Value):
     targets."""
     reset: Reset = Reset()
     """Start distribution."""
-
-    _untyped = field_validator("goal", mode="before")(untyped)
 
     @property
     def primitive(self) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from typing import Any, Self
+
+from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, model_validator
 
 
 class Value(BaseModel):
@@ -14,7 +16,12 @@ class Value(BaseModel):
 class Open(Value):
     """A `Value` with further fields of plain data, whose types only its users know.
 
-    Values of its subclasses can be stored in its place; they are read back as the declared type.
+    Where it is declared, a value of a subclass becomes one of the declared type, as it would be read back.
     """
 
     model_config = ConfigDict(frozen=True, extra="allow")
+
+    @model_validator(mode="wrap")  # one of mode `before` is not asked about instances
+    @classmethod
+    def _as_declared(cls, value: Any, made: ModelWrapValidatorHandler[Self]) -> Self:
+        return made(value.model_dump() if isinstance(value, cls) and type(value) is not cls else value)

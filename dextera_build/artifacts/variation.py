@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import Field, field_validator
+from pydantic import Field
 
-from dextera_build.artifacts.goals import Goal, untyped
+from dextera_build.artifacts.goals import Goal
 from dextera_build.artifacts.value import Value
 
 Twist = tuple[float, float, float, float, float, float]
@@ -30,5 +30,3 @@ class Variation(Value):
     """Factor on the scene's lights."""
     noise: float = 1.0
     """Factor on noise and dropout of cameras."""
-
-    _untyped = field_validator("goal", mode="before")(untyped)
