@@ -10,10 +10,10 @@ from dextera_build.artifacts.policy import Channel, Encoding, PolicyContract
 from dextera_build.artifacts.task import TaskBundle, View
 from dextera_build.artifacts.term import TermSpec
 from dextera_build.errors import RuleError, listing
-from dextera_build.policy.declared import BY_NAME, DECLARED, POSE
+from dextera_build.policy.declared import BY_NAME, DECLARED, HIDDEN, POSE
 from dextera_build.policy.layout import Layout, of_bundle, of_episodes
 
-VECTORS = tuple(term.name for term in DECLARED if term.seen_by == "policies" and term.rows != "cameras")
+VECTORS = tuple(term.name for term in DECLARED if term.is_vector)
 """Vector channels of dxb, in the order of the networks' inputs."""
 CHANNELS = (*VECTORS, "rgb")
 """All channels of dxb that a policy may use, none of them privileged."""
@@ -39,11 +39,13 @@ def check_inputs(names: tuple[str, ...], known: tuple[str, ...] = CHANNELS) -> N
     for name in names:
         if name in known:
             continue
-        term = BY_NAME.get(name)
-        if term is None and not difflib.get_close_matches(name, known, n=1, cutoff=MISSPELLED):
+        if name not in BY_NAME and not difflib.get_close_matches(name, known, n=1, cutoff=MISSPELLED):
             continue
-        hidden = term is not None and term.seen_by != "policies"
-        why = "is privileged: only a simulator measures it" if hidden else "is no channel that this policy can take"
+        why = (
+            "is privileged: only a simulator measures it"
+            if name in HIDDEN
+            else "is no channel that this policy can take"
+        )
         raise ValueError(f"`{name}` {why}; `inputs` may name {listing(known)}")
 
 

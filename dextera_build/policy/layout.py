@@ -53,7 +53,7 @@ class Layout:
     def channel(self, name: str) -> Declared | None:
         """The declaration of a channel of numbers that policies may see, or None for another channel."""
         found = BY_NAME.get(name) or next((each for each in self.added if each.name == name), None)
-        return None if found is None or found.seen_by != "policies" or found.rows == "cameras" else found
+        return found if found is not None and found.is_vector else None
 
     def shape(self, declared: Declared) -> tuple[int, ...]:
         """Shape of one observation of a term of numbers."""

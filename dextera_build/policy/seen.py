@@ -84,7 +84,7 @@ def goal(worlds: Seen) -> np.ndarray:
 
 
 MEASURES: Mapping[str, Callable[[Seen], np.ndarray]] = {
-    term.name: globals()[term.name] for term in DECLARED if term.seen_by == "policies" and term.rows != "cameras"
+    term.name: globals()[term.name] for term in DECLARED if term.is_vector
 }
 """Deployable term -> its function, which has its name."""
 

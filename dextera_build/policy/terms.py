@@ -78,6 +78,11 @@ class Declared:
     recorded: bool = False
     """Whether episodes hold its observed values."""
 
+    @property
+    def is_vector(self) -> bool:
+        """Whether it is a vector channel: numbers that policies may see."""
+        return self.seen_by == "policies" and self.rows != "cameras"
+
 
 def added(spec: TermSpec) -> Declared:
     """The declaration of a term that does not come with dxb."""

@@ -15,7 +15,7 @@ from dextera_build import digest
 from dextera_build.artifacts.noise import ColourNoise, DepthNoise
 from dextera_build.errors import RuleError, did_you_mean, listing
 from dextera_build.geometry import cameras, lie, quaternions
-from dextera_build.policy.declared import BY_NAME
+from dextera_build.policy.declared import HIDDEN
 from dextera_build.policy.observation import Frame, Measurement
 from dextera_build.policy.terms import Sensor, Term
 from dextera_build.sim.render import sensor as camera_sensor
@@ -75,8 +75,7 @@ def check(sensors: Mapping[str, Sensor], views: Iterable[str]) -> None:
     for name in sensors:
         if name in known:
             continue
-        hidden = name in BY_NAME and BY_NAME[name].seen_by != "policies"
-        why = "is privileged, so that no sensor measures it" if hidden else "is nothing that a sensor measures"
+        why = "is privileged, so that no sensor measures it" if name in HIDDEN else "is nothing that a sensor measures"
         raise RuleError(
             f"`{name}` {why}",
             code="DXB-B514",
