@@ -154,11 +154,11 @@ def test_stages_do_not_import_one_another():
         (name(path), module)
         for path in RULES
         for level, module in imports(path, top_only=False)
-        if level >= len(path.relative_to(REPO / "rules").parts) and not _table_of_errors(path, module)
+        if level >= len(path.relative_to(REPO / "rules").parts) and not _pools_tables(path, module)
     ] == []
 
 
-def _table_of_errors(path: Path, module: str) -> bool:
+def _pools_tables(path: Path, module: str) -> bool:
     """Whether rules of `benchmark` import from `evaluate`, whose tables they pool."""
     return path.relative_to(REPO / "rules").parts[0] == "benchmark" and module.startswith("evaluate")
 

@@ -32,7 +32,7 @@ class Array:
 
     Args:
         shape: Axis sizes separated by spaces: numbers, names that must agree within one artifact, or `*` for any size;
-            `...` at the end stands for any further axes.
+            a trailing `...` allows any number of further axes.
         dtype: NumPy dtype name.
         unit: SI unit, or "" for a pure number.
         frame: The frame that coordinates are expressed in, or "".

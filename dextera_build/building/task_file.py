@@ -26,7 +26,7 @@ inputs:
   support: {twin}:ground
   robot: {robot}
 nodes:
-  # guess: the robot stands behind the objects and looks at the camera; with a calibration, give `measured`.
+  # guess: robot behind the objects, facing the camera; if it is calibrated, use `measured` instead.
   base: {{rule: align.base, support: $support, position_m: [{x:.2f}, {y:.2f}, 0.0], yaw_deg: 270}}
 """
 
