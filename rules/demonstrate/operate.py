@@ -73,7 +73,7 @@ def operate(
     """Return demonstrations from drawn starts, in the robot's base frame [m, rad], and failed attempts with reasons.
 
     The backend's operator plans only from the shape of the task's assets and the embodiment's data. The backend
-    offers `operate(bundle, options, terms) -> Episodes` and `strips(bundle, episodes) -> list of (caption, pixels)`.
+    offers `operate(bundle, terms, options) -> Episodes` and `strips(bundle, episodes) -> list of (caption, pixels)`.
 
     Raises:
         RuleError: Too few attempts succeed, or the operator finds no plan for the task; not with option `attempts`.
