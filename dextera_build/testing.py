@@ -24,7 +24,7 @@ from dextera_build.recipe.backends import Wish, choose
 from dextera_build.recipe.calls import facts_of
 from dextera_build.rule import Context, Outcome
 from dextera_build.rule.pretrained import Pretrained
-from dextera_build.running.called import as_called, named, others, playing, running
+from dextera_build.running.called import as_called, named, only_keyed, others, running
 from dextera_build.running.runner import ProjectReads, outside, parted
 from dextera_build.store.store import Store
 
@@ -118,7 +118,7 @@ class RuleRunner:
             named=named(found, options or {}),
         )
         keyword = {"options": common} if rule.takes_options else {}
-        with playing(companions):
+        with only_keyed(companions):
             result = rule(ctx, **inputs, **keyword)
         self.outcome = ctx.outcome
         self.reads = reads.finish() if reads is not None else []

@@ -9,7 +9,6 @@ import math
 import mmap
 import re
 import sys
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
@@ -118,13 +117,6 @@ def _dtype(name: str) -> np.dtype[Any]:
     import numpy as np
 
     return np.dtype(name).newbyteorder("<")
-
-
-def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write arrays by name into an NPZ file."""
-    import numpy as np
-
-    np.savez(path, **arrays)  # type: ignore[arg-type]
 
 
 def check_array(place: str, name: str, value: np.ndarray, spec: Array, axes: dict[str, tuple[str, int]]) -> None:

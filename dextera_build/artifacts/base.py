@@ -16,16 +16,13 @@ from typing import TYPE_CHECKING, Any, BinaryIO, ClassVar, Generic, Self, TypeVa
 from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, model_validator
 
 from dextera_build import digest
-from dextera_build.artifacts import describe, fields, trees
+from dextera_build.artifacts import above, fields, trees
 from dextera_build.artifacts.arrays import Array as Array
-from dextera_build.artifacts.arrays import is_array, save_arrays
 from dextera_build.artifacts.content import SMALL, Content, Get, OnDisk, Put, Stored
-from dextera_build.artifacts.formats import suffix_among
 from dextera_build.artifacts.forms import NOTHING, form_of, forms
 from dextera_build.artifacts.identity import check, spelled, unreadable
 from dextera_build.artifacts.labels import check_labels, check_paths
-from dextera_build.artifacts.lazy import Lazy, contents, sizes
-from dextera_build.artifacts.schema import array_specs
+from dextera_build.artifacts.lazy import Lazy, contents
 from dextera_build.artifacts.value import Value as Value
 from dextera_build.errors import ArtifactError
 
@@ -46,7 +43,7 @@ class Artifact(BaseModel):
     former_fields: ClassVar[Mapping[str, Any]] = {}
     """Field that exists only in former versions -> its artifact type then."""
     saves: ClassVar[tuple[str, ...]] = ()
-    """Suffixes of the file formats that `save` writes, the preferred one first."""
+    """Suffixes of the files that `_write` writes, the preferred one first; types of dxb have modules in `formats`."""
 
     def __init__(self, **fields: Any) -> None:
         try:
@@ -73,20 +70,22 @@ class Artifact(BaseModel):
         return self
 
     def facts(self) -> Iterator[str]:
-        """The main facts about this value: counts, sizes, extents, units."""
-        return describe.facts({name: getattr(self, name) for name in type(self).model_fields}, array_specs(type(self)))
+        """The main facts about this value as text: counts, sizes, extents, units."""
+        found: Iterator[str] = above.facts().facts(self)
+        return found
 
     def picture(self) -> bytes | None:
         """PNG bytes of this value or of the first of its parts that has a picture, for notebooks."""
-        parts = (getattr(self, name) for name in type(self).model_fields)
-        pictures = (part.picture() for part in parts if isinstance(part, Artifact))
-        return next((found for found in pictures if found is not None), None)
+        found: bytes | None = above.previews(f"{self.name()}.picture").picture(self)
+        return found
 
     def __repr__(self) -> str:
-        return describe.line(self.name(), self.facts())
+        found: str = above.facts().line(self)
+        return found
 
     def _repr_html_(self) -> str:
-        return describe.page(repr(self), self.picture())
+        found: str = above.previews(f"{self.name()}._repr_html_").html(self)
+        return found
 
     def encode(self, put: Put) -> str:
         """Store this value through `put(bytes) -> digest` and return the digest of its header."""
@@ -131,14 +130,28 @@ class Artifact(BaseModel):
 
         Raises:
             ArtifactError: The type has no such format.
+            RuleError: A rule is being called; it imports a module of `formats`.
         """
-        path = Path(path)
-        suffix_among(self.name(), path, self.saves)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        return self._write(path)
+        files: list[Path] = above.formats(f"{self.name()}.save").save(self, Path(path))
+        return files
+
+    @classmethod
+    def load(cls, path: str | Path, **options: Any) -> Self:
+        """Read a file of another program in the format of its suffix.
+
+        Args:
+            path: The file.
+            options: Of the type's reader, `load` of its module in `formats`.
+
+        Raises:
+            ArtifactError: It is no such file, or the type has no such format.
+            RuleError: A rule is being called; it imports a module of `formats`.
+        """
+        found: Self = above.formats(f"{cls.name()}.load").load(cls, Path(path), **options)
+        return found
 
     def _write(self, path: Path) -> list[Path]:
-        """Write `path`, whose suffix is one of `saves`, in any case of letters."""
+        """Write `path`, whose suffix is one of `saves`, in any case of letters; for types outside of dxb."""
         raise NotImplementedError
 
     def export(self, folder: str | Path, stem: str) -> list[Path]:
@@ -147,35 +160,8 @@ class Artifact(BaseModel):
         A type without a file format writes every field that is an artifact into its own files, and the rest as JSON
         and NPZ.
         """
-        folder = Path(folder)
-        if self.saves:
-            return self.save(folder / f"{stem}{self.saves[0]}")
-        folder.mkdir(parents=True, exist_ok=True)
-        arrays: dict[str, Any] = {}
-        plain: dict[str, Any] = {}
-        written: list[Path] = []
-        for name in type(self).model_fields:
-            value = getattr(self, name)
-            if is_array(value):
-                arrays[name] = value
-            elif isinstance(value, Artifact):
-                written += value.export(folder, f"{stem}.{name}")
-            elif (parts := _parts(value)) and all(isinstance(part, Artifact) for part in parts.values()):
-                for label, part in parts.items():
-                    written += part.export(folder, f"{stem}.{name}.{label}")
-            elif parts and all(map(is_array, parts.values())):
-                arrays |= {f"{name}.{label}": part for label, part in parts.items()}
-            else:
-                plain[name] = value.model_dump(mode="json") if isinstance(value, BaseModel) else value
-        if arrays:
-            path = folder / f"{stem}.npz"
-            save_arrays(path, arrays)
-            written.append(path)
-        if plain:
-            path = folder / f"{stem}.json"
-            path.write_text(json.dumps(plain, indent=1, sort_keys=True, default=_plain) + "\n")
-            written.insert(0, path)
-        return written
+        files: list[Path] = above.formats(f"{self.name()}.export").export(self, Path(folder), stem)
+        return files
 
 
 T = TypeVar("T", bound=Artifact)
@@ -190,11 +176,6 @@ class Collection(Artifact, Generic[T]):
     def __init__(self, **fields: Any) -> None:
         super().__init__(**fields)
         check_labels(self.name(), self.items)
-
-    def facts(self) -> Iterator[str]:
-        """Number and type of the items, with their labels."""
-        kinds = sorted({item.name() for item in self.items.values()})
-        yield from describe.facts({" or ".join(kinds) or "items": self.items}, {})
 
     @classmethod
     def _from_header(cls, header: Mapping[str, Any], get: Get) -> Self:
@@ -248,9 +229,10 @@ class File(Artifact):
         """Whether the bytes are equal."""
         return isinstance(other, File) and self.data == other.data
 
-    def facts(self) -> Iterator[str]:
-        """Its size; content outside memory is not read for it."""
-        yield describe.size(len(self.data) if self._content is None else self._content.path().stat().st_size)
+    @property
+    def size(self) -> int:
+        """Size of the content [bytes]; content outside memory is not read for it."""
+        return len(self.data) if self._content is None else self._content.length()
 
     def __hash__(self) -> int:
         """Hash of the bytes."""
@@ -329,11 +311,6 @@ class Folder(Artifact):
         super().__init__(**fields)
         check_paths(self.name(), self.files)
 
-    def facts(self) -> Iterator[str]:
-        """Number of files, and their size."""
-        yield from describe.facts({"files": self.files}, {})
-        yield describe.size(sum(sizes(self.files)))
-
     @classmethod
     def of(cls, folder: str | Path) -> Self:
         """All files below a folder that must no longer change; each is read when it is used or stored."""
@@ -371,21 +348,6 @@ class Folder(Artifact):
             return super().restore(key, get, folder, stem)
         tree = json.loads(get(key))["fields"]["files"]["$map"]
         return trees.restore({name: raw["$bytes"][0] for name, raw in tree.items()}, copy, folder)
-
-
-def _parts(value: Any) -> dict[str, Any]:
-    """Label or index -> part of a dict or a sequence."""
-    if isinstance(value, tuple):
-        return {str(index): part for index, part in enumerate(value)}
-    return value if isinstance(value, dict) else {}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, BaseModel):
-        return value.model_dump(mode="json")
-    if isinstance(value, Artifact | bytes):
-        return f"<{type(value).__name__}>"
-    return str(value)
 
 
 def _explain(kind: str, error: ValidationError) -> str:

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 from pydantic import model_validator
 
-from dextera_build.artifacts import camera_files
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.intrinsics import Intrinsics
 from dextera_build.errors import ArtifactError
 
 
 class Camera(Artifact):
     """A pinhole camera: OpenCV convention, integer pixel centres, x right, y down, z forward."""
-
-    saves: ClassVar[tuple[str, ...]] = camera_files.SUFFIXES
 
     width: int
     """Image width [px]."""
@@ -83,13 +77,6 @@ class Camera(Artifact):
         rays = np.column_stack([plane, np.ones(len(plane))])
         return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
-    def intrinsics(self) -> Intrinsics:
-        """Its numbers, for file formats."""
-        return Intrinsics("pinhole", self.width, self.height, (self.fx, self.fy), (self.cx, self.cy))
-
-    def _write(self, path: Path) -> list[Path]:
-        return camera_files.save(self.intrinsics(), path)
-
 
 class Photograph(Artifact):
     """One RGB picture and its camera; the only input from which assets are made."""
@@ -119,18 +106,6 @@ class Capture(Artifact):
     """The picture with its camera."""
     measured: Measured | None = None
     """Depth; None if there is only the photograph."""
-
-    def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write the files that `capture.folder` reads: `rgb.png`, `depth.png` in millimetres, `capture.json`."""
-        folder = Path(folder)
-        facts = self.photograph.camera.model_dump()
-        written = self.photograph.rgb.export(folder, "rgb")
-        if self.measured is not None:
-            facts["depth_scale_m"] = 0.001
-            written += self.measured.depth.export(folder, "depth")
-        written.append(folder / "capture.json")
-        written[-1].write_text(json.dumps(facts, indent=1) + "\n")
-        return written
 
     @model_validator(mode="after")
     def _check_sizes(self) -> Self:

@@ -261,19 +261,6 @@ class Film(Artifact):
                 raise _bad_film(index, "more than 1 GiB")
         return np.array(found, np.uint8).reshape(-1, self.height, self.width, 3)
 
-    def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write `stem/<index>.png`, an animated PNG per episode."""
-        folder = Path(folder)
-        from PIL import Image
-
-        (folder / stem).mkdir(parents=True, exist_ok=True)
-        written = []
-        for index in self.frames:
-            first, *rest = [Image.fromarray(frame) for frame in self.each(index)]
-            written.append(folder / stem / f"{index}.png")
-            first.save(written[-1], save_all=True, append_images=rest, duration=50, loop=0)
-        return written
-
 
 def _bad_film(index: str, why: str) -> ArtifactError:
     return ArtifactError(f"the film of episode {index} cannot be read", code="DXB-A113", facts={"why": why})

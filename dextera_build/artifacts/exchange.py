@@ -37,6 +37,7 @@ from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.splats import Splats
 from dextera_build.errors import ArtifactError
+from dextera_build.formats import mask_track, point_cloud, splats_ply
 
 _SUFFIXES: dict[type[Artifact], str] = {
     Image: ".png",
@@ -146,7 +147,7 @@ class _Writer:
         if isinstance(value, Image):
             path.write_bytes(png(value.pixels))
         else:
-            value.save(path)
+            _module(type(value)).save(value, path)
         return {"type": value.name(), "file": path.name}
 
     def _path(self, name: str, suffix: str) -> Path:
@@ -300,13 +301,16 @@ class _Reader:
 
 
 def _loader(kind: type[Artifact]) -> Callable[[Path], Any]:
-    if kind is Mesh:
-        from dextera_build.artifacts import mesh_files  # needs trimesh for most formats
+    return _picture if kind is Image else _module(kind).load
 
-        return mesh_files.load
-    if kind is Image:
-        return _picture
-    return kind.load  # type: ignore[attr-defined, no-any-return]  # as all others in `_SUFFIXES`
+
+def _module(kind: type[Artifact]) -> Any:
+    """The format of a type of `_SUFFIXES` other than `Image`."""
+    if kind is Mesh:
+        from dextera_build.artifacts import mesh_files as mesh_files  # needs trimesh for most formats
+
+        return mesh_files
+    return {MaskTrack: mask_track, PointCloud: point_cloud, Splats: splats_ply}[kind]
 
 
 def _picture(path: Path) -> Image:

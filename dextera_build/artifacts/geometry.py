@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import model_validator
 
 from dextera_build.artifacts.base import Array, Artifact
-from dextera_build.artifacts.formats import module
-from dextera_build.artifacts.image import Image, png
+from dextera_build.artifacts.image import Image
 from dextera_build.errors import ArtifactError
-from dextera_build.geometry.thumbnail import thumbnail
 
 
 class Mesh(Artifact):
     """A triangle mesh with a texture."""
-
-    saves: ClassVar[tuple[str, ...]] = (".obj", ".glb", ".ply", ".stl", ".usda", ".usdc", ".usd")
 
     vertices: Annotated[np.ndarray, Array("V 3", "float32", unit="m", frame="object")]
     """Corner positions (a background's are in the world frame)."""
@@ -55,10 +50,6 @@ class Mesh(Artifact):
         backward = np.sort(edges[:, 1] * count + edges[:, 0])
         return bool((forward[1:] != forward[:-1]).all() and (forward == backward).all())
 
-    def picture(self) -> bytes:
-        """The mesh from its front left and above."""
-        return png(thumbnail([(self.vertices[self.faces], self.paint)]))
-
     def paint(self, face: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """SRGB (N, 3), 0..1, of points on faces (N,) at barycentric weights (N, 3)."""
         if self.uv is None or self.texture is None:
@@ -68,37 +59,9 @@ class Mesh(Artifact):
         row, column = ((1 - v) * rows).astype(int).clip(0, rows - 1), (u * columns).astype(int).clip(0, columns - 1)
         return np.asarray(self.texture.pixels[row, column] / 255.0)
 
-    def _write(self, path: Path) -> list[Path]:
-        if path.suffix.lower() != ".obj":
-            written: list[Path] = module("mesh_files").write(self, path)
-            return written
-        material, picture = path.with_suffix(".mtl"), path.with_suffix(".png")
-        path.write_text(obj_text(self, material.name))
-        red, green, blue = self.colour
-        lines = ["newmtl surface", f"Kd {red:.4f} {green:.4f} {blue:.4f}"]
-        if self.texture is not None:
-            picture.write_bytes(png(self.texture.pixels))
-            lines += ["Kd 1 1 1", f"map_Kd {picture.name}"]
-        material.write_text("\n".join(lines) + "\n")
-        return [path, *([picture] if self.texture is not None else []), material]
-
 
 class Hull(Artifact):
     """A convex piece, given by its corner points."""
 
     vertices: Annotated[np.ndarray, Array("V 3", "float32", unit="m", frame="object")]
     """Points whose convex hull is the piece; at least four, not in one plane."""
-
-
-def obj_text(mesh: Mesh, material_file: str | None = None) -> str:
-    """Wavefront OBJ text of `mesh`; nine significant digits keep float32 exactly."""
-    lines = [f"mtllib {material_file}", "usemtl surface"] if material_file else []
-    lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices.tolist()]
-    if mesh.uv is None:
-        lines += [f"f {a} {b} {c}" for a, b, c in (mesh.faces + 1).tolist()]
-        return "\n".join(lines) + "\n"
-    lines += [f"vt {u:.6f} {v:.6f}" for u, v in mesh.uv.reshape(-1, 2).tolist()]
-    lines += [
-        f"f {a}/{3 * i + 1} {b}/{3 * i + 2} {c}/{3 * i + 3}" for i, (a, b, c) in enumerate((mesh.faces + 1).tolist())
-    ]
-    return "\n".join(lines) + "\n"

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import io
-from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -17,39 +16,15 @@ TEXTURES = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")
 class Image(Artifact):
     """A colour picture in sRGB."""
 
-    saves: ClassVar[tuple[str, ...]] = (".png",)
-
     pixels: Annotated[np.ndarray, Array("H W 3", "uint8")]
     """Red, green, blue (never BGR), 0..255."""
-
-    def picture(self) -> bytes:
-        """The picture itself; a large one is subsampled by a whole factor."""
-        return png(smaller(self.pixels))
-
-    def _write(self, path: Path) -> list[Path]:
-        path.write_bytes(png(self.pixels))
-        return [path]
 
 
 class DepthImage(Artifact):
     """Distance along the optical axis (image-plane z, not along the ray)."""
 
-    saves: ClassVar[tuple[str, ...]] = (".png",)
-
     depth: Annotated[np.ndarray, Array("H W", "float32", unit="m", frame="camera")]
     """Depth z; 0 where nothing was measured."""
-
-    def picture(self) -> bytes:
-        """Grey: near is bright, black where nothing was measured."""
-        there = self.depth > 0
-        near, far = (self.depth[there].min(), self.depth[there].max()) if there.any() else (0.0, 1.0)
-        grey = 255 - 195 * (self.depth - near) / max(far - near, 1e-6)
-        return png(smaller(np.where(there, grey, 0).astype(np.uint8)))
-
-    def _write(self, path: Path) -> list[Path]:
-        """16 bit, one count is a millimetre, 0 is invalid."""
-        path.write_bytes(png(np.clip(np.round(self.depth * 1000.0), 0, 65535).astype(np.uint16)))
-        return [path]
 
 
 class LabelImage(Artifact):
@@ -57,11 +32,6 @@ class LabelImage(Artifact):
 
     labels: Annotated[np.ndarray, Array("H W", "int32")]
     """0 is background; 1.. are instances."""
-
-    def picture(self) -> bytes:
-        """One colour for each instance, black for the background."""
-        hues = np.array([(0, 0, 0), (230, 85, 60), (60, 140, 220), (90, 180, 90), (235, 170, 50), (150, 105, 200)])
-        return png(smaller(hues[np.where(self.labels > 0, (self.labels - 1) % 5 + 1, 0)].astype(np.uint8)))
 
 
 def faded(pixels: np.ndarray, mask: np.ndarray) -> np.ndarray:

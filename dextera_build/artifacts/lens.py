@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts import camera_files
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import DepthImage, png, smaller
-from dextera_build.artifacts.intrinsics import Intrinsics
+from dextera_build.artifacts.image import DepthImage
 from dextera_build.geometry import lenses
-from dextera_build.geometry.plot import Line, plot
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Focal = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
@@ -27,8 +22,6 @@ class BrownConrady(Artifact):
 
     OpenCV axes and integer pixel centres, as `Camera`; without distortion it is that camera.
     """
-
-    saves: ClassVar[tuple[str, ...]] = camera_files.SUFFIXES
 
     width: PositiveInt
     """Image width [px]."""
@@ -76,27 +69,9 @@ class BrownConrady(Artifact):
         plane = lenses.brown_conrady_inverse(_plane(self, pixels), self.coefficients())
         return lenses.directions(plane, np.arctan(np.hypot(*plane.T)))
 
-    def intrinsics(self) -> Intrinsics:
-        """Its numbers, for file formats."""
-        k = tuple(self.coefficients().tolist())
-        return Intrinsics("brown_conrady", self.width, self.height, (self.fx, self.fy), (self.cx, self.cy), k)
-
-    def facts(self) -> Iterator[str]:
-        """Size and fields of view."""
-        yield from _facts(self)
-
-    def picture(self) -> bytes:
-        """Squares of ten degrees through the lens."""
-        return _checker(self)
-
-    def _write(self, path: Path) -> list[Path]:
-        return camera_files.save(self.intrinsics(), path)
-
 
 class KannalaBrandt(Artifact):
     """A fisheye lens: OpenCV's fisheye model, `equidistant` in ROS; its field of view may exceed 180 degrees."""
-
-    saves: ClassVar[tuple[str, ...]] = camera_files.SUFFIXES
 
     width: PositiveInt
     """Image width [px]."""
@@ -137,27 +112,9 @@ class KannalaBrandt(Artifact):
         plane = _plane(self, pixels)
         return lenses.directions(plane, lenses.kannala_brandt_inverse(np.hypot(*plane.T), self.coefficients()))
 
-    def intrinsics(self) -> Intrinsics:
-        """Its numbers, for file formats."""
-        k = tuple(self.coefficients().tolist())
-        return Intrinsics("kannala_brandt", self.width, self.height, (self.fx, self.fy), (self.cx, self.cy), k)
-
-    def facts(self) -> Iterator[str]:
-        """Size and fields of view."""
-        yield from _facts(self)
-
-    def picture(self) -> bytes:
-        """Squares of ten degrees through the lens."""
-        return _checker(self)
-
-    def _write(self, path: Path) -> list[Path]:
-        return camera_files.save(self.intrinsics(), path)
-
 
 class Equirectangular(Artifact):
     """The whole sphere: columns are azimuth, rows are elevation, and the middle of the image is straight ahead."""
-
-    saves: ClassVar[tuple[str, ...]] = (".txt",)
 
     width: PositiveInt
     """Image width [px], 360 degrees."""
@@ -178,17 +135,6 @@ class Equirectangular(Artifact):
         elevation = np.where(np.abs(elevation) <= np.pi / 2, elevation, np.nan)
         level = np.cos(elevation)
         return np.column_stack([level * np.sin(azimuth), np.sin(elevation), level * np.cos(azimuth)])
-
-    def intrinsics(self) -> Intrinsics:
-        """Its numbers, for file formats."""
-        return Intrinsics("equirectangular", self.width, self.height)
-
-    def picture(self) -> bytes:
-        """Squares of ten degrees through the lens."""
-        return _checker(self)
-
-    def _write(self, path: Path) -> list[Path]:
-        return camera_files.save(self.intrinsics(), path)
 
 
 Lens = Camera | BrownConrady | KannalaBrandt | Equirectangular
@@ -227,40 +173,6 @@ class DepthNoise(Artifact):
             noisy = np.round(noisy / self.step_m) * self.step_m
         return DepthImage(depth=np.where(there, np.maximum(noisy, 0), 0).astype(np.float32))
 
-    def picture(self) -> bytes:
-        """Standard deviation over depth, from the nearest to the farthest."""
-        depth = np.linspace(self.nearest_m, min(self.farthest_m, 5.0), 200)
-        return png(plot([Line(np.column_stack([depth, 1000.0 * self.sigma(depth)]))], "depth [m]", "sigma [mm]"))
-
-
-def of(known: Intrinsics) -> Lens:
-    """The lens with these numbers.
-
-    Raises:
-        ArtifactError: They are no valid camera: a focal length is not above 0.
-    """
-    size = {"width": known.width, "height": known.height}
-    if known.model == "equirectangular":
-        return Equirectangular(**size)
-    (fx, fy), (cx, cy) = known.focal, known.centre
-    base = {**size, "fx": fx, "fy": fy, "cx": cx, "cy": cy}
-    if known.model == "pinhole":
-        return Camera(**base)
-    names: tuple[str, ...] = ("k1", "k2", "k3", "k4")
-    if known.model == "kannala_brandt":
-        return KannalaBrandt(**base, **dict(zip(names, known.coefficients, strict=True)))
-    names = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-    return BrownConrady(**base, **dict(zip(names, known.coefficients, strict=True)))
-
-
-def load(path: str | Path) -> Lens:
-    """Read a camera from a ROS camera_info (`.yaml`, `.yml`) or a COLMAP `cameras.txt` with one camera.
-
-    Raises:
-        ArtifactError: The file is neither, or contains several cameras.
-    """
-    return of(camera_files.load(Path(path)))
-
 
 def _pixels(lens: BrownConrady | KannalaBrandt, plane: np.ndarray) -> np.ndarray:
     """Pixels (N, 2) of positions (N, 2) in focal lengths from the principal point."""
@@ -269,21 +181,3 @@ def _pixels(lens: BrownConrady | KannalaBrandt, plane: np.ndarray) -> np.ndarray
 
 def _plane(lens: BrownConrady | KannalaBrandt, pixels: np.ndarray) -> np.ndarray:
     return np.asarray((pixels - [lens.cx, lens.cy]) / [lens.fx, lens.fy])
-
-
-def _facts(lens: BrownConrady | KannalaBrandt) -> Iterator[str]:
-    yield f"{lens.width} x {lens.height} px"
-    x, y = (lens.width - 1) / 2, (lens.height - 1) / 2
-    ends = np.array([[0, y], [lens.width - 1, y], [x, 0], [x, lens.height - 1]])
-    off = np.arctan2(np.hypot(*lens.unproject(ends)[:, :2].T), lens.unproject(ends)[:, 2])
-    if np.isfinite(off).all():
-        across, down = np.degrees([off[0] + off[1], off[2] + off[3]])
-        yield f"field of view {across:.0f} x {down:.0f} deg"
-    yield f"focal length {lens.fx:.4g}, {lens.fy:.4g} px"
-
-
-def _checker(lens: BrownConrady | KannalaBrandt | Equirectangular) -> bytes:
-    rows, columns = np.indices((lens.height, lens.width), dtype=np.float64)
-    chosen = smaller(np.stack([columns, rows], axis=-1))
-    rays = lens.unproject(chosen.reshape(-1, 2)).reshape(*chosen.shape[:2], 3)
-    return png(lenses.angle_checker(rays))

@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import io
-import json
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
-from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, PositiveInt, model_validator
 
 from dextera_build.artifacts.base import Array, Artifact, File
-from dextera_build.artifacts.formats import suffix_among, unreadable
-from dextera_build.artifacts.image import png, smaller
+from dextera_build.artifacts.file_errors import unreadable
 from dextera_build.artifacts.packed import DAY
 from dextera_build.errors import ArtifactError
 
-_FORM = "ZIP of a mask track"
-_META = "meta.json"
-_MOST_BYTES = 1 << 26
-"""Largest PNG of one frame."""
-_UNREADABLE = (OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError, SyntaxError, zlib.error)
+FORM = "ZIP of a mask track"
+DAMAGE = (
+    *(OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError, SyntaxError),
+    *(zlib.error, zipfile.BadZipFile),
+)
+"""Exceptions for damaged archives and pictures."""
 _Frame = tuple[np.ndarray, np.ndarray | None]
 
 
@@ -34,8 +32,6 @@ class MaskTrack(Artifact):
     An object that is not visible in a frame, because it is hidden, outside the picture or lost, has an empty mask
     there.
     """
-
-    saves: ClassVar[tuple[str, ...]] = (".zip",)
 
     file: File
     """ZIP archive of `00000.png`, `00001.png`, ..., one indexed PNG per frame as in DAVIS: index 0 is background,
@@ -104,7 +100,7 @@ class MaskTrack(Artifact):
                     )
                 areas.append(count)
                 scores += [] if sure is None else [np.asarray(sure, np.float32)]
-                archive.writestr(zipfile.ZipInfo(_member(number), DAY), _indexed(labels))
+                archive.writestr(zipfile.ZipInfo(member(number), DAY), _indexed(labels))
         return cls(
             file=File(data=written.getvalue()),
             names=tuple(names),
@@ -137,74 +133,13 @@ class MaskTrack(Artifact):
             try:
                 archive = zipfile.ZipFile(raw)
                 for number in numbers:
-                    yield _read(archive.read(_member(number)), (self.height, self.width))
-            except (*_UNREADABLE, zipfile.BadZipFile) as error:
-                raise unreadable("masks.zip", _FORM, error) from None
-
-    def facts(self) -> Iterator[str]:
-        """Size, number of frames, duration, and number of frames in which each object is visible."""
-        yield f"{self.width} x {self.height} px"
-        yield f"{len(self.stamps):,} frames"
-        yield f"{self.stamps[-1] - self.stamps[0]:.2f} s"
-        for name, count in zip(self.names, self.seen.sum(axis=0), strict=True):
-            yield f"{name} in {count:,}"
-
-    def picture(self) -> bytes:
-        """The first, the middle and the last frame, one colour for each object."""
-        last = len(self.stamps) - 1
-        shown = [smaller(palette()[labels], 320) for labels in self._decoded([0, last // 2, last])]
-        return png(np.hstack(shown))
-
-    def _write(self, path: Path) -> list[Path]:
-        """The archive, with names, times and scores in `meta.json`."""
-        said: dict[str, Any] = {"names": list(self.names), "stamps_s": self.stamps.tolist()}
-        if self.scores is not None:
-            said["scores"] = self.scores.tolist()
-        with self.file.open() as raw, zipfile.ZipFile(raw) as archive, zipfile.ZipFile(path, "w") as target:
-            for number in range(len(self.stamps)):
-                target.writestr(zipfile.ZipInfo(_member(number), DAY), archive.read(_member(number)))
-            target.writestr(zipfile.ZipInfo(_META, DAY), json.dumps(said) + "\n", zipfile.ZIP_DEFLATED)
-        return [path]
-
-    @classmethod
-    def load(cls, path: str | Path, stamps: np.ndarray | None = None) -> MaskTrack:
-        """Read an archive written by `save`, or another one of indexed PNGs whose names are sorted by time.
-
-        Args:
-            path: The `.zip` file.
-            stamps: Time of each frame [s], for an archive without `meta.json`; its objects are named `1`, `2`, ...
-
-        Raises:
-            ArtifactError: It is no such archive.
-        """
-        suffix_among(cls.name(), Path(path), cls.saves)
-        try:
-            with zipfile.ZipFile(path) as archive:
-                return cls._of_archive(archive, stamps)
-        except (*_UNREADABLE, zipfile.BadZipFile) as error:
-            raise unreadable(path, _FORM, error) from None
-
-    @classmethod
-    def _of_archive(cls, archive: zipfile.ZipFile, stamps: np.ndarray | None) -> MaskTrack:
-        members = sorted((n for n in archive.namelist() if n.lower().endswith(".png")), key=lambda n: (len(n), n))
-        if not members or any(each.file_size > _MOST_BYTES for each in archive.infolist()):
-            raise ValueError("it holds no PNG" if not members else "a file in it is larger than 64 MiB")
-        said = json.loads(archive.read(_META)) if _META in archive.namelist() else {}
-        if "stamps_s" not in said and stamps is None:
-            raise ValueError(f"it has no `{_META}`, so the times of its frames must be given")
-        times = np.array(said["stamps_s"] if stamps is None else stamps, np.float64)
-        if times.shape != (len(members),):
-            raise ValueError(f"it holds {len(members)} frames, and {times.size} times")
-
-        def frames() -> Iterator[np.ndarray]:
-            return (_read(archive.read(name)) for name in members)
-
-        names = said.get("names") or range(1, max(int(labels.max(initial=0)) for labels in frames()) + 1)
-        scores = said.get("scores") or [None] * len(members)
-        return cls.of(list(map(str, names)), times, zip(frames(), scores, strict=True))
+                    yield indices(archive.read(member(number)), (self.height, self.width))
+            except DAMAGE as error:
+                raise unreadable("masks.zip", FORM, error) from None
 
 
-def _member(number: int) -> str:
+def member(number: int) -> str:
+    """Name of a frame in the archive."""
     return f"{number:05d}.png"
 
 
@@ -225,7 +160,7 @@ def _indexed(labels: np.ndarray) -> bytes:
     return written.getvalue()
 
 
-def _read(data: bytes, shape: tuple[int, int] | None = None) -> np.ndarray:
+def indices(data: bytes, shape: tuple[int, int] | None = None) -> np.ndarray:
     """The indices of an indexed or grey PNG, (H, W) uint8.
 
     Raises:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated
 
 import numpy as np
@@ -21,8 +20,3 @@ class Matches(Artifact):
     """0 to 1, decreasing; its meaning depends on the method."""
     method: str
     """Detector and matcher."""
-
-    def facts(self) -> Iterator[str]:
-        """Number of pairs, and the method."""
-        yield f"{len(self.first)} pairs"
-        yield self.method

@@ -10,10 +10,12 @@ from typing import Any, Literal
 import numpy as np
 
 from dextera_build.artifacts import gltf, mesh_bounds, mesh_usd, named_files
-from dextera_build.artifacts.formats import suffix_among, unreadable
+from dextera_build.artifacts.file_errors import unreadable
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image, opened, rgb
 from dextera_build.errors import listing
+from dextera_build.formats import obj
+from dextera_build.formats.files import suffix_among
 from dextera_build.geometry.baking import Part, joined
 from dextera_build.geometry.colour import to_linear, to_srgb
 
@@ -86,14 +88,16 @@ def load(
     )
 
 
-def write(mesh: Mesh, path: Path) -> list[Path]:
-    """Write GLB (embedded texture), PLY (vertex colours), STL (geometry only) or USD, binary; metres.
+def save(mesh: Mesh, path: Path) -> list[Path]:
+    """Write OBJ, or binary GLB (embedded texture), PLY (vertex colours), STL (geometry only) or USD; metres.
 
     GLB is rotated to y up by its root node, as the format requires; the others have z up.
     """
     suffix = path.suffix.lower()
     if suffix in _USD:
         return mesh_usd.write(mesh, path)
+    if suffix == ".obj":
+        return obj.write(mesh, path)
     import trimesh
 
     if suffix == ".glb":

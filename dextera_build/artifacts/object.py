@@ -9,10 +9,7 @@ import numpy as np
 from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.image import png
 from dextera_build.artifacts.pose import Pose
-from dextera_build.geometry import kinematics, transforms
-from dextera_build.geometry.thumbnail import thumbnail
 
 AssetSource: TypeAlias = Literal["rgb", "rgbd"]
 """Source of an asset: the photograph alone, as in the paper, or with measured depth."""
@@ -224,13 +221,6 @@ class Body(Artifact):
     def residual_m(self) -> float | None:
         """Median distance of the measured depth from the shape [m]; None if unknown."""
         return None if self.certainty is None else self.certainty.residual_m
-
-    def picture(self) -> bytes:
-        """All links, posed as in the photograph."""
-        poses = kinematics.link_poses(self)
-        meshes = ((poses[name], link.mesh) for name, link in self.links.items())
-        parts = [(transforms.apply(pose, mesh.vertices)[mesh.faces], mesh.paint) for pose, mesh in meshes]
-        return png(thumbnail(parts))
 
 
 class Inertial(Value):

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated, Self
 
 import numpy as np
@@ -55,14 +52,6 @@ class Pose(Artifact):
             covariance=covariance,
             stamp=self.stamp,
         )
-
-    def facts(self) -> Iterator[str]:
-        """Frames and position, and the angle."""
-        yield from _facts(self)
-
-    def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write `stem.json`, the matrix row by row."""
-        return _export(self, folder, stem)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -138,15 +127,6 @@ class Similarity(Artifact):
             stamp=self.stamp,
         )
 
-    def facts(self) -> Iterator[str]:
-        """Frames and position, the angle and the scale."""
-        yield from _facts(self)
-        yield f"scale {self.scale:.4g}"
-
-    def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write `stem.json`, the matrix row by row."""
-        return _export(self, folder, stem)
-
     @model_validator(mode="after")
     def _check(self) -> Self:
         if not self.scale > 0:
@@ -213,22 +193,6 @@ def check_covariance(name: str, covariance: np.ndarray) -> None:
 
 def _named(motion: Pose | Similarity) -> str:
     return f"T_{motion.parent}_{motion.child}"
-
-
-def _facts(motion: Pose | Similarity) -> Iterator[str]:
-    place = ", ".join(f"{length + 0.0:.3f}" for length in np.round(motion.matrix[:3, 3], 3))
-    cosine = (np.trace(motion.matrix[:3, :3]) - 1) / 2
-    yield f"{_named(motion)} at ({place}) m"
-    yield f"turned {np.degrees(np.arccos(np.clip(cosine, -1, 1))):.1f} deg"
-
-
-def _export(motion: Pose | Similarity, folder: str | Path, stem: str) -> list[Path]:
-    fields = {name: getattr(motion, name) for name in type(motion).model_fields}
-    plain = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in fields.items()}
-    path = Path(folder) / f"{stem}.json"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(plain, indent=1) + "\n")
-    return [path]
 
 
 def _check_motion(motion: Pose | Similarity) -> None:

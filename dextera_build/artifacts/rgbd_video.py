@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 import io
-import json
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from dextera_build.artifacts.base import Array, Artifact, File
 from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.formats import suffix_among, unreadable
-from dextera_build.artifacts.image import DepthImage, png, smaller
+from dextera_build.artifacts.file_errors import unreadable
+from dextera_build.artifacts.image import png
 from dextera_build.artifacts.packed import DAY
 from dextera_build.artifacts.pose import check_rigid
 from dextera_build.errors import ArtifactError
 
-_FORM = "ZIP of an RGB-D video"
-_META = "meta.json"
-_MOST_BYTES = 1 << 26
-"""Maximum size of one picture of a frame [bytes]."""
+FORM = "ZIP of an RGB-D video"
 _SATURATED = 65535
 """Counts that many drivers write for missing returns."""
-_UNREADABLE = (
+DAMAGE = (
     *(OSError, ValueError, KeyError, TypeError, EOFError, RuntimeError, SyntaxError, ArithmeticError),
     *(zlib.error, zipfile.BadZipFile),
 )
@@ -50,8 +46,6 @@ class RgbdFrame:
 
 class RgbdVideo(Artifact):
     """Video of an RGB-D camera. Frames are decoded on access."""
-
-    saves: ClassVar[tuple[str, ...]] = (".zip",)
 
     file: File
     """ZIP archive of `00000.png` or `00000.jpg`, and `00000.depth.png` with counts of 16 bit, for each frame."""
@@ -135,7 +129,7 @@ class RgbdVideo(Artifact):
 
         try:
             return cls._packed(path, camera, checked(), depth_scale_m, frame)
-        except _UNREADABLE as error:
+        except DAMAGE as error:
             raise unreadable(path, "PNG or JPEG", error) from None
 
     @classmethod
@@ -182,63 +176,8 @@ class RgbdVideo(Artifact):
                     found = RgbdFrame(float(self.stamps[number]), _colour(archive.read(name)), depth, pose)
                     _check_size(number, self.camera, found)
                     yield found
-            except (*_UNREADABLE, IndexError) as error:
-                raise unreadable("rgbd.zip", _FORM, error) from None
-
-    def facts(self) -> Iterator[str]:
-        """Size, number of frames, duration, and whether the camera's motion is known."""
-        yield f"{self.camera.width} x {self.camera.height} px"
-        yield f"{len(self.stamps):,} frames"
-        yield f"{self.stamps[-1] - self.stamps[0]:.2f} s"
-        if self.poses is not None:
-            yield f"T_{self.frame}_camera"
-
-    def picture(self) -> bytes:
-        """The first, the middle and the last frame, colour above depth."""
-        last = len(self.stamps) - 1
-        shown = [
-            np.vstack([smaller(frame.rgb, 320), smaller(_grey(frame.depth), 320)])
-            for frame in self.frames([0, last // 2, last])
-        ]
-        return png(np.hstack(shown))
-
-    def _write(self, path: Path) -> list[Path]:
-        """The archive, with camera, times and poses in `meta.json`."""
-        said = {
-            "camera": self.camera.model_dump(),
-            "stamps_s": self.stamps.tolist(),
-            "depth_scale_m": self.depth_scale_m,
-            "frame": self.frame,
-        } | ({} if self.poses is None else {"T_frame_camera": self.poses.tolist()})
-        with self.file.open() as raw, zipfile.ZipFile(raw) as archive, zipfile.ZipFile(path, "w") as target:
-            for name in sorted(set(archive.namelist()) - {_META}):
-                target.writestr(zipfile.ZipInfo(name, DAY), archive.read(name))
-            target.writestr(zipfile.ZipInfo(_META, DAY), json.dumps(said) + "\n", zipfile.ZIP_DEFLATED)
-        return [path]
-
-    @classmethod
-    def load(cls, path: str | Path) -> RgbdVideo:
-        """Open an archive written by `save`, which must no longer change.
-
-        Raises:
-            ArtifactError: It is no such archive.
-        """
-        suffix_among(cls.name(), Path(path), cls.saves)
-        try:
-            with zipfile.ZipFile(path) as archive:
-                if any(each.file_size > _MOST_BYTES for each in archive.infolist()):
-                    raise ValueError("a file in it is larger than 64 MiB")
-                said = json.loads(archive.read(_META))
-            return cls(
-                file=File.of(path),
-                camera=Camera(**said["camera"]),
-                stamps=np.array(said["stamps_s"], np.float64),
-                depth_scale_m=float(said["depth_scale_m"]),
-                poses=np.array(said["T_frame_camera"], np.float64) if "T_frame_camera" in said else None,
-                frame=said["frame"],
-            )
-        except _UNREADABLE as error:
-            raise unreadable(path, _FORM, error) from None
+            except (*DAMAGE, IndexError) as error:
+                raise unreadable("rgbd.zip", FORM, error) from None
 
 
 def _check_size(number: int, camera: Camera, frame: RgbdFrame) -> None:
@@ -268,8 +207,3 @@ def _depth(data: bytes, scale: float) -> np.ndarray:
     if counts.ndim != 2 or counts.dtype.kind not in "ui":
         raise ValueError(f"a depth picture has samples of {counts.dtype} in {counts.ndim} dimensions, not one count")
     return np.where((counts > 0) & (counts < _SATURATED), counts * np.float32(scale), 0).astype(np.float32)
-
-
-def _grey(depth: np.ndarray) -> np.ndarray:
-    with io.BytesIO(DepthImage(depth=depth).picture()) as written:
-        return _colour(written.getvalue())

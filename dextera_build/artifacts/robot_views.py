@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -11,7 +10,7 @@ from pydantic import Field, model_validator
 from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.calibration import Board
 from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.joints import Joints
 from dextera_build.errors import ArtifactError
 
 
@@ -79,14 +78,3 @@ class RobotViews(Artifact):
                     hint="give one row per picture, in the order of the pictures",
                 )
         return self
-
-    def facts(self) -> Iterator[str]:
-        """Number of pictures, mount, joints, depth and skew."""
-        yield f"{len(self.captures)} pictures"
-        yield self.mount
-        if self.joints is not None:
-            yield f"{len(self.joints.names)} joints"
-        measured = sum(each.measured is not None for each in self.captures.values())
-        yield f"depth on {measured}" if measured else "no depth"
-        if self.skew_s is not None:
-            yield f"skew up to {1000 * float(self.skew_s.max()):.0f} ms"

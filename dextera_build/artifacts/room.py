@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Self
 
 from pydantic import Field, model_validator
@@ -36,16 +35,3 @@ class Room(Artifact):
                 hint="move one of them: `points.moved(pose)`",
             )
         return self
-
-    def facts(self) -> Iterator[str]:
-        """Numbers of Gaussians, points and depth images, and the frame."""
-        yield f"{len(self.splats.means):,} Gaussians"
-        yield f"{len(self.points.points):,} points"
-        if self.depth:
-            yield f"depth of {len(self.depth)} views"
-        yield f"frame {self.splats.frame}"
-        yield self.asset_source
-
-    def picture(self) -> bytes:
-        """The Gaussians from their front left and above."""
-        return self.splats.picture()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -64,10 +63,6 @@ class Scene(Artifact):
     `simulate.steady`."""
     scale: ScaleSource = "depth"
     """Source of the unit of length; tasks refuse a scene of scale `unknown`."""
-
-    def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write `scene.xml` and its files."""
-        return self.model.export(folder, stem)
 
 
 class Settled(Value):

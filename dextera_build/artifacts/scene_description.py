@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -13,12 +12,10 @@ from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.image import png
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.errors import ArtifactError, listing
 from dextera_build.geometry import kinematics, transforms
-from dextera_build.geometry.thumbnail import Paint, thumbnail
 
 Name = Annotated[str, Field(pattern="^[A-Za-z_][A-Za-z0-9_]*$")]
 """A name that is valid in MJCF and USD."""
@@ -299,29 +296,3 @@ class SceneDescription(Artifact):
     def bodies(self) -> tuple[str, ...]:
         """Names of the movable objects' root bodies."""
         return tuple(thing.label for thing in self.objects)
-
-    def facts(self) -> Iterator[str]:
-        """Objects, joints, mass, geoms, cameras and robots."""
-        parts = [body for thing in self.objects for body in thing.links.values()]
-        geoms = [*self.static, *(geom for body in parts for geom in body.geoms)]
-        listed = f" ({', '.join(self.bodies)})" if 0 < len(self.objects) < 7 else ""
-        yield f"{len(self.objects)} objects{listed}"
-        yield f"{sum(len(thing.joints) for thing in self.objects)} joints"
-        yield f"{sum(body.inertia.mass_kg for body in parts):.3g} kg"
-        yield f"{sum(geom.role == 'collision' for geom in geoms)} collision geoms"
-        yield f"{len(self.cameras)} cameras"
-        yield from (f"robot {attachment.prefix}" for attachment in self.attachments)
-
-    def picture(self) -> bytes:
-        """All objects in the home keyframe; static collision geoms are left out."""
-        return png(thumbnail(list(self._seen())))
-
-    def _seen(self) -> Iterator[tuple[np.ndarray, Paint]]:
-        placed = [(np.eye(4), self.static)]
-        for thing in self.objects:
-            poses = thing.world_poses()
-            placed += [(poses[part], body.geoms) for part, body in thing.links.items()]
-        for pose, geoms in placed:
-            for geom in geoms:
-                if isinstance(geom.shape, Mesh):
-                    yield transforms.apply(pose, geom.vertices())[geom.shape.faces], geom.shape.paint

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from dextera_build.artifacts.base import Artifact, Value
@@ -49,15 +47,6 @@ class SceneFit(Artifact):
     doubts: tuple[str, ...] = ()
     """Reasons for rejecting it; empty: none."""
 
-    def facts(self) -> Iterator[str]:
-        """Scale, standard deviations, evidence, doubts."""
-        yield f"scale {self.motion.scale:.4g}"
-        if self.motion.covariance is not None:
-            spread = np.sqrt(np.diag(self.motion.covariance))
-            yield f"{1000 * np.linalg.norm(spread[:3]):.1f} mm, {np.degrees(np.linalg.norm(spread[3:6])):.2f} deg"
-        yield f"{self.evidence.inliers} of {self.evidence.pairs} pairs"
-        yield from self.doubts
-
 
 class AlignedScene(Artifact):
     """A scene transformed by its alignment: Gaussians and collision mesh, by the same similarity."""
@@ -86,11 +75,3 @@ class AlignedScene(Artifact):
             places = transforms.apply(motion.matrix, motion.scale * mesh.vertices.astype(np.float64))
             moved = mesh.model_copy(update={"vertices": places.astype(np.float32)})
         return cls(frame=motion.parent, splats=None if splats is None else splats.moved(motion), mesh=moved)
-
-    def facts(self) -> Iterator[str]:
-        """Frame and sizes."""
-        yield f"frame {self.frame}"
-        if self.splats is not None:
-            yield f"{len(self.splats.means):,} Gaussians"
-        if self.mesh is not None:
-            yield f"{len(self.mesh.faces):,} triangles"

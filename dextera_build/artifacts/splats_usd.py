@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from dextera_build.artifacts import stage_files
-from dextera_build.artifacts.formats import suffix_among, unreadable
+from dextera_build.artifacts.file_errors import unreadable
 from dextera_build.artifacts.splats import Splats
+from dextera_build.formats.files import suffix_among
 from dextera_build.gaussians.arrays import Gaussians, moved
 from dextera_build.gaussians.spherical_harmonics import COUNTS
 from dextera_build.geometry import transforms
@@ -20,7 +21,7 @@ _SIDE_SIGMAS = 3.0
 """The extent reaches so many standard deviations beyond the means."""
 
 
-def write(splats: Splats, path: Path) -> None:
+def save(splats: Splats, path: Path) -> list[Path]:
     """Write a stage with z up, in metres; its default prim contains the Gaussians with consecutive coefficients.
 
     Args:
@@ -49,6 +50,7 @@ def write(splats: Splats, path: Path) -> None:
         extent = np.stack([(splats.means - reach).min(axis=0), (splats.means + reach).max(axis=0)])
         field.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(extent.astype(np.float32)))
     stage.GetRootLayer().Save()
+    return [path]
 
 
 def load(path: str | Path, *, frame: str | None = None) -> Splats:

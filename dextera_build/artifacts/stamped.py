@@ -8,9 +8,6 @@ from dextera_build.artifacts.pose import check_covariance
 from dextera_build.errors import ArtifactError
 from dextera_build.geometry import quaternions
 
-UPPER = np.triu_indices(6)
-"""Indices of the 21 numbers of a symmetric (6, 6) matrix in files, row by row."""
-
 
 def check(kind: str, stamps: np.ndarray, poses: np.ndarray, covariances: np.ndarray | None) -> None:
     """Raise for stamps that do not increase, quaternions without unit length, and invalid covariances.
@@ -46,29 +43,6 @@ def check(kind: str, stamps: np.ndarray, poses: np.ndarray, covariances: np.ndar
         check_covariance(f"{kind} at {stamps[index]} s", covariance)
 
 
-def unit(poses: np.ndarray) -> np.ndarray:
-    """Poses (N, 7) from a file, with rounded quaternions normalised.
-
-    Raises:
-        ValueError: A length differs from 1 by more than 1 %, which is no rounding error.
-    """
-    length = np.linalg.norm(poses[:, 3:], axis=1)
-    bad = np.flatnonzero(np.abs(length - 1) > 0.01)
-    if len(bad):
-        raise ValueError(f"the quaternion of pose {bad[0] + 1} has length {length[bad[0]]:.4g} instead of 1")
-    # Exact ones are unchanged.
-    length = np.where(np.abs(length - 1) > 1e-12, length, 1.0)
-    return np.hstack([poses[:, :3], poses[:, 3:] / length[:, None]])
-
-
 def between(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
     """The pose (7,) at fraction `share`: linear in position, spherical linear (slerp) in rotation."""
     return np.append((1 - share) * first[:3] + share * second[:3], quaternions.slerp(first[3:], second[3:], share))
-
-
-def full(upper: np.ndarray) -> np.ndarray:
-    """Covariances (N, 6, 6) of their upper triangles (N, 21), row by row."""
-    found = np.zeros((len(upper), 6, 6))
-    found[:, UPPER[0], UPPER[1]] = upper
-    found[:, UPPER[1], UPPER[0]] = upper
-    return found

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -11,7 +10,6 @@ from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
 from dextera_build.artifacts.goals import Goal
-from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.robot import RobotModel
 
@@ -150,14 +148,6 @@ class TaskBundle(Artifact):
     """Root body -> object, all movable ones."""
     kind: WorldKind = "twin"
     """Kind of this world."""
-
-    def export(self, folder: str | Path, stem: str) -> list[Path]:
-        """Write every part in its own format, and the whole as `stem.bundle`, which `gymnasium.make` accepts."""
-        folder = Path(folder)
-        written = super().export(folder, stem)
-        written.append(folder / f"{stem}.bundle")
-        written[-1].write_bytes(pack(self))
-        return written
 
     latency_s: float = 0.0
     """Time from a command to its effect in this world [s]."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Self
 
 from pydantic import Field, model_validator
 
 from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.joints import Joints
 from dextera_build.artifacts.track import Track
 from dextera_build.errors import ArtifactError
 
@@ -33,11 +32,3 @@ class Tracking(Artifact):
                 facts={"frames": ", ".join(sorted(parents)), "times": ", ".join(map(str, sorted(counts)))},
             )
         return self
-
-    def facts(self) -> Iterator[str]:
-        """Frame, number of times, and number of times that each object was tracked."""
-        first = next(iter(self.tracks.values()))
-        yield f"in {first.parent}"
-        yield f"{len(first.stamps):,} stamps"
-        for name, track in self.tracks.items():
-            yield f"{name} tracked in {track.status.count('tracked'):,}"

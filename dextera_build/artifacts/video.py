@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from fractions import Fraction
-from pathlib import Path
-from typing import Annotated, Any, BinaryIO, ClassVar, Self
+from typing import Annotated, Any, BinaryIO, Self
 
 import numpy as np
 from pydantic import PositiveInt, model_validator
 
 from dextera_build.artifacts.base import Array, Artifact, File
-from dextera_build.artifacts.formats import suffix_among, unreadable
-from dextera_build.artifacts.h264 import Encoder
-from dextera_build.artifacts.image import png, smaller
+from dextera_build.artifacts.file_errors import unreadable
 from dextera_build.errors import ArtifactError
 
 
 class Video(Artifact):
     """A video file and its index. Frames are decoded on access; the file is not loaded as a whole."""
-
-    saves: ClassVar[tuple[str, ...]] = (".mp4",)
 
     file: File
     """The file; its first video stream is used."""
@@ -62,22 +56,6 @@ class Video(Artifact):
         is_key = np.array([key for _, key in found], bool)
         return cls(file=file, width=size[0], height=size[1], stamps=stamps, is_key=is_key)
 
-    @classmethod
-    def load(cls, path: str | Path) -> Video:
-        """Open an `.mp4`, `.mkv` or `.mov` file, which must no longer change.
-
-        Raises:
-            ArtifactError: It is no video.
-        """
-        suffix_among(cls.name(), Path(path), (".mp4", ".mkv", ".mov"))
-        return cls.of(File.of(path), Path(path).name)
-
-    @classmethod
-    def write(cls, path: str | Path, frames: Iterable[np.ndarray], encoder: Encoder) -> Video:
-        """Encode frames (H, W, 3) uint8 sRGB, one by one, into the `.mp4` file `path`, and open it."""
-        encoder.write(Path(path), frames)
-        return cls.load(path)
-
     def frames(self, numbers: Sequence[int]) -> np.ndarray:
         """Frames by number, (len(numbers), H, W, 3) uint8 sRGB, in the order asked for.
 
@@ -114,19 +92,6 @@ class Video(Artifact):
                 if packet.size:
                     yield bytes(packet), bool(packet.is_keyframe)
 
-    def facts(self) -> Iterator[str]:
-        """Size, number of frames, duration and distance of key frames."""
-        yield f"{self.width} x {self.height} px"
-        yield f"{len(self.stamps):,} frames"
-        yield f"{self.stamps[-1] - self.stamps[0]:.2f} s"
-        yield f"a key frame every {len(self.stamps) / self.is_key.sum():.3g}"
-
-    def picture(self) -> bytes:
-        """The first, the middle and the last frame."""
-        last = len(self.stamps) - 1
-        shown = [smaller(frame, 320) for frame in self.frames([0, last // 2, last])]
-        return png(np.hstack(shown))
-
     def _decoded(self, numbers: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
         """Number and pixels of frames, whose numbers increase."""
         keys = np.flatnonzero(self.is_key)
@@ -148,10 +113,6 @@ class Video(Artifact):
                     if at == number:
                         break
                 yield int(number), frame.to_ndarray(format="rgb24")
-
-    def _write(self, path: Path) -> list[Path]:
-        self.file.place(path)
-        return [path]
 
 
 @contextmanager
@@ -179,17 +140,3 @@ def _opening(raw: BinaryIO) -> Any:
     begin = raw.read(8)
     raw.seek(0)
     return [{"skip_frame": "all"}] if begin[4:] == b"ftyp" else None
-
-
-def encoder(width: int, height: int, rate_hz: float, *, qp: int = 24, keyframe_every: int = 10) -> Encoder:
-    """An encoder for `Video.write`, fast and of high quality.
-
-    Args:
-        width: Even width of a frame [px].
-        height: Even height of a frame [px].
-        rate_hz: Frames per second.
-        qp: Quantisation parameter, 1 (best) to 51.
-        keyframe_every: Key frame interval: how many frames are decoded to read one, at most.
-    """
-    rate = Fraction(rate_hz).limit_denominator(1001)
-    return Encoder(width, height, rate, qp, keyframe_every, preset="veryfast")

@@ -11,7 +11,7 @@ import numpy as np
 from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.frames import Frames
-from dextera_build.artifacts.image import DepthImage, Image, LabelImage, faded, png, smaller
+from dextera_build.artifacts.image import DepthImage, Image
 from dextera_build.artifacts.object import AssetSource, JointHint
 from dextera_build.artifacts.pose import Pose
 from dextera_build.geometry import upright
@@ -33,10 +33,6 @@ class ObjectView(Artifact):
     """See `Element.phrase`."""
     asset_source: AssetSource = "rgb"
     """Source of the mask."""
-
-    def picture(self) -> bytes:
-        """The object on a pale copy of its surroundings."""
-        return png(smaller(faded(self.rgb.pixels, self.mask), 640))
 
 
 class MeasuredView(Artifact):
@@ -92,10 +88,6 @@ class InstanceMap(Artifact):
     """0 is everything else; 1.. are instances."""
     fixed: Annotated[np.ndarray, Array("H W", "bool")]
     """Pixels of static elements: the robot, and objects cut by the image border."""
-
-    def picture(self) -> bytes:
-        """One colour for each instance, black for the rest."""
-        return LabelImage(labels=self.labels).picture()
 
 
 class Segmentation(Artifact):

@@ -25,7 +25,8 @@ from dextera_build.code.modules import DXB, PACKAGE, digest_of, earlier, find_to
 from dextera_build.code.syntax import too_deep
 from dextera_build.errors import DxbError, MachineError, Place, RecipeError, RuleError
 
-_DIGESTED = tuple(f"{DXB}.{name}" for name in ("artifacts", "geometry", "learning", "policy", "sim"))
+_ROOMS = ("artifacts", "formats", "gaussians", "geometry", "learning", "policy", "previews", "sim", "tracking")
+_DIGESTED = tuple(f"{DXB}.{name}" for name in _ROOMS)
 """Packages of dxb that are digested into the keys of rules."""
 _PACKAGE = "/__init__.py"
 

@@ -24,7 +24,7 @@ from dextera_build.redact import hidden
 from dextera_build.rule import Context, Options
 from dextera_build.rule.pretrained import Device, Pretrained, out_of_memory, unload
 from dextera_build.running import unnamed
-from dextera_build.running.called import as_called, named, others, playing, roots, running
+from dextera_build.running.called import as_called, named, only_keyed, others, roots, running
 from dextera_build.store import disk_full, headers
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.questions import Look, Recording
@@ -95,7 +95,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         keyword = {"options": options} if rule.takes_options else {}
         if reads is not None:
             folders.enter_context(_failure_told(reads, emit))
-        with _memory_told(ctx), _umask_kept(), playing(companions), unnamed.opened() as files:
+        with _memory_told(ctx), _umask_kept(), only_keyed(companions), unnamed.opened() as files:
             result = rule(ctx, **inputs, **keyword)
         files |= unnamed.imported(found.path, opened_on_import)
         _warn_of_unnamed(ctx, files, task, reads)

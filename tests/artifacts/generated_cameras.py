@@ -14,6 +14,7 @@ from dextera_build.artifacts.base import File
 from dextera_build.artifacts.calibration import Board, Calibration
 from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.joints import Joints
 from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt, Lens
 from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.panorama import Panorama
@@ -22,7 +23,7 @@ from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.rgbd_video import RgbdVideo
 from dextera_build.artifacts.rig import Rig
 from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.artifacts.stream import Channel, Joints, Stream
+from dextera_build.artifacts.stream import Channel, Stream
 from dextera_build.artifacts.track import Track
 from dextera_build.artifacts.tracking import Tracking
 from dextera_build.artifacts.trajectory import Trajectory

@@ -17,6 +17,7 @@ import numpy as np
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.calibration import Board, Calibration
 from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.joints import Joints
 from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt
 from dextera_build.artifacts.mask_track import MaskTrack
 from dextera_build.artifacts.panorama import Panorama
@@ -27,12 +28,14 @@ from dextera_build.artifacts.rig import Rig
 from dextera_build.artifacts.room import Room
 from dextera_build.artifacts.scene_description import SceneDescription
 from dextera_build.artifacts.splats import Splats
-from dextera_build.artifacts.stream import Joints, Stream
+from dextera_build.artifacts.stream import Stream
 from dextera_build.artifacts.track import Track
 from dextera_build.artifacts.trajectory import Trajectory
-from dextera_build.artifacts.video import Video, encoder
+from dextera_build.artifacts.video import Video
 from dextera_build.artifacts.view import InstanceMap, ObjectView
 from dextera_build.artifacts.views import Views, encoded
+from dextera_build.formats import mcap
+from dextera_build.formats import video as video_files
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.gaussians.spherical_harmonics import flat
 from dextera_build.geometry import cameras
@@ -195,7 +198,7 @@ def moving() -> Iterator[np.ndarray]:
 def video() -> Video:
     """`moving` as a file, which is read into memory."""
     with tempfile.TemporaryDirectory() as folder:
-        made = Video.write(Path(folder, "a.mp4"), moving(), encoder(320, 240, 12.0))
+        made = video_files.write(Path(folder, "a.mp4"), moving(), video_files.encoder(320, 240, 12.0))
         return made.model_copy(update={"file": type(made.file)(data=made.file.data)})
 
 
@@ -229,7 +232,7 @@ def stream() -> Stream:
         positions=np.stack([np.sin(2 * t), 0.6 * np.cos(3 * t), 0.4 * np.sin(5 * t + 1)], axis=1),
     )
     with tempfile.TemporaryDirectory() as folder:
-        made = Stream.record(Path(folder, "a.mcap"), joints={"/joint_states": joints}, poses={"/hand": trajectory()})
+        made = mcap.record(Path(folder, "a.mcap"), joints={"/joint_states": joints}, poses={"/hand": trajectory()})
         return made.model_copy(update={"file": type(made.file)(data=made.file.data)})
 
 

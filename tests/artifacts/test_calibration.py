@@ -11,11 +11,12 @@ from hypothesis import given, settings
 from PIL import Image as Pillow
 from scipy.spatial.transform import Rotation
 
-from dextera_build.artifacts import lens
+from dextera_build.artifacts import camera_files as camera_files
 from dextera_build.artifacts.calibration import Board, Calibration
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.pose import Pose
 from dextera_build.errors import ArtifactError
+from dextera_build.formats import calibration as calibration_files
 from dextera_build.geometry.plot import COLOURS
 from tests.artifacts.generated import values
 from tests.artifacts.test_forms import same
@@ -111,7 +112,7 @@ def test_the_file_holds_everything(tmp_path_factory, calibration):
         else:
             assert same(one, other), name
     if calibration.camera is not None:
-        assert lens.load(written[1]) == calibration.camera
+        assert camera_files.load(written[1]) == calibration.camera
 
 
 def test_easy_handeye_knows_all_parameters_that_are_written():
@@ -126,7 +127,7 @@ def test_easy_handeye_knows_all_parameters_that_are_written():
         "tracking_base_frame",
         "tracking_marker_frame",
     }
-    facts = yaml.safe_load(full().yaml())
+    facts = yaml.safe_load(calibration_files.yaml(full()))
     assert facts["parameters"].keys() == known
     assert facts["transformation"] == {"x": 0, "y": 0, "z": 0, "qx": 0, "qy": 0, "qz": 0, "qw": 1}
 

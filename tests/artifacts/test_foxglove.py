@@ -14,6 +14,7 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import png
 from dextera_build.artifacts.stream import Stream
 from dextera_build.errors import ArtifactError
+from dextera_build.formats import mcap
 
 STAMPS_NS = [1_700_000_000_000_000_000 + 50_000_000 * number for number in range(6)]
 POSITIONS = np.random.default_rng(3).normal(size=(6, 2))
@@ -60,7 +61,7 @@ def as_json(path: Path) -> Stream:
             for topic, message in messages.items():
                 writer.add_message(channels[topic], time, json.dumps(message).encode(), time)
         writer.finish()
-    return Stream.load(path)
+    return mcap.load(path)
 
 
 def as_protobuf(path: Path) -> Stream:
@@ -105,7 +106,7 @@ def as_protobuf(path: Path) -> Stream:
             }
             for topic, message in messages.items():
                 writer.write_message(topic, message, time, time)
-    return Stream.load(path)
+    return mcap.load(path)
 
 
 @pytest.fixture(params=[as_json, as_protobuf])
@@ -117,21 +118,21 @@ def stream(request: pytest.FixtureRequest, tmp_path: Path) -> Stream:
 
 
 def test_everything_comes_back(stream: Stream) -> None:
-    joints = stream.joints("/joints")
+    joints = mcap.joints(stream, "/joints")
     assert joints.names == ("a", "b")
     np.testing.assert_array_equal(joints.positions, POSITIONS)
     np.testing.assert_allclose(joints.stamps, np.array(STAMPS_NS) / 1e9, rtol=0, atol=1e-6)
     assert joints.velocities is None
-    found = np.stack([pixels for _, pixels in stream.pictures("/image")])
+    found = np.stack([pixels for _, pixels in mcap.pictures(stream, "/image")])
     np.testing.assert_array_equal(found, PIXELS)
-    for _, depth in stream.depths("/depth"):
+    for _, depth in mcap.depths(stream, "/depth"):
         np.testing.assert_allclose(depth, COUNTS * 0.001, rtol=1e-6)
-    assert stream.lens("/camera") == Camera(width=10, height=8, fx=100.0, fy=101.0, cx=4.5, cy=3.5)
-    hand = stream.poses("/hand", "hand")
+    assert mcap.lens(stream, "/camera") == Camera(width=10, height=8, fx=100.0, fy=101.0, cx=4.5, cy=3.5)
+    hand = mcap.poses(stream, "/hand", "hand")
     np.testing.assert_allclose(hand.poses[2], [0.2, 0.2, 0.3, 0.8, 0.0, 0.0, 0.6])
-    assert stream.number("/image") is None
+    assert mcap.number(stream, "/image") is None
 
 
 def test_a_topic_of_another_type_is_refused(stream: Stream) -> None:
     with pytest.raises(ArtifactError, match="no topic `/image`"):
-        stream.joints("/image")
+        mcap.joints(stream, "/image")

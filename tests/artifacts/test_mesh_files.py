@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts import mesh_files
+from dextera_build.artifacts import mesh_files as mesh_files
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
 from dextera_build.errors import ArtifactError
+from dextera_build.formats import registry
 from tests import factories
 
 RNG = np.random.default_rng(5)
@@ -23,7 +24,7 @@ PAINTED = PLAIN.model_copy(update={"uv": RNG.uniform(0, 1, (12, 3, 2)).astype(np
 TEXTURED = [".obj", ".glb", ".usda", ".usdc", ".usd"]
 
 
-@pytest.mark.parametrize("suffix", Mesh.saves)
+@pytest.mark.parametrize("suffix", registry.suffixes(Mesh))
 @pytest.mark.parametrize("mesh", [PLAIN, PAINTED], ids=["plain", "painted"])
 def test_the_geometry_comes_back(tmp_path, mesh, suffix):
     path = mesh.save(tmp_path / f"a{suffix}")[0]
@@ -60,7 +61,7 @@ def test_a_ply_of_a_texture_has_the_colours_of_the_vertices(tmp_path):
     assert np.abs(again.paint(face, weight) - striped.paint(face, weight)).mean() < 0.2
 
 
-@pytest.mark.parametrize("suffix", Mesh.saves)
+@pytest.mark.parametrize("suffix", registry.suffixes(Mesh))
 def test_equal_meshes_are_equal_files(tmp_path, suffix):
     first, second = (PAINTED.save(tmp_path / folder / f"a{suffix}") for folder in ("x", "y"))
     if suffix != ".usdc":  # the binary form of USD may differ

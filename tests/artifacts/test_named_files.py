@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts import bounds, mesh_files
+from dextera_build.artifacts import bounds
+from dextera_build.artifacts import mesh_files as mesh_files
 from dextera_build.artifacts.image import Image, png
 from dextera_build.errors import ArtifactError
 from tests import factories

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.pose import Pose, Similarity
 from dextera_build.errors import ArtifactError
+from dextera_build.formats import point_cloud
 from dextera_build.geometry import ply
 from tests.artifacts.generated import values
 
@@ -30,10 +31,10 @@ def cloud(**more: object) -> PointCloud:
 def test_a_file_gives_back_what_was_saved(tmp_path_factory, made):
     folder = tmp_path_factory.mktemp("ply")
     made.save(folder / "binary.ply")
-    (folder / "text.ply").write_bytes(made.ply(text=True))
+    (folder / "text.ply").write_bytes(point_cloud.ply(made, text=True))
     for name in ("binary.ply", "text.ply"):
         again = PointCloud.load(folder / name)
-        assert again.ply() == made.ply()
+        assert point_cloud.ply(again) == point_cloud.ply(made)
         assert again.frame == made.frame
 
 
@@ -151,4 +152,4 @@ def test_its_line_says_what_is_known():
 
 def test_it_is_exported_as_ply(tmp_path):
     assert cloud().export(tmp_path, "seen") == [tmp_path / "seen.ply"]
-    assert PointCloud.load(tmp_path / "seen.ply").ply() == cloud().ply()
+    assert point_cloud.ply(PointCloud.load(tmp_path / "seen.ply")) == point_cloud.ply(cloud())

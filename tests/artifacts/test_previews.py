@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-import inspect
 import io
+from importlib import import_module
 
 import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import Artifact
-from tests.artifacts import generated
+from dextera_build.previews import registry
 from tests.artifacts.previews import EXAMPLES, SHEET
 
-DRAWN = {kind.__name__ for kind in generated.kinds() if inspect.isfunction(vars(kind).get("picture"))}
+TABLES = {name: import_module(f"dextera_build.previews.{name}") for name in registry.MODULES}
 
 
-def test_every_type_that_draws_itself_has_an_example() -> None:
-    assert set(EXAMPLES) == DRAWN
+def test_every_type_with_a_picture_has_an_example() -> None:
+    assert set(EXAMPLES) == {kind.__name__ for table in TABLES.values() for kind in table.PICTURES}
+
+
+def test_the_registry_names_the_types_of_each_module() -> None:
+    for name, table in TABLES.items():
+        assert tuple(sorted({kind.__name__ for kind in (*table.FACTS, *table.PICTURES)})) == registry.MODULES[name]
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

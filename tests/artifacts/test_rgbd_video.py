@@ -18,6 +18,7 @@ from dextera_build.artifacts.ros.cdr import Cdr
 from dextera_build.artifacts.ros.recording import Recording
 from dextera_build.artifacts.stream import Stream
 from dextera_build.errors import ArtifactError
+from dextera_build.formats import mcap
 from tests.artifacts.generated import values
 from tests.artifacts.test_base import Memory
 
@@ -119,17 +120,17 @@ def recording(path: Path, unit: str) -> Stream:
             later = time + 4_000_000
             picture = messages.compressed_image(later, "camera", "png", png(frame.rgb))
             written.send("/colour", "sensor_msgs/CompressedImage", later, picture)
-    return Stream.load(path)
+    return mcap.load(path)
 
 
 @pytest.mark.parametrize("unit", ["mm", "m"])
 def test_depth_of_a_recording_is_in_metres(tmp_path: Path, unit: str):
     """Trap 19: millimetres or metres, NaN for what was not measured."""
     stream = recording(tmp_path / "a.mcap", unit)
-    for (stamp, depth), frame in zip(stream.depths("/depth"), frames(), strict=True):
+    for (stamp, depth), frame in zip(mcap.depths(stream, "/depth"), frames(), strict=True):
         assert stamp == pytest.approx(frame.stamp + 1)
         assert np.abs(depth - frame.depth).max() <= 0.00051
-    lens = stream.lens("/info")
+    lens = mcap.lens(stream, "/info")
     assert isinstance(lens, Camera)
     assert (lens.width, lens.fx, lens.fy) == (40, 50.0, 51.0)
 
@@ -137,4 +138,4 @@ def test_depth_of_a_recording_is_in_metres(tmp_path: Path, unit: str):
 def test_colour_is_no_depth(tmp_path: Path):
     stream = recording(tmp_path / "a.mcap", "mm")
     with pytest.raises(ArtifactError, match="`colour` cannot be read as depth"):
-        next(stream.depths("/colour"))
+        next(mcap.depths(stream, "/colour"))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from dextera_build.artifacts.joints import Joints
 from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.artifacts.stream import Joints
 from tests.rules.align.calibration import boards
 
 

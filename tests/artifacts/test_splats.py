@@ -14,6 +14,7 @@ from dextera_build.artifacts import splats_usd
 from dextera_build.artifacts.pose import Similarity
 from dextera_build.artifacts.splats import Splats
 from dextera_build.errors import ArtifactError
+from dextera_build.formats import registry, splats_ply
 from dextera_build.geometry import ply
 from tests import factories
 from tests.artifacts.generated import values
@@ -30,7 +31,7 @@ def same(first: Splats, second: Splats, tolerance: float) -> bool:
 @settings(deadline=None, max_examples=30)
 def test_a_file_gives_back_what_was_saved(tmp_path_factory, made):
     folder = tmp_path_factory.mktemp("splats")
-    for suffix in Splats.saves:
+    for suffix in registry.suffixes(Splats):
         load = Splats.load if suffix == ".ply" else splats_usd.load
         (path,) = made.save(folder / f"a{suffix}")
         made.save(path)  # over what is there
@@ -42,7 +43,7 @@ def test_a_file_gives_back_what_was_saved(tmp_path_factory, made):
 
 def test_the_ply_has_the_columns_of_the_authors():
     made = factories.splats(3)
-    table, _ = ply.read(made.ply())
+    table, _ = ply.read(splats_ply.ply(made))
     rest = [f"f_rest_{i}" for i in range(45)]
     order = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", *rest, "opacity"]
     order += ["scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"]
@@ -59,7 +60,7 @@ def test_the_ply_has_the_columns_of_the_authors():
 
 def test_quaternions_of_any_length_are_read(tmp_path):
     made = factories.splats(3, coefficients=1)
-    table, _ = ply.read(made.ply())
+    table, _ = ply.read(splats_ply.ply(made))
     for name in ("rot_0", "rot_1", "rot_2", "rot_3"):
         table[name] *= 7
     (tmp_path / "a.ply").write_bytes(ply.written(table))
@@ -74,7 +75,7 @@ def test_clear_and_opaque_ones_stay_so(tmp_path):
 
 
 def changed(drop: tuple[str, ...] = (), **more: float) -> bytes:
-    table, _ = ply.read(factories.splats(2, coefficients=4).ply())
+    table, _ = ply.read(splats_ply.ply(factories.splats(2, coefficients=4)))
     names = [name for name in table.dtype.names or () if name not in drop]
     names += [name for name in more if name not in names]
     made = np.zeros(len(table), [(name, "f4") for name in names])

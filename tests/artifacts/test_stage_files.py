@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.artifacts import bounds, mesh_files
+from dextera_build.artifacts import bounds
+from dextera_build.artifacts import mesh_files as mesh_files
 from dextera_build.errors import ArtifactError
 
 HEAD = '#usda 1.0\n(\n    defaultPrim = "W"\n    metersPerUnit = 1\n    upAxis = "Z"\n%s)\n'

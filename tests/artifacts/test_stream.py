@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.base import File
+from dextera_build.artifacts.joints import Joints
 from dextera_build.artifacts.ros import chunks, images, messages, reading
 from dextera_build.artifacts.ros.recording import Recording
-from dextera_build.artifacts.stream import Joints, Pictures, Stream
+from dextera_build.artifacts.stream import Stream
 from dextera_build.errors import ArtifactError
+from dextera_build.formats import mcap
 from tests.artifacts.test_trajectory import turning
 
 RANDOM = np.random.default_rng(0)
@@ -25,14 +27,14 @@ JOINTS = Joints(
 PIXELS = RANDOM.integers(0, 256, (30, 24, 32, 3), np.uint8)
 
 
-def pictures() -> Pictures:
-    return Pictures(((10 + number / 15, each) for number, each in enumerate(PIXELS)), "camera")
+def pictures() -> mcap.Pictures:
+    return mcap.Pictures(((10 + number / 15, each) for number, each in enumerate(PIXELS)), "camera")
 
 
 @pytest.fixture
 def stream(tmp_path: Path) -> Stream:
     path = turning()
-    return Stream.record(
+    return mcap.record(
         tmp_path / "a.mcap",
         joints={"/joint_states": JOINTS},
         poses={"/hand": path},
@@ -52,31 +54,31 @@ def test_the_index_tells_what_was_recorded(stream: Stream) -> None:
 
 
 def test_everything_comes_back(stream: Stream) -> None:
-    joints = stream.joints("/joint_states")
+    joints = mcap.joints(stream, "/joint_states")
     assert joints.names == NAMES
     assert np.allclose(joints.stamps, STAMPS, rtol=0, atol=1e-9)
     assert (joints.positions == JOINTS.positions).all()
     assert (joints.velocities == JOINTS.velocities).all()
     assert joints.efforts is None
-    path = stream.poses("/hand", "camera")
+    path = mcap.poses(stream, "/hand", "camera")
     assert (path.parent, path.child) == ("world", "camera")
     assert (path.stamps == turning().stamps).all()
     assert (path.poses == turning().poses).all()
-    found = list(stream.pictures("/camera/compressed"))
+    found = list(mcap.pictures(stream, "/camera/compressed"))
     assert np.allclose([time for time, _ in found], 10 + np.arange(30) / 15)
     assert all((one == other).all() for (_, one), other in zip(found, PIXELS, strict=True))
 
 
 def test_a_range_begins_with_its_start_and_ends_before_its_end(stream: Stream) -> None:
-    some = stream.joints("/joint_states", start=10.5, end=10.8)
+    some = mcap.joints(stream, "/joint_states", start=10.5, end=10.8)
     assert np.allclose(some.stamps, [10.5, 10.6, 10.7])
-    assert len(stream.joints("/joint_states", start=99.0).stamps) == 0
-    assert len(list(stream.pictures("/camera/compressed", end=10.3))) == 5
+    assert len(mcap.joints(stream, "/joint_states", start=99.0).stamps) == 0
+    assert len(list(mcap.pictures(stream, "/camera/compressed", end=10.3))) == 5
 
 
 def test_joints_are_interpolated_to_the_pictures(stream: Stream) -> None:
-    joints = stream.joints("/joint_states")
-    times = np.array([time for time, _ in stream.pictures("/camera/compressed")])
+    joints = mcap.joints(stream, "/joint_states")
+    times = np.array([time for time, _ in mcap.pictures(stream, "/camera/compressed")])
     found = joints.at(times)
     wanted = [np.interp(times, STAMPS, JOINTS.positions[:, joint]) for joint in range(2)]
     assert np.allclose(found, np.stack(wanted, axis=1))
@@ -100,7 +102,7 @@ def test_only_the_asked_time_is_read(tmp_path: Path) -> None:
     """Noise does not compress, so the file is as large as the pictures."""
     frames = ((float(number), RANDOM.integers(0, 256, (480, 640, 3), np.uint8)) for number in range(40))
     path = tmp_path / "long.mcap"
-    stream = Stream.record(path, pictures={"/camera": Pictures(frames, "camera")})
+    stream = mcap.record(path, pictures={"/camera": mcap.Pictures(frames, "camera")})
     assert path.stat().st_size > 35e6
     Counting.total = 0
     with Counting(io.FileIO(path)) as opened:
@@ -111,14 +113,14 @@ def test_only_the_asked_time_is_read(tmp_path: Path) -> None:
         limits = 20 * reading.SECOND, 22 * reading.SECOND
         assert len(list(reading.messages(opened, "long.mcap", ["/camera"], *limits))) == 2
     assert Counting.total < 4e6
-    assert len(list(stream.pictures("/camera", 20, 22))) == 2
+    assert len(list(mcap.pictures(stream, "/camera", 20, 22))) == 2
 
 
 @pytest.mark.parametrize(("data", "why"), [(b"", "MCAP"), (b"no recording" * 9, "invalid magic")])
 def test_another_file_is_refused(tmp_path: Path, data: bytes, why: str) -> None:
     (tmp_path / "a.mcap").write_bytes(data)
     with pytest.raises(ArtifactError, match=r"`a.mcap` cannot be read as MCAP") as caught:
-        Stream.load(tmp_path / "a.mcap")
+        mcap.load(tmp_path / "a.mcap")
     assert why.lower() in caught.value.facts["why"].lower() or not data
 
 
@@ -127,7 +129,7 @@ def test_a_recording_without_an_index_is_refused(stream: Stream, tmp_path: Path)
     for size in range(len(whole) // 2, len(whole), len(whole) // 17):
         (tmp_path / "cut.mcap").write_bytes(whole[:size])
         with pytest.raises(ArtifactError) as caught:
-            Stream.load(tmp_path / "cut.mcap")
+            mcap.load(tmp_path / "cut.mcap")
         assert caught.value.code in {"DXB-A402", "DXB-A516"}
     buffer = io.BytesIO()
     from mcap.writer import Writer
@@ -136,7 +138,7 @@ def test_a_recording_without_an_index_is_refused(stream: Stream, tmp_path: Path)
     writer.start()
     writer.finish()  # type: ignore[no-untyped-call]
     with pytest.raises(ArtifactError, match="has no index") as caught:
-        Stream.of(File(data=buffer.getvalue()))
+        mcap.of(File(data=buffer.getvalue()))
     assert caught.value.code == "DXB-A516"
 
 
@@ -158,9 +160,9 @@ def test_a_small_recording_that_would_fill_the_memory_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int, chunk: int
 ) -> None:
     monkeypatch.setattr(chunks, "MOST_BYTES", 5 << 20)
-    assert Stream.load(packed(tmp_path / "long.mcap", 6, 6)).channels[0].count == 6
+    assert mcap.load(packed(tmp_path / "long.mcap", 6, 6)).channels[0].count == 6
     with pytest.raises(ArtifactError, match=r"`a\.mcap` holds too many bytes at the same time") as caught:
-        Stream.load(packed(tmp_path / "a.mcap", 6, times, chunk))
+        mcap.load(packed(tmp_path / "a.mcap", 6, times, chunk))
     assert (caught.value.code, caught.value.facts["most"]) == ("DXB-A407", "5,242,880")
 
 
@@ -176,7 +178,7 @@ def test_chunks_that_are_larger_than_the_index_says_are_refused(tmp_path: Path) 
             changed[place : place + 8] = small
         path.write_bytes(changed)
         with pytest.raises(ArtifactError) as caught:
-            Stream.load(path)
+            mcap.load(path)
         assert "a chunk is larger than the index says" in caught.value.facts["why"]
 
 
@@ -184,7 +186,7 @@ def test_chunks_without_an_index_are_refused(tmp_path: Path) -> None:
     from mcap.writer import IndexType
 
     with pytest.raises(ArtifactError) as caught:
-        Stream.load(packed(tmp_path / "a.mcap", 6, 6, index_types=IndexType.NONE))
+        mcap.load(packed(tmp_path / "a.mcap", 6, 6, index_types=IndexType.NONE))
     assert "it has no index of its chunks" in caught.value.facts["why"]
 
 
@@ -193,14 +195,14 @@ def test_a_damaged_chunk_is_reported(stream: Stream, tmp_path: Path) -> None:
     data[len(data) // 3 : len(data) // 3 + 400] = bytes(400)
     (tmp_path / "bad.mcap").write_bytes(data)
     with pytest.raises(ArtifactError, match="cannot be read as") as caught:
-        list(Stream.load(tmp_path / "bad.mcap").pictures("/camera/compressed"))
+        list(mcap.pictures(mcap.load(tmp_path / "bad.mcap"), "/camera/compressed"))
     assert caught.value.code == "DXB-A402"
 
 
 def test_an_unknown_topic_names_the_known_ones(stream: Stream) -> None:
     for wrong in ("/joints", "/hand"):
         with pytest.raises(ArtifactError, match=f"there is no topic `{wrong}` of sensor_msgs/msg/JointState") as caught:
-            stream.joints(wrong)
+            mcap.joints(stream, wrong)
         assert caught.value.code == "DXB-A520"
         assert "/joint_states (sensor_msgs/msg/JointState)" in caught.value.facts["topics"]
 
@@ -210,7 +212,7 @@ def test_joints_that_change_are_refused(tmp_path: Path) -> None:
         for time, names in enumerate((("a", "b"), ("a", "c"))):
             recording.send("/joints", "sensor_msgs/JointState", time, messages.joint_state(time, names, np.zeros(2)))
     with pytest.raises(ArtifactError, match="change during the recording") as caught:
-        Stream.load(tmp_path / "a.mcap").joints("/joints")
+        mcap.joints(mcap.load(tmp_path / "a.mcap"), "/joints")
     assert caught.value.code == "DXB-A519"
     with pytest.raises(ArtifactError, match="1 different names for 2 columns") as caught:
         Joints(names=("a", "a"), stamps=np.zeros(1), positions=np.zeros((1, 2)))

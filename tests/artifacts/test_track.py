@@ -8,6 +8,7 @@ from hypothesis import given
 
 from dextera_build.artifacts.track import Track
 from dextera_build.errors import ArtifactError
+from dextera_build.formats import track as track_files
 from tests.artifacts.generated import values
 from tests.artifacts.test_forms import same
 
@@ -36,7 +37,7 @@ def test_csv_holds_everything(tmp_path_factory, track):
 def test_it_counts_what_was_found():
     track = Track(**GOOD)
     assert list(track.facts()) == ["T_camera_mug", "3 stamps", "0.20 s", "1 tracked", "1 predicted", "1 lost"]
-    assert track.csv().splitlines()[2] == "camera,mug,0.1,,,,,,,,lost"
+    assert track_files.csv(track).splitlines()[2] == "camera,mug,0.1,,,,,,,,lost"
     assert track.picture().startswith(b"\x89PNG")
 
 
@@ -68,7 +69,7 @@ def test_rows_that_make_no_track_are_refused(fields, code, said):
     ],
 )
 def test_a_damaged_file_is_refused(tmp_path, change, why):
-    (tmp_path / "a.csv").write_text(change(Track(**GOOD).csv()))
+    (tmp_path / "a.csv").write_text(change(track_files.csv(Track(**GOOD))))
     with pytest.raises(ArtifactError, match=r"`a.csv` cannot be read as CSV of a Track") as caught:
         Track.load(tmp_path / "a.csv")
     assert why in caught.value.facts["why"]

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from dextera_build.artifacts import video as videos
 from dextera_build.artifacts.base import File
 from dextera_build.artifacts.h264 import yuv420
-from dextera_build.artifacts.video import Video, encoder
+from dextera_build.artifacts.video import Video
 from dextera_build.errors import ArtifactError
+from dextera_build.formats import video as video_files
 
 av = pytest.importorskip("av")
 COUNT = 47
@@ -30,7 +31,7 @@ def pixels(number: int) -> np.ndarray:
 @pytest.fixture(scope="module")
 def video(tmp_path_factory: pytest.TempPathFactory) -> Video:
     path = tmp_path_factory.mktemp("video") / "a.mp4"
-    return Video.write(path, map(pixels, range(COUNT)), encoder(64, 32, 30.0, qp=16))
+    return video_files.write(path, map(pixels, range(COUNT)), video_files.encoder(64, 32, 30.0, qp=16))
 
 
 def shown(frame: np.ndarray) -> int:
@@ -97,7 +98,7 @@ def test_no_more_is_decoded_than_from_the_key_frame_on(video: Video, monkeypatch
 
 
 def test_bytes_are_the_same_each_time(tmp_path: Path, video: Video) -> None:
-    again = Video.write(tmp_path / "b.mp4", map(pixels, range(COUNT)), encoder(64, 32, 30.0, qp=16))
+    again = video_files.write(tmp_path / "b.mp4", map(pixels, range(COUNT)), video_files.encoder(64, 32, 30.0, qp=16))
     assert again.file == video.file
     assert b" rc=cqp mbtree=0 qp=16 ip_ratio=1.40 aq=0" in video.file.data  # no block is quantised by its surroundings
     assert video.save(tmp_path / "c.mp4") == [tmp_path / "c.mp4"]

@@ -9,11 +9,13 @@ import pytest
 from hypothesis import given, settings
 from scipy.spatial.transform import Rotation
 
+from dextera_build.artifacts import camera_files as camera_files
 from dextera_build.artifacts.base import File
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.lens import BrownConrady, Equirectangular
 from dextera_build.artifacts.views import Views, encoded
 from dextera_build.errors import ArtifactError
+from dextera_build.formats import views as views_files
 from dextera_build.geometry import transforms
 from tests.artifacts.generated import values
 
@@ -46,7 +48,7 @@ def alike(one: Views, other: Views) -> None:
     assert other.frame == one.frame
     for name in one.names:
         assert (other.pixels(name) == one.pixels(name)).all()
-        wanted, found = one.lens(name).intrinsics(), other.lens(name).intrinsics()
+        wanted, found = camera_files.numbers(one.lens(name)), camera_files.numbers(other.lens(name))
         numbers = [(*each.focal, *each.centre, *each.coefficients) for each in (wanted, found)]
         assert (found.width, found.height) == (wanted.width, wanted.height)
         if any(wanted.coefficients) or wanted.model != "brown_conrady":  # without distortion it is a pinhole
@@ -103,7 +105,7 @@ def test_a_scene_of_the_nerf_authors_is_read(tmp_path):
     frame = {"file_path": "./train/r_0", "transform_matrix": np.eye(4).tolist()}
     (tmp_path / "transforms.json").write_text(json.dumps({"camera_angle_x": np.pi / 2, "frames": [frame]}))
     found = Views.load(tmp_path)
-    lens = found.lens("train/r_0.png").intrinsics()
+    lens = camera_files.numbers(found.lens("train/r_0.png"))
     assert np.allclose([*lens.focal, *lens.centre], [4, 4, 3.5, 2.5])
     assert np.allclose(found.pose("train/r_0.png").matrix, np.diag([1, -1, -1, 1]))
 
@@ -199,12 +201,12 @@ def test_what_a_format_has_no_place_for_is_refused(tmp_path):
     assert not any(path.name == "transforms.json" for path in views(rational).export(tmp_path, "out"))
     spaced = views(count=1).model_copy(update={"names": ("a b.png",)})
     with pytest.raises(ArtifactError, match="cannot be written as COLMAP"):
-        spaced.colmap()
+        views_files.colmap(spaced)
     mixed = views(count=2).model_copy(
         update={"camera": ("1", "2"), "cameras": {"1": CAMERA, "2": Equirectangular(width=8, height=4)}}
     )
     with pytest.raises(ArtifactError, match="cannot be written") as caught:
-        mixed.transforms()
+        views_files.transforms(mixed)
     assert "several models: EQUIRECTANGULAR, OPENCV" in caught.value.facts["why"]
 
 

@@ -17,7 +17,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dextera_build.artifacts import camera_files, mesh_files
+from dextera_build.artifacts import camera_files as camera_files
+from dextera_build.artifacts import mesh_files as mesh_files
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import Image
 from dextera_build.errors import DxbError

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-from dextera_build.artifacts.formats import unreadable
+from dextera_build.artifacts.file_errors import unreadable
 from dextera_build.artifacts.ros import chunks, foxglove
 from dextera_build.errors import ArtifactError
 

@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.calibration import Board
+from dextera_build.artifacts.joints import Joints
 from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.stream import Joints
 from dextera_build.artifacts.world import World
 from dextera_build.rule import Context, Options, rule
 

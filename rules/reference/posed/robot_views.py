@@ -11,9 +11,9 @@ from pydantic import PositiveInt
 from dextera_build.artifacts.calibration import Board
 from dextera_build.artifacts.camera import Capture, Measured, Photograph
 from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.joints import Joints
 from dextera_build.artifacts.robot import RobotModel
 from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.artifacts.stream import Joints
 from dextera_build.artifacts.world import World
 from dextera_build.rule import Context, rule
 from dextera_build.sim.render.sensor import measure_colour, measure_depth

@@ -12,11 +12,11 @@ from dextera_build.artifacts.calibration import Calibration
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.draw import Arrangement, Draw, Sensor, Viewpoint
 from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.joints import Joints
 from dextera_build.artifacts.object import Body, Placement, Support
 from dextera_build.artifacts.pose import Pose, Similarity
 from dextera_build.artifacts.robot_views import RobotViews
 from dextera_build.artifacts.scene_fit import SceneFit
-from dextera_build.artifacts.stream import Joints
 from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.artifacts.view import ObjectView
 from dextera_build.artifacts.world import World

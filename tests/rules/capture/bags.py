@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.joints import Joints
 from dextera_build.geometry import quaternions
 
 

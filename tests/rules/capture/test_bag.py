@@ -10,7 +10,7 @@ import pytest
 
 from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.joints import Joints
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests.rules.capture.bags import Bag, files

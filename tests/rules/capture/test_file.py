@@ -14,10 +14,10 @@ from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.lens import Equirectangular, KannalaBrandt
 from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.stream import Stream
 from dextera_build.artifacts.track import Track
-from dextera_build.artifacts.video import Video, encoder
 from dextera_build.errors import ArtifactError, MachineError, RuleError
+from dextera_build.formats import mcap, point_cloud
+from dextera_build.formats import video as video_files
 from dextera_build.testing import RuleRunner
 from tests import factories
 from tests.artifacts.test_calibration import CAMERA, SECOND, full
@@ -117,8 +117,9 @@ def test_a_folder_of_several_files_needs_a_name(runner, tmp_path):
 
 def test_points_are_read(runner):
     cloud = PointCloud(points=np.eye(3, dtype=np.float32), frame="map")
-    assert opened(runner, "PointCloud", File(data=cloud.ply(text=True))).ply() == cloud.ply()
-    assert opened(runner, "PointCloud", File(data=cloud.ply()), frame="world").frame == "world"
+    read = opened(runner, "PointCloud", File(data=point_cloud.ply(cloud, text=True)))
+    assert point_cloud.ply(read) == point_cloud.ply(cloud)
+    assert opened(runner, "PointCloud", File(data=point_cloud.ply(cloud)), frame="world").frame == "world"
 
 
 @pytest.mark.parametrize("form", ["ply", "usda"])
@@ -157,7 +158,7 @@ def test_a_trajectory_and_a_track_are_read(runner, tmp_path):
 
 
 def test_a_recording_is_opened(runner, tmp_path):
-    Stream.record(tmp_path / "a.mcap", joints={"/joint_states": JOINTS})
+    mcap.record(tmp_path / "a.mcap", joints={"/joint_states": JOINTS})
     file = File.of(tmp_path / "a.mcap")
     found = opened(runner, "Stream", file, topics=["/joint_states"])
     assert (found.joints("/joint_states").positions == JOINTS.positions).all()
@@ -176,7 +177,7 @@ def test_a_calibration_is_read(runner, tmp_path):
 
 
 def test_a_video_is_opened(runner, tmp_path):
-    Video.write(tmp_path / "a.mp4", map(pixels, range(12)), encoder(64, 32, 30.0))
+    video_files.write(tmp_path / "a.mp4", map(pixels, range(12)), video_files.encoder(64, 32, 30.0))
     found = opened(runner, "Video", File.of(tmp_path / "a.mp4"))
     assert [shown(frame) for frame in found.frames([11, 4])] == [11, 4]
     with pytest.raises(ArtifactError, match="cannot be read as a video"):
@@ -184,7 +185,7 @@ def test_a_video_is_opened(runner, tmp_path):
 
 
 def test_a_package_that_one_type_needs_is_missed_by_no_other(runner, tmp_path, monkeypatch):
-    Video.write(tmp_path / "a.mp4", map(pixels, range(2)), encoder(64, 32, 30.0))
+    video_files.write(tmp_path / "a.mp4", map(pixels, range(2)), video_files.encoder(64, 32, 30.0))
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(MachineError, match="reading a Video needs `av`, which is not installed"):
         opened(runner, "Video", File.of(tmp_path / "a.mp4"))

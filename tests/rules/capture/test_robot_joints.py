@@ -11,8 +11,8 @@ import pytest
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.image import png
+from dextera_build.artifacts.joints import Joints
 from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.stream import Joints
 from dextera_build.errors import RuleError
 from dextera_build.geometry import poses
 from dextera_build.sim.model import forward

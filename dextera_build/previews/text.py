@@ -1,4 +1,4 @@
-"""A value as one line of text and as a picture, for notebooks and the Python prompt."""
+"""A value as one line of text."""
 
 from __future__ import annotations
 
@@ -99,30 +99,3 @@ def size(count: int) -> str:
         if count >= factor:
             return f"{count / factor:.1f} {unit}"
     return f"{count} bytes"
-
-
-def page(said: str, picture: bytes | None, more: str = "") -> str:
-    """HTML for a notebook.
-
-    Args:
-        said: The value as one line of text.
-        picture: PNG bytes, or None.
-        more: HTML to add below.
-    """
-    import base64  # imported here, because rules import this module without showing pages
-    import html
-
-    shown = ""
-    if picture is not None:
-        uri = base64.b64encode(picture).decode()
-        shown = f'<br><img alt="" style="max-width:480px" src="data:image/png;base64,{uri}">'
-    return f"<div><code>{html.escape(said)}</code>{shown}{more}</div>"
-
-
-def table(headings: list[str], rows: list[list[str]]) -> str:
-    """An HTML table of texts."""
-    import html
-
-    head = "".join(f"<th>{html.escape(text)}</th>" for text in headings)
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(text)}</td>" for text in row) + "</tr>" for row in rows)
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"

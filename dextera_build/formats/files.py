@@ -1,24 +1,13 @@
-"""File formats of artifact types, selected by the suffix of the file."""
+"""Parts of many formats: the suffix of a file, comments that name a frame, the error for a value without a form."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from dextera_build.errors import ArtifactError
 
 _FRAME = "frame "
-
-
-def module(name: str) -> Any:
-    """The module `artifacts.NAME`, which writes files with a heavy package.
-
-    It is loaded by name because exports are not part of results, so that neither its code nor its packages enter the
-    keys of all rules that use the type. A rule that reads files through such a module imports it.
-    """
-    return importlib.import_module(f"dextera_build.artifacts.{name}")
 
 
 def frame_comments(frame: str) -> tuple[str, ...]:
@@ -43,29 +32,18 @@ def suffix_among(kind: str, path: Path, known: Sequence[str]) -> str:
         ArtifactError: It is none of them.
     """
     suffix = path.suffix.lower()
-    if suffix in known:
-        return suffix
-    raise ArtifactError(
+    if suffix not in known:
+        raise no_format(kind, path, known)
+    return suffix
+
+
+def no_format(kind: str, path: Path, known: Sequence[str]) -> ArtifactError:
+    """The error for a suffix that is none of `known`; arguments as for `suffix_among`."""
+    return ArtifactError(
         f"`{path.name}` names no file format of a {kind}",
         code="DXB-A401",
         facts={"formats": " ".join(known) or "none"},
         hint=f"name the file `{path.stem}{known[0]}`" if known else None,
-    )
-
-
-def unreadable(path: str | Path, form: str, why: object) -> ArtifactError:
-    """The error for a file whose content is not of the format `form`.
-
-    Args:
-        path: The file.
-        form: Name of the format: `PLY`.
-        why: What is wrong with it.
-    """
-    return ArtifactError(
-        f"`{Path(path).name}` cannot be read as {form}",
-        code="DXB-A402",
-        facts={"why": why},
-        hint="export the file again, or convert it with the program that wrote it",
     )
 
 
