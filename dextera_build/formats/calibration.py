@@ -10,11 +10,11 @@ import numpy as np
 import yaml as yaml_files
 from pydantic import ValidationError
 
-from dextera_build.artifacts import camera_files as camera_files
-from dextera_build.artifacts import camera_info, easy_handeye
 from dextera_build.artifacts.calibration import SERIES, Board, Calibration
 from dextera_build.artifacts.file_errors import unreadable
 from dextera_build.artifacts.pose import Pose
+from dextera_build.formats import camera_info, easy_handeye
+from dextera_build.formats import lens as camera_files
 from dextera_build.formats.files import suffix_among
 
 _KINDS = ("chessboard", "charuco", "aruco", "apriltag")

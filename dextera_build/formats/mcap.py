@@ -10,18 +10,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dextera_build.artifacts import camera_files as lens_files
-from dextera_build.artifacts import camera_info
 from dextera_build.artifacts.base import File
 from dextera_build.artifacts.file_errors import unreadable
 from dextera_build.artifacts.joints import Joints
 from dextera_build.artifacts.lens import Lens
-from dextera_build.artifacts.ros import images, messages, reading
-from dextera_build.artifacts.ros.recording import Recording, packed
 from dextera_build.artifacts.stream import Channel, Stream
 from dextera_build.artifacts.trajectory import Trajectory
 from dextera_build.errors import ArtifactError, listing
+from dextera_build.formats import camera_info
+from dextera_build.formats import lens as lens_files
 from dextera_build.formats.files import suffix_among
+from dextera_build.formats.ros import images, messages, reading
+from dextera_build.formats.ros.recording import Recording, packed
 from dextera_build.formats.stamped_rows import unit
 from dextera_build.geometry import poses as matrices
 

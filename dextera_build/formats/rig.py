@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dextera_build.artifacts import camchain
-from dextera_build.artifacts import camera_files as camera_files
 from dextera_build.artifacts.file_errors import unreadable
 from dextera_build.artifacts.pose import Pose
 from dextera_build.artifacts.rig import Rig
+from dextera_build.formats import camchain
+from dextera_build.formats import lens as camera_files
 from dextera_build.formats.files import suffix_among, unwritable
 
 

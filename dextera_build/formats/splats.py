@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dextera_build.artifacts import splats_usd
 from dextera_build.artifacts.splats import Splats
-from dextera_build.formats import splats_ply
+from dextera_build.formats import splats_ply, splats_usd
 
 
 def save(splats: Splats, path: Path) -> list[Path]:

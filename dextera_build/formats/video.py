@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from dextera_build.artifacts.base import File
-from dextera_build.artifacts.h264 import Encoder
 from dextera_build.artifacts.video import Video
 from dextera_build.formats.files import suffix_among
+from dextera_build.formats.h264 import Encoder
 
 
 def save(video: Video, path: Path) -> list[Path]:

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts import camera_files as camera_files
-from dextera_build.artifacts import colmap as colmap_cameras
-from dextera_build.artifacts import colmap_images, nerfstudio
 from dextera_build.artifacts.base import File
 from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.intrinsics import Intrinsics
 from dextera_build.artifacts.point_cloud import PointCloud
 from dextera_build.artifacts.views import Views, decoded
 from dextera_build.errors import ArtifactError, listing
+from dextera_build.formats import colmap as colmap_cameras
+from dextera_build.formats import colmap_images, nerfstudio
+from dextera_build.formats import lens as camera_files
 from dextera_build.formats.files import unwritable
+from dextera_build.formats.intrinsics import Intrinsics
 
 _ERROR = "error"
 """Attribute of `Views.points` with COLMAP's mean reprojection error [px]."""

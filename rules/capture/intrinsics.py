@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from dextera_build.artifacts import camera_files as camera_files
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.lens import BrownConrady, Equirectangular
 from dextera_build.errors import listing
+from dextera_build.formats import lens as camera_files
 from dextera_build.rule import Context
 
 from .exif import Exif

@@ -9,8 +9,6 @@ from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from dextera_build.artifacts import camera_files as camera_files
-from dextera_build.artifacts import mesh_files as mesh_files
 from dextera_build.artifacts.base import Artifact, File, Folder
 from dextera_build.artifacts.calibration import Calibration
 from dextera_build.artifacts.geometry import Mesh
@@ -29,7 +27,9 @@ from dextera_build.artifacts.video import Video
 from dextera_build.artifacts.views import Views
 from dextera_build.errors import listing
 from dextera_build.formats import calibration as calibration_files
+from dextera_build.formats import lens as camera_files
 from dextera_build.formats import mcap
+from dextera_build.formats import mesh as mesh_files
 from dextera_build.formats import point_cloud as point_cloud_files
 from dextera_build.formats import rig as rig_files
 from dextera_build.formats import splats as splats_files

@@ -11,8 +11,8 @@ import numpy as np
 
 from dextera_build.artifacts import trees
 from dextera_build.artifacts.episode import Episodes, Film
-from dextera_build.artifacts.h264 import Encoder
 from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.formats.h264 import Encoder
 from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 

@@ -11,13 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image as Pillow
 
-from dextera_build.artifacts import camera_files as camera_files
-from dextera_build.artifacts import colmap
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.image import DepthImage
 from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt
 from dextera_build.errors import ArtifactError
-from dextera_build.formats import registry
+from dextera_build.formats import colmap, registry
+from dextera_build.formats import lens as camera_files
 
 cv2 = pytest.importorskip("cv2")
 SIZE = {"width": 640, "height": 480}

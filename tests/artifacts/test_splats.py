@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given, settings
 from PIL import Image as Pillow
 
-from dextera_build.artifacts import splats_usd
 from dextera_build.artifacts.pose import Similarity
 from dextera_build.artifacts.splats import Splats
 from dextera_build.errors import ArtifactError
-from dextera_build.formats import registry, splats_ply
+from dextera_build.formats import registry, splats_ply, splats_usd
 from dextera_build.geometry import ply
 from tests import factories
 from tests.artifacts.generated import values

@@ -43,7 +43,7 @@ def given(args: argparse.Namespace) -> bool:
 
 def run(args: argparse.Namespace) -> int:
     """Write the sheet, print its path, and what `capture.json` says about it."""
-    from dextera_build.artifacts import board_sheet
+    from dextera_build.formats import board_sheet
 
     pattern = args.name or "charuco"
     if pattern not in PATTERNS or args.object:
@@ -102,8 +102,8 @@ def _board(args: argparse.Namespace, pattern: str, paper: str) -> Board:
 
 def _largest(pattern: str, columns: int, rows: int, paper: str, gap: float | None) -> int:
     """Side of the largest square or marker of whole millimetres that fits."""
-    from dextera_build.artifacts.board_sheet import EDGE_MM, FOOT_MM, QUIET
-    from dextera_build.artifacts.pdf import PAPERS_MM
+    from dextera_build.formats.board_sheet import EDGE_MM, FOOT_MM, QUIET
+    from dextera_build.formats.pdf import PAPERS_MM
 
     extra = {"chessboard": 1.0 + QUIET, "charuco": 0.0}.get(pattern, QUIET)
     found = 0.0

@@ -27,7 +27,6 @@ import numpy as np
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import png
-from dextera_build.artifacts.mesh_usd import add_mesh, add_surface_material
 from dextera_build.artifacts.scene_description import (
     BodyNode,
     Contact,
@@ -38,6 +37,7 @@ from dextera_build.artifacts.scene_description import (
     SceneDescription,
 )
 from dextera_build.errors import RuleError
+from dextera_build.formats.mesh_usd import add_mesh, add_surface_material
 from dextera_build.geometry import convex, transforms
 from dextera_build.geometry.cameras import GL_FROM_CV
 from dextera_build.sim.model import mjcf_contact, names

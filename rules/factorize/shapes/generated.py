@@ -8,10 +8,10 @@ import numpy as np
 
 from dextera_build.artifacts.geometry import Mesh
 from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.mesh_files import load
 from dextera_build.artifacts.mesh_repair import repaired
 from dextera_build.artifacts.object import Shape
 from dextera_build.artifacts.view import ObjectView
+from dextera_build.formats.mesh import load
 from dextera_build.rule import Context
 
 from ..contact import cavity

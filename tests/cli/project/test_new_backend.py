@@ -17,10 +17,10 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.exchange import has_form
 from dextera_build.cli.project import new_backend
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.errors import RuleError, UsageError
+from dextera_build.formats.exchange import has_form
 from dextera_build.testing import RuleRunner
 from tests.e2e.space import Space
 

@@ -12,10 +12,10 @@ from scipy import ndimage
 from dextera_build.artifacts.camera import Camera
 from dextera_build.artifacts.joints import Joints
 from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.ros import messages
-from dextera_build.artifacts.ros.recording import Recording, packed
 from dextera_build.artifacts.stream import Stream
 from dextera_build.formats import mcap
+from dextera_build.formats.ros import messages
+from dextera_build.formats.ros.recording import Recording, packed
 from dextera_build.testing import RuleRunner
 
 START = 1.7e9

@@ -20,15 +20,15 @@ from dextera_build.formats import mcap, point_cloud
 from dextera_build.formats import video as video_files
 from dextera_build.testing import RuleRunner
 from tests import factories
-from tests.artifacts.test_calibration import CAMERA, SECOND, full
 from tests.artifacts.test_forms import same
-from tests.artifacts.test_panorama import PIXELS
-from tests.artifacts.test_rig import LEFT, RIGHT, load
-from tests.artifacts.test_stream import JOINTS
-from tests.artifacts.test_track import GOOD
-from tests.artifacts.test_trajectory import turning
-from tests.artifacts.test_video import pixels, shown
-from tests.artifacts.test_views import alike, encoded, views
+from tests.formats.test_calibration import CAMERA, SECOND, full
+from tests.formats.test_mcap import JOINTS
+from tests.formats.test_panorama import PIXELS
+from tests.formats.test_rig import LEFT, RIGHT, load
+from tests.formats.test_track import GOOD
+from tests.formats.test_trajectory import turning
+from tests.formats.test_video import pixels, shown
+from tests.formats.test_views import alike, encoded, views
 
 BOX = factories.box_asset().body.links["base"].mesh
 PLAIN = BOX.model_copy(update={"uv": None, "texture": None})

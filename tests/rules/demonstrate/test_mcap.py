@@ -24,10 +24,10 @@ from PIL import Image
 
 from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.episode import Episodes, Film
-from dextera_build.artifacts.ros import types as ros_types
-from dextera_build.artifacts.ros.cdr import Cdr
 from dextera_build.artifacts.term import TermSpec
 from dextera_build.errors import RuleError
+from dextera_build.formats.ros import types as ros_types
+from dextera_build.formats.ros.cdr import Cdr
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model import skins
 from dextera_build.testing import RuleRunner
