@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build import digest
-from dextera_build.artifacts.base import Artifact
+from dextera_build.artifacts.core.base import Artifact
 from dextera_build.building import examples
 from dextera_build.code.companions import of_paths
 from dextera_build.code.loader import Library, RuleFile
@@ -129,7 +129,7 @@ class RuleRunner:
         self, found: RuleFile, options: Mapping[str, Any], inputs: Mapping[str, Artifact]
     ) -> dict[str, list[str]]:
         """Slot -> paths of the companions that run its artifact; option -> path of the file in its folder."""
-        from dextera_build.artifacts.task import TaskBundle
+        from dextera_build.artifacts.tasks.task import TaskBundle
 
         tasks = {slot: each for slot, each in inputs.items() if isinstance(each, TaskBundle)}
         makers = {slot: f"primitives/{bundle.task.primitive}" for slot, bundle in tasks.items()} | self._made_by

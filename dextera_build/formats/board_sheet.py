@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.calibration import Board
+from dextera_build.artifacts.cameras.calibration import Board
 from dextera_build.errors import ArtifactError, listing
 from dextera_build.formats.pdf import PAPERS_MM, Rectangle, Text, page
 

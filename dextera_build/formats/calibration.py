@@ -10,9 +10,9 @@ import numpy as np
 import yaml as yaml_files
 from pydantic import ValidationError
 
-from dextera_build.artifacts.calibration import SERIES, Board, Calibration
-from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.cameras.calibration import SERIES, Board, Calibration
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.formats import camera_info, easy_handeye
 from dextera_build.formats import lens as camera_files
 from dextera_build.formats.files import suffix_among

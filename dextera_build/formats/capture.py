@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.cameras.camera import Capture
 from dextera_build.formats import image as picture_files
 
 

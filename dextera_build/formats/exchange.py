@@ -27,15 +27,15 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import numpy as np
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from dextera_build.artifacts.arrays import Array, check_array
-from dextera_build.artifacts.base import Artifact, File, Folder
-from dextera_build.artifacts.content import SMALL
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image, png
-from dextera_build.artifacts.labels import path_fault
-from dextera_build.artifacts.mask_track import MaskTrack
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.cameras.image import Image, png
+from dextera_build.artifacts.cameras.mask_track import MaskTrack
+from dextera_build.artifacts.core.arrays import Array, check_array
+from dextera_build.artifacts.core.base import Artifact, File, Folder
+from dextera_build.artifacts.core.content import SMALL
+from dextera_build.artifacts.core.labels import path_fault
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import mask_track, point_cloud, splats_ply
 

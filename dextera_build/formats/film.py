@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dextera_build.artifacts.episode import Film
+from dextera_build.artifacts.tasks.episode import Film
 
 
 def export(film: Film, folder: Path, stem: str) -> list[Path]:

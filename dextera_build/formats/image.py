@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.image import DepthImage, Image, png
+from dextera_build.artifacts.cameras.image import DepthImage, Image, png
 
 
 def save(picture: Image | DepthImage, path: Path) -> list[Path]:

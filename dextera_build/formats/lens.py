@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.lens import BrownConrady, Equirectangular, KannalaBrandt, Lens
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular, KannalaBrandt, Lens
+from dextera_build.artifacts.core.file_errors import unreadable
 from dextera_build.formats import camera_info, colmap
 from dextera_build.formats.files import suffix_among
 from dextera_build.formats.intrinsics import Intrinsics

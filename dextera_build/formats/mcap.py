@@ -10,12 +10,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dextera_build.artifacts.base import File
-from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.joints import Joints
-from dextera_build.artifacts.lens import Lens
-from dextera_build.artifacts.stream import Channel, Stream
-from dextera_build.artifacts.trajectory import Trajectory
+from dextera_build.artifacts.cameras.lens import Lens
+from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.artifacts.robots.stream import Channel, Stream
+from dextera_build.artifacts.spatial.joints import Joints
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.errors import ArtifactError, listing
 from dextera_build.formats import camera_info
 from dextera_build.formats import lens as lens_files

@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image, opened, rgb
+from dextera_build.artifacts.cameras.image import Image, opened, rgb
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import listing
 from dextera_build.formats import gltf, mesh_bounds, mesh_usd, named_files, obj
 from dextera_build.formats.files import suffix_among

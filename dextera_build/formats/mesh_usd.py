@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import opened, png, rgb
+from dextera_build.artifacts.cameras.image import opened, png, rgb
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.formats import named_files, stage_files
 from dextera_build.geometry import transforms
 from dextera_build.geometry.baking import Part

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import png
+from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.shapes.mesh import Mesh
 
 
 def write(mesh: Mesh, path: Path) -> list[Path]:

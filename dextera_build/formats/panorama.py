@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.image import Image, png
-from dextera_build.artifacts.labels import path_fault
-from dextera_build.artifacts.lens import Equirectangular
-from dextera_build.artifacts.panorama import Panorama
+from dextera_build.artifacts.cameras.image import Image, png
+from dextera_build.artifacts.cameras.lens import Equirectangular
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.artifacts.core.labels import path_fault
 from dextera_build.formats import pose as pose_files
 from dextera_build.formats import views as view_files
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.point_cloud import NORMAL, RGB, XYZ, PointCloud
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.artifacts.spatial.point_cloud import NORMAL, RGB, XYZ, PointCloud
 from dextera_build.formats.files import frame_comments, frame_of, suffix_among
 from dextera_build.geometry import ply as table_files
 

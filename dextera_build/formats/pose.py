@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.pose import Pose, Similarity
+from dextera_build.artifacts.spatial.pose import Pose, Similarity
 
 
 def export(motion: Pose | Similarity, folder: Path, stem: str) -> list[Path]:

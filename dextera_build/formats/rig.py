@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.rig import Rig
+from dextera_build.artifacts.cameras.rig import Rig
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.formats import camchain
 from dextera_build.formats import lens as camera_files
 from dextera_build.formats.files import suffix_among, unwritable

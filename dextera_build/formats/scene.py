@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.scenes.scene import Scene
 
 
 def export(scene: Scene, folder: Path, stem: str) -> list[Path]:

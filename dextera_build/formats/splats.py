@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.formats import splats_ply, splats_usd
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.formats.files import frame_comments, frame_of, suffix_among
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.gaussians.spherical_harmonics import COUNTS

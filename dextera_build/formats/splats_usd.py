@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.formats import stage_files
 from dextera_build.formats.files import suffix_among
 from dextera_build.gaussians.arrays import Gaussians, moved

@@ -10,8 +10,8 @@ from typing import get_args
 
 import numpy as np
 
-from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.track import Status, Track
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.artifacts.spatial.track import Status, Track
 from dextera_build.formats import stamped_rows
 from dextera_build.formats.files import suffix_among
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.trajectory import Trajectory
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.formats import stamped_rows
 from dextera_build.formats.files import suffix_among
 

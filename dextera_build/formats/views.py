@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.base import File
-from dextera_build.artifacts.file_errors import unreadable
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.views import Views, decoded
+from dextera_build.artifacts.cameras.views import Views, decoded
+from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.errors import ArtifactError, listing
 from dextera_build.formats import colmap as colmap_cameras
 from dextera_build.formats import colmap_images, nerfstudio

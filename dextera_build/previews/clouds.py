@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.image import png
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.gaussians import splatting
 from dextera_build.gaussians.spherical_harmonics import COUNTS
 from dextera_build.geometry.thumbnail import scatter

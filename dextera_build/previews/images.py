@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.image import DepthImage, Image, LabelImage, faded, png, smaller
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.view import InstanceMap, ObjectView
+from dextera_build.artifacts.cameras.image import DepthImage, Image, LabelImage, faded, png, smaller
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.objects.view import InstanceMap, ObjectView
 
 
 def _picture_of_image(image: Image) -> bytes:

@@ -7,13 +7,13 @@ from typing import Any, get_args
 
 import numpy as np
 
-from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.image import png
-from dextera_build.artifacts.pose import Pose, Similarity
-from dextera_build.artifacts.scene_fit import AlignedScene, SceneFit
-from dextera_build.artifacts.track import Status, Track
-from dextera_build.artifacts.tracking import Tracking
-from dextera_build.artifacts.trajectory import Trajectory
+from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.scenes.scene_fit import AlignedScene, SceneFit
+from dextera_build.artifacts.spatial.pose import Pose, Similarity
+from dextera_build.artifacts.spatial.track import Status, Track
+from dextera_build.artifacts.spatial.tracking import Tracking
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.geometry.plot import COLOURS, Line, plot
 
 

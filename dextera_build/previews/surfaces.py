@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import png
-from dextera_build.artifacts.object import Body
-from dextera_build.artifacts.scene_description import SceneDescription
+from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.objects.object import Body
+from dextera_build.artifacts.scenes.scene_description import SceneDescription
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import kinematics, transforms
 from dextera_build.geometry.thumbnail import Paint, thumbnail
 

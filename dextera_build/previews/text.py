@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.artifacts.arrays import Array, is_array
+from dextera_build.artifacts.core.arrays import Array, is_array
 
 if TYPE_CHECKING:
     import numpy as np

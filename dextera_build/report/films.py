@@ -46,7 +46,7 @@ class Films:
 def _encoded(packed: bytes, width: int, height: int, rate_hz: float) -> str:
     from itertools import islice
 
-    from dextera_build.artifacts.episode import Film
+    from dextera_build.artifacts.tasks.episode import Film
     from dextera_build.formats.h264 import Encoder
 
     even = width // 2 * 2, height // 2 * 2

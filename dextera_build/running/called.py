@@ -74,7 +74,7 @@ def named(found: RuleFile, given: Mapping[str, Any]) -> dict[str, tuple[str, byt
 @contextmanager
 def only_keyed(companions: Companions) -> Iterator[None]:
     """In the block, of the code that is found by name, only that in the key of the call: primitives, but no formats."""
-    from dextera_build.artifacts import above
+    from dextera_build.artifacts.core import above
     from dextera_build.sim.primitives import folders  # imports nothing else
 
     known = {(each.name, each.file.stem): each for each in each_of(companions)}

@@ -31,7 +31,7 @@ from dextera_build.store.questions import Look, Recording
 from dextera_build.store.store import Store, opened
 
 if TYPE_CHECKING:
-    from dextera_build.artifacts.base import File
+    from dextera_build.artifacts.core.base import File
     from dextera_build.remotes.exchange import Exchange
     from dextera_build.rule.outside import Outside
 
@@ -60,7 +60,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
 
 
 def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
-    from dextera_build.artifacts.forms import type_among
+    from dextera_build.artifacts.core.forms import type_among
 
     library = _library(task["project"])
     found = library.find(task["rule"])
@@ -257,7 +257,7 @@ class ProjectReads(Recording):
 
     def file(self, path: str) -> File:
         """See `Context.file`."""
-        from dextera_build.artifacts.base import File  # few rules discover inputs
+        from dextera_build.artifacts.core.base import File  # few rules discover inputs
 
         return File.decode(self.digest_of(path), self._store.reader)
 

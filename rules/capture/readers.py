@@ -9,22 +9,22 @@ from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from dextera_build.artifacts.base import Artifact, File, Folder
-from dextera_build.artifacts.calibration import Calibration
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image, LabelImage
-from dextera_build.artifacts.lens import Lens
-from dextera_build.artifacts.mesh_repair import repaired
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.rig import Rig
-from dextera_build.artifacts.splats import Splats
-from dextera_build.artifacts.stream import Stream
-from dextera_build.artifacts.track import Track
-from dextera_build.artifacts.trajectory import Trajectory
-from dextera_build.artifacts.video import Video
-from dextera_build.artifacts.views import Views
+from dextera_build.artifacts.cameras.calibration import Calibration
+from dextera_build.artifacts.cameras.image import Image, LabelImage
+from dextera_build.artifacts.cameras.lens import Lens
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.cameras.rig import Rig
+from dextera_build.artifacts.cameras.video import Video
+from dextera_build.artifacts.cameras.views import Views
+from dextera_build.artifacts.core.base import Artifact, File, Folder
+from dextera_build.artifacts.robots.stream import Stream
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.shapes.mesh_repair import repaired
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.artifacts.spatial.track import Track
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.errors import listing
 from dextera_build.formats import calibration as calibration_files
 from dextera_build.formats import lens as camera_files

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Episodes, Film
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.formats.ros import messages
 from dextera_build.formats.ros.recording import Recording, packed
 from dextera_build.geometry import poses

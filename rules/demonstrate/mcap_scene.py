@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Episodes
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.formats.ros import markers, messages
 from dextera_build.formats.ros.markers import Marker
 from dextera_build.formats.ros.recording import Recording

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.artifacts.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
 
 CLOUD = '''
 """toy.cloud: the corners of a cube."""
 import numpy as np
-from dextera_build.artifacts.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.rule import Context, rule
 
 @rule(version=1, packages=("numpy",))

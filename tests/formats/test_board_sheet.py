@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.calibration import Board
+from dextera_build.artifacts.cameras.calibration import Board
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import board_sheet
 

@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from PIL import Image as Pillow
 from scipy.spatial.transform import Rotation
 
-from dextera_build.artifacts.calibration import Board, Calibration
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.cameras.calibration import Board, Calibration
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import calibration as calibration_files
 from dextera_build.formats import lens as camera_files
 from dextera_build.geometry.plot import COLOURS
+from tests.artifacts.core.test_forms import same
 from tests.artifacts.generated import values
-from tests.artifacts.test_forms import same
 
 FIRST = """parameters:
   eye_on_hand: true

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import png
-from dextera_build.artifacts.stream import Stream
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import mcap
 

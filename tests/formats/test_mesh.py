@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import mesh as mesh_files
 from dextera_build.formats import registry

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.image import Image, png
+from dextera_build.artifacts.cameras.image import Image, png
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import bounds
 from dextera_build.formats import mesh as mesh_files

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import ArtifactError
 from tests.formats.test_views import pose, views
 

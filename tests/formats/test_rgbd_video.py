@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import png
-from dextera_build.artifacts.rgbd_video import RgbdFrame, RgbdVideo
-from dextera_build.artifacts.stream import Stream
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame, RgbdVideo
+from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import mcap
 from dextera_build.formats.ros import messages
 from dextera_build.formats.ros.cdr import Cdr
 from dextera_build.formats.ros.recording import Recording
+from tests.artifacts.core.test_base import Memory
 from tests.artifacts.generated import values
-from tests.artifacts.test_base import Memory
 
 CAMERA = Camera(width=40, height=30, fx=50.0, fy=51.0, cx=19.5, cy=14.5)
 

@@ -7,10 +7,10 @@ import pytest
 import yaml
 from hypothesis import assume, given, settings
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.lens import BrownConrady, Equirectangular, KannalaBrandt
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.rig import Rig
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular, KannalaBrandt
+from dextera_build.artifacts.cameras.rig import Rig
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import ArtifactError
 from dextera_build.geometry import transforms
 from tests.artifacts.generated import values

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from dextera_build.artifacts.track import Track
+from dextera_build.artifacts.spatial.track import Track
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import track as track_files
+from tests.artifacts.core.test_forms import same
 from tests.artifacts.generated import values
-from tests.artifacts.test_forms import same
 
 POSE = [0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0]
 GOOD = {

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from scipy.spatial.transform import Rotation, Slerp
 
-from dextera_build.artifacts.trajectory import Trajectory
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.errors import ArtifactError
 from tests.artifacts.generated import values
 

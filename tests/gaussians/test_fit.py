@@ -11,7 +11,7 @@ import torch
 from scipy.ndimage import correlate1d
 from torch import Tensor
 
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.formats import splats_ply, splats_usd
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.gaussians.fit.camera import Camera

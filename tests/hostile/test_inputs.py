@@ -17,8 +17,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import Image
 from dextera_build.errors import DxbError
 from dextera_build.formats import lens as camera_files
 from dextera_build.formats import mesh as mesh_files

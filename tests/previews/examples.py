@@ -14,26 +14,26 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.calibration import Board, Calibration
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.joints import Joints
-from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt
-from dextera_build.artifacts.mask_track import MaskTrack
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.rgbd_video import RgbdFrame, RgbdVideo
-from dextera_build.artifacts.rig import Rig
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.scene_description import SceneDescription
-from dextera_build.artifacts.splats import Splats
-from dextera_build.artifacts.stream import Stream
-from dextera_build.artifacts.track import Track
-from dextera_build.artifacts.trajectory import Trajectory
-from dextera_build.artifacts.video import Video
-from dextera_build.artifacts.view import InstanceMap, ObjectView
-from dextera_build.artifacts.views import Views, encoded
+from dextera_build.artifacts.cameras.calibration import Board, Calibration
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.cameras.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt
+from dextera_build.artifacts.cameras.mask_track import MaskTrack
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame, RgbdVideo
+from dextera_build.artifacts.cameras.rig import Rig
+from dextera_build.artifacts.cameras.video import Video
+from dextera_build.artifacts.cameras.views import Views, encoded
+from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.objects.view import InstanceMap, ObjectView
+from dextera_build.artifacts.robots.stream import Stream
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.scenes.scene_description import SceneDescription
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.joints import Joints
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.artifacts.spatial.track import Track
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.formats import mcap
 from dextera_build.formats import video as video_files
 from dextera_build.gaussians.arrays import Gaussians

@@ -13,7 +13,7 @@ from dextera_build.cli.table import writing
 from dextera_build.errors import UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.artifacts.calibration import Board
+    from dextera_build.artifacts.cameras.calibration import Board
 
 PATTERNS = ("charuco", "chessboard", "aruco", "apriltag")
 _COUNTS = {"charuco": (7, 5), "chessboard": (9, 6), "aruco": (1, 1), "apriltag": (1, 1)}
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _board(args: argparse.Namespace, pattern: str, paper: str) -> Board:
-    from dextera_build.artifacts.calibration import Board
+    from dextera_build.artifacts.cameras.calibration import Board
 
     usual = _COUNTS[pattern]
     columns = usual[0] if args.columns is None else args.columns

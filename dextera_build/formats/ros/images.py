@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.file_errors import unreadable
+from dextera_build.artifacts.core.file_errors import unreadable
 
 _ENCODINGS = {
     **{name: (3, [0, 1, 2]) for name in ("rgb8", "8UC3")},

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.formats.ros.cdr import Cdr
 
 SECOND = 1_000_000_000

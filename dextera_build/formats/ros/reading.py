@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
-from dextera_build.artifacts.file_errors import unreadable
+from dextera_build.artifacts.core.file_errors import unreadable
 from dextera_build.errors import ArtifactError
 from dextera_build.formats.ros import chunks, foxglove
 

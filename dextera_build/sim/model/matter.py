@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 from PIL import Image
 
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.world import Matter, Part
+from dextera_build.artifacts.scenes.world import Matter, Part
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 from dextera_build.formats import obj
 from dextera_build.geometry import convex, massprops, quaternions, solids
 from dextera_build.geometry.shading import corner_normals

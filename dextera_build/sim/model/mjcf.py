@@ -14,10 +14,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from dextera_build import digest
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import png
-from dextera_build.artifacts.scene_description import (
+from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.scenes.scene_description import (
     BodyNode,
     Box,
     CameraNode,
@@ -28,6 +27,7 @@ from dextera_build.artifacts.scene_description import (
     ObjectNode,
     SceneDescription,
 )
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import RuleError
 from dextera_build.formats import obj
 from dextera_build.geometry import convex, quaternions

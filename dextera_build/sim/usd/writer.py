@@ -24,10 +24,9 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import png
-from dextera_build.artifacts.scene_description import (
+from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.scenes.scene_description import (
     BodyNode,
     Contact,
     Geom,
@@ -36,6 +35,7 @@ from dextera_build.artifacts.scene_description import (
     ObjectNode,
     SceneDescription,
 )
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import RuleError
 from dextera_build.formats.mesh_usd import add_mesh, add_surface_material
 from dextera_build.geometry import convex, transforms

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from PIL import Image, ImageDraw
 
-from dextera_build.artifacts.calibration import Calibration
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.cameras.calibration import Calibration
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.geometry import hand_eye, transforms
 from dextera_build.geometry.hand_eye import Setup
 from dextera_build.geometry.hand_eye_checks import Checked

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.joints import Joints
-from dextera_build.artifacts.stream import Stream
+from dextera_build.artifacts.robots.stream import Stream
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.formats import mcap
 from dextera_build.geometry import quaternions, synchronisation
 from dextera_build.rule import Context

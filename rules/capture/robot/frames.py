@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.lens import Equirectangular
-from dextera_build.artifacts.stream import Stream
+from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.cameras.lens import Equirectangular
+from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.formats import mcap
 from dextera_build.geometry import transforms
 from dextera_build.geometry.depth_to_colour import registered

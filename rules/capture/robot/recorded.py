@@ -7,11 +7,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.calibration import Board
-from dextera_build.artifacts.joints import Joints
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.artifacts.stream import Stream
+from dextera_build.artifacts.cameras.calibration import Board
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
+from dextera_build.artifacts.robots.stream import Stream
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.formats import mcap
 from dextera_build.geometry import synchronisation
 from dextera_build.rule import Context, Options

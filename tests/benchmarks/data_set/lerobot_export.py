@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts import trees
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.episode import Episode, Episodes
-from dextera_build.artifacts.joints import Joints
-from dextera_build.artifacts.video import Video
+from dextera_build.artifacts.cameras.video import Video
+from dextera_build.artifacts.core import trees
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.spatial.joints import Joints
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.formats import video as video_files
 from dextera_build.formats.h264 import Clip
 from rules.demonstrate import lerobot_features, lerobot_meta, lerobot_pyarrow, lerobot_stats, lerobot_tables

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dextera_build.artifacts.video import Video
+from dextera_build.artifacts.cameras.video import Video
 from dextera_build.formats import video as video_files
 
 HEIGHT, WIDTH, SIDE = 192, 256, 96

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.image import LabelImage
-from dextera_build.artifacts.mask_track import MaskTrack
-from dextera_build.artifacts.video import Video
+from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.cameras.mask_track import MaskTrack
+from dextera_build.artifacts.cameras.video import Video
 from dextera_build.code.loader import Library
 from dextera_build.formats import video as video_files
 from dextera_build.testing import RuleRunner

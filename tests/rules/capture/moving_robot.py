@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.joints import Joints
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.stream import Stream
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.stream import Stream
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.formats import mcap
 from dextera_build.formats.ros import messages
 from dextera_build.formats.ros.recording import Recording, packed

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Artifact, File, Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.lens import Equirectangular, KannalaBrandt
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.track import Track
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.lens import Equirectangular, KannalaBrandt
+from dextera_build.artifacts.core.base import Artifact, File, Folder
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.track import Track
 from dextera_build.errors import ArtifactError, MachineError, RuleError
 from dextera_build.formats import mcap, point_cloud
 from dextera_build.formats import video as video_files
 from dextera_build.testing import RuleRunner
 from tests import factories
-from tests.artifacts.test_forms import same
+from tests.artifacts.core.test_forms import same
 from tests.formats.test_calibration import CAMERA, SECOND, full
 from tests.formats.test_mcap import JOINTS
 from tests.formats.test_panorama import PIXELS

@@ -10,10 +10,10 @@ from types import ModuleType
 from pydantic.fields import FieldInfo
 
 from dextera_build import artifacts
-from dextera_build.artifacts.base import Artifact, Value
-from dextera_build.artifacts.frames import Frames
-from dextera_build.artifacts.meanings import meanings
-from dextera_build.artifacts.schema import array_specs
+from dextera_build.artifacts.core.base import Artifact, Value
+from dextera_build.artifacts.core.frames import Frames
+from dextera_build.artifacts.core.meanings import meanings
+from dextera_build.artifacts.core.schema import array_specs
 from dextera_build.recipe.kinds import type_name
 
 from .markdown import code, join, table

@@ -10,8 +10,8 @@ import pytest
 from PIL import Image
 
 from dextera_build import redact
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Body, Link
+from dextera_build.artifacts.objects.object import Body, Link
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.calls.recorder import Recorder
 from dextera_build.calls.terms import Terms, written
 from dextera_build.errors import DxbError, MachineError, RuleError
