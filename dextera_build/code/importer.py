@@ -247,9 +247,9 @@ def _place_of_types(where: Place) -> str | None:
     module, _, names = linecache.getline(where.file, where.line).partition(" import ")
     if not module.startswith("from dextera_build.artifacts"):
         return None
-    files = sorted((PACKAGE / "artifacts").glob("*.py"))
+    files = sorted((PACKAGE / "artifacts").rglob("*.py"))
     found = [
-        f"`from dextera_build.artifacts.{file.stem} import {name}`"
+        f"`from {DXB}.{'.'.join(file.relative_to(PACKAGE).with_suffix('').parts)} import {name}`"
         for name in re.findall(r"\w+", names)
         for file in files
         if re.search(rf"^class {name}\b", file.read_text(), re.MULTILINE)

@@ -14,7 +14,7 @@ from dextera_build.artifacts.cameras.calibration import SERIES, Board, Calibrati
 from dextera_build.artifacts.core.file_errors import unreadable
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.formats import camera_info, easy_handeye
-from dextera_build.formats import lens as camera_files
+from dextera_build.formats import lens as lens_files
 from dextera_build.formats.files import suffix_among
 
 _KINDS = ("chessboard", "charuco", "aruco", "apriltag")
@@ -38,7 +38,7 @@ def yaml(found: Calibration) -> str:
     more |= {name: getattr(found, name).tolist() for name in SERIES if getattr(found, name) is not None}
     if found.camera is not None:
         more["camera_info"] = yaml_files.safe_load(
-            camera_info.written(camera_files.numbers(found.camera), found.pose.child)
+            camera_info.written(lens_files.numbers(found.camera), found.pose.child)
         )
     frames = {"base": found.base_frame, "effector": found.effector_frame, "board": found.board_frame}
     frames["camera"] = found.pose.child
@@ -50,7 +50,7 @@ def save(found: Calibration, path: Path) -> list[Path]:
     path.write_text(yaml(found))
     if found.camera is None:
         return [path]
-    return [path, *camera_files.save(found.camera, path.with_name(f"{path.stem}.camera_info.yaml"))]
+    return [path, *lens_files.save(found.camera, path.with_name(f"{path.stem}.camera_info.yaml"))]
 
 
 def load(path: str | Path) -> Calibration:
@@ -81,7 +81,7 @@ def parse(data: bytes, path: str | Path, intrinsics: bytes | None = None) -> Cal
     except ValueError as error:
         raise unreadable(path, "easy_handeye YAML", error) from None
     if fields["camera"] is None and intrinsics is not None:
-        fields["camera"] = camera_files.parse(intrinsics, Path("camera_info.yaml"))
+        fields["camera"] = lens_files.parse(intrinsics, Path("camera_info.yaml"))
     return Calibration(**fields)
 
 
@@ -105,7 +105,7 @@ def _fields(found: easy_handeye.HandEye) -> dict[str, Any]:
         "base_frame": frames["base"],
         "effector_frame": frames["effector"],
         "board_frame": frames["board"],
-        "camera": camera_files.of(camera_info.of(known)) if isinstance(known, Mapping) else None,
+        "camera": lens_files.of(camera_info.of(known)) if isinstance(known, Mapping) else None,
         "method": str(more.get("calibration_method", "")),
         "board": _board(more.get("board")),
         "board_pose": _pose(board_pose, frames[other], frames["board"]) if isinstance(board_pose, Mapping) else None,

@@ -8,14 +8,14 @@ from dextera_build.artifacts.cameras.rig import Rig
 from dextera_build.artifacts.core.file_errors import unreadable
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.formats import camchain
-from dextera_build.formats import lens as camera_files
+from dextera_build.formats import lens as lens_files
 from dextera_build.formats.files import suffix_among, unwritable
 
 
 def save(rig: Rig, path: Path) -> list[Path]:
     """Write a camchain."""
     rows = [
-        camchain.Mounted(label, camera_files.numbers(rig.cameras[label]), pose.matrix, pose.covariance)
+        camchain.Mounted(label, lens_files.numbers(rig.cameras[label]), pose.matrix, pose.covariance)
         for label, pose in sorted(rig.poses.items())
     ]
     try:
@@ -42,7 +42,7 @@ def parse(data: bytes, path: str | Path) -> Rig:
     except ValueError as error:
         raise unreadable(path, "a Kalibr camchain", error) from None
     return Rig(
-        cameras={each.label: camera_files.of(each.lens) for each in found},
+        cameras={each.label: lens_files.of(each.lens) for each in found},
         poses={
             each.label: Pose(parent="rig", child=each.label, matrix=each.pose, covariance=each.covariance)
             for each in found

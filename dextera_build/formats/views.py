@@ -17,7 +17,7 @@ from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.errors import ArtifactError, listing
 from dextera_build.formats import colmap as colmap_cameras
 from dextera_build.formats import colmap_images, nerfstudio
-from dextera_build.formats import lens as camera_files
+from dextera_build.formats import lens as lens_files
 from dextera_build.formats.files import unwritable
 from dextera_build.formats.intrinsics import Intrinsics
 
@@ -33,7 +33,7 @@ def colmap(views: Views) -> dict[str, str]:
         ArtifactError: The name of a picture contains a space.
     """
     numbers = {label: number for number, label in enumerate(sorted(views.cameras, key=_by_number), 1)}
-    cameras = {number: camera_files.numbers(views.cameras[label]) for label, number in numbers.items()}
+    cameras = {number: lens_files.numbers(views.cameras[label]) for label, number in numbers.items()}
     rows = zip(views.names, views.camera, views.poses, strict=True)
     posed = [colmap_images.Posed(name, numbers[label], pose) for name, label, pose in rows]
     try:
@@ -58,7 +58,7 @@ def transforms(views: Views) -> str:
     """
     rows = zip(views.names, views.camera, views.poses, strict=True)
     frames = [
-        nerfstudio.Frame(f"images/{n}", camera_files.numbers(views.cameras[label]), pose) for n, label, pose in rows
+        nerfstudio.Frame(f"images/{n}", lens_files.numbers(views.cameras[label]), pose) for n, label, pose in rows
     ]
     try:
         return nerfstudio.written(frames, views.frame)
@@ -156,7 +156,7 @@ def _of_transforms(files: Mapping[str, File], main: str) -> dict[str, Any]:
         "images": images,
         "names": tuple(images),
         "camera": tuple(labels),
-        "cameras": {label: camera_files.of(known) for label, known in cameras.items()},
+        "cameras": {label: lens_files.of(known) for label, known in cameras.items()},
         "poses": np.array([frame.pose for frame in frames]).reshape(-1, 4, 4),
         "frame": world,
     }
@@ -179,7 +179,7 @@ def _of_colmap(files: Mapping[str, File], root: str) -> dict[str, Any]:
         "images": images,
         "names": tuple(image.name for image in posed),
         "camera": tuple(str(image.camera) for image in posed),
-        "cameras": {str(number): camera_files.of(known) for number, known in cameras.items()},
+        "cameras": {str(number): lens_files.of(known) for number, known in cameras.items()},
         "poses": np.array([image.pose for image in posed]).reshape(-1, 4, 4),
         "frame": world,
         "points": points,

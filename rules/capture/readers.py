@@ -27,7 +27,7 @@ from dextera_build.artifacts.spatial.track import Track
 from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.errors import listing
 from dextera_build.formats import calibration as calibration_files
-from dextera_build.formats import lens as camera_files
+from dextera_build.formats import lens as lens_files
 from dextera_build.formats import mcap
 from dextera_build.formats import mesh as mesh_files
 from dextera_build.formats import point_cloud as point_cloud_files
@@ -211,7 +211,7 @@ def lens(given: Given, wanted: str) -> Lens:
     """A camera with integer pixel centres [px]; its lens must be of the wanted type."""
     data = given.data()
     name = "cameras.txt" if _COLMAP.search(data) else "camera_info.yaml"
-    found = camera_files.parse(data, Path(name))
+    found = lens_files.parse(data, Path(name))
     if found.name() != wanted:
         given.ctx.fail(f"the lens is a {found.name()}, not a {wanted}", hint=f"write `type: {found.name()}`")
     return _said(given, found)

@@ -62,8 +62,8 @@ PLAIN: dict[Any, st.SearchStrategy[Any]] = {
 
 def kinds() -> list[type[Artifact]]:
     """Every artifact type that dxb defines."""
-    for module in pkgutil.iter_modules(package.__path__):
-        importlib.import_module(f"{package.__name__}.{module.name}")
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        importlib.import_module(module.name)
     found = {kind for kind in _below(Artifact) if kind.__module__.startswith(package.__name__)}
     return sorted((kind for kind in found if kind.name() != "Collection"), key=lambda kind: kind.__name__)
 

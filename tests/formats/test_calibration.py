@@ -16,7 +16,7 @@ from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import calibration as calibration_files
-from dextera_build.formats import lens as camera_files
+from dextera_build.formats import lens as lens_files
 from dextera_build.geometry.plot import COLOURS
 from tests.artifacts.core.test_forms import same
 from tests.artifacts.generated import values
@@ -112,7 +112,7 @@ def test_the_file_holds_everything(tmp_path_factory, calibration):
         else:
             assert same(one, other), name
     if calibration.camera is not None:
-        assert camera_files.load(written[1]) == calibration.camera
+        assert lens_files.load(written[1]) == calibration.camera
 
 
 def test_easy_handeye_knows_all_parameters_that_are_written():

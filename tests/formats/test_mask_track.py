@@ -111,14 +111,14 @@ def png_of(labels: np.ndarray, mode: str = "L") -> bytes:
 def test_the_archive_of_another_program_is_read_with_times(tmp_path: Path):
     members = {f"Annotations/walk/{number}.png": png_of(labels) for number, labels in enumerate(maps())}
     path = archive_of(tmp_path / "a.zip", dict(reversed(members.items())))
-    found = MaskTrack.load(path, STAMPS)
+    found = MaskTrack.load(path, stamps=STAMPS)
     assert found.names == ("1", "2")
     assert np.array_equal(np.stack(list(found.every())), maps())
     with pytest.raises(ArtifactError) as caught:
         MaskTrack.load(path)
     assert caught.value.facts["why"] == "it has no `meta.json`, so the times of its frames must be given"
     with pytest.raises(ArtifactError) as caught:
-        MaskTrack.load(path, STAMPS[:3])
+        MaskTrack.load(path, stamps=STAMPS[:3])
     assert caught.value.facts["why"] == "it holds 5 frames, and 3 times"
 
 
@@ -130,7 +130,7 @@ def test_another_or_a_damaged_archive_is_refused(tmp_path: Path):
             MaskTrack.load(tmp_path / "b.zip")
     for members in ({"a.txt": b""}, {"a.png": b"?"}, {"a.png": png_of(maps()[0], "RGB")}):
         with pytest.raises(ArtifactError, match="cannot be read as ZIP of a mask track"):
-            MaskTrack.load(archive_of(tmp_path / "c.zip", members), STAMPS[:1])
+            MaskTrack.load(archive_of(tmp_path / "c.zip", members), stamps=STAMPS[:1])
     damaged = track().model_copy(update={"file": File(data=whole[:-40])})
     with pytest.raises(ArtifactError, match="cannot be read as ZIP of a mask track"):
         damaged.labels(0)

@@ -14,7 +14,7 @@ from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular
 from dextera_build.artifacts.cameras.views import Views, encoded
 from dextera_build.artifacts.core.base import File
 from dextera_build.errors import ArtifactError
-from dextera_build.formats import lens as camera_files
+from dextera_build.formats import lens as lens_files
 from dextera_build.formats import views as views_files
 from dextera_build.geometry import transforms
 from tests.artifacts.generated import values
@@ -48,7 +48,7 @@ def alike(one: Views, other: Views) -> None:
     assert other.frame == one.frame
     for name in one.names:
         assert (other.pixels(name) == one.pixels(name)).all()
-        wanted, found = camera_files.numbers(one.lens(name)), camera_files.numbers(other.lens(name))
+        wanted, found = lens_files.numbers(one.lens(name)), lens_files.numbers(other.lens(name))
         numbers = [(*each.focal, *each.centre, *each.coefficients) for each in (wanted, found)]
         assert (found.width, found.height) == (wanted.width, wanted.height)
         if any(wanted.coefficients) or wanted.model != "brown_conrady":  # without distortion it is a pinhole
@@ -105,7 +105,7 @@ def test_a_scene_of_the_nerf_authors_is_read(tmp_path):
     frame = {"file_path": "./train/r_0", "transform_matrix": np.eye(4).tolist()}
     (tmp_path / "transforms.json").write_text(json.dumps({"camera_angle_x": np.pi / 2, "frames": [frame]}))
     found = Views.load(tmp_path)
-    lens = camera_files.numbers(found.lens("train/r_0.png"))
+    lens = lens_files.numbers(found.lens("train/r_0.png"))
     assert np.allclose([*lens.focal, *lens.centre], [4, 4, 3.5, 2.5])
     assert np.allclose(found.pose("train/r_0.png").matrix, np.diag([1, -1, -1, 1]))
 

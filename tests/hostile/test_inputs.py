@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import Image
 from dextera_build.errors import DxbError
-from dextera_build.formats import lens as camera_files
+from dextera_build.formats import lens as lens_files
 from dextera_build.formats import mesh as mesh_files
 from dextera_build.sim.model.imported import collada, mjcf, urdf
 from tests import factories
@@ -46,7 +46,7 @@ def robot(path: Path) -> Any:
 READERS: dict[str, Reader] = {
     **dict.fromkeys(("a.obj", "a.mtl", "a.glb", "a.ply", "a.stl", "a.usda", "a.usdc"), mesh_files.load),
     "a.dae": lambda path: collada.as_obj(path.name, path.read_bytes()),
-    "a.yaml": camera_files.load,
+    "a.yaml": lens_files.load,
     "a.urdf": robot,
     "a.xml": robot,
 }

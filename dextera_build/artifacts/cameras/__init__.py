@@ -1,1 +1,1 @@
-"""TODO cameras."""
+"""Cameras, what they record, and their calibration."""

@@ -1,1 +1,1 @@
-"""TODO comparison."""
+"""Differences between two stored values."""

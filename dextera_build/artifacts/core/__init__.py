@@ -1,1 +1,1 @@
-"""TODO core."""
+"""What every artifact is made of: fields, their stored form, identity, files; and tables."""

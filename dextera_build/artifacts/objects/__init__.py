@@ -1,1 +1,1 @@
-"""TODO objects."""
+"""Objects, from their pixels to simulation-ready assets."""

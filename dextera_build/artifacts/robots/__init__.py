@@ -1,1 +1,1 @@
-"""TODO robots."""
+"""Robots, their recordings, and the cells that they work in."""

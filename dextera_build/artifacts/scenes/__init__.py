@@ -1,1 +1,1 @@
-"""TODO scenes."""
+"""Whole scenes: descriptions, simulator models, rooms, reference worlds."""

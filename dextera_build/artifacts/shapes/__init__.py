@@ -1,1 +1,1 @@
-"""TODO shapes."""
+"""Surfaces: meshes and 3D Gaussians."""

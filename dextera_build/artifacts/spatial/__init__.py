@@ -1,1 +1,1 @@
-"""TODO spatial."""
+"""Poses, poses and joint states over time, points."""

@@ -1,1 +1,1 @@
-"""TODO tasks."""
+"""Tasks, episodes, trials and policies."""

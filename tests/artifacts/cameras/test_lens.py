@@ -16,7 +16,7 @@ from dextera_build.artifacts.cameras.image import DepthImage
 from dextera_build.artifacts.cameras.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import colmap, registry
-from dextera_build.formats import lens as camera_files
+from dextera_build.formats import lens as lens_files
 
 cv2 = pytest.importorskip("cv2")
 SIZE = {"width": 640, "height": 480}
@@ -134,7 +134,7 @@ def test_a_panorama_covers_the_sphere():
 @given(LENSES)
 def test_colmap_reads_the_same_camera(lens):
     pycolmap = pytest.importorskip("pycolmap")
-    words = colmap.cameras_written({7: camera_files.numbers(lens)}).splitlines()[-1].split()
+    words = colmap.cameras_written({7: lens_files.numbers(lens)}).splitlines()[-1].split()
     theirs = pycolmap.Camera(
         model=words[1], width=int(words[2]), height=int(words[3]), params=[float(word) for word in words[4:]]
     )
@@ -150,7 +150,7 @@ def test_a_camera_is_read_back_from_its_files(tmp_path_factory, lens, suffix):
         return
     path = tmp_path_factory.mktemp("lens") / f"camera{suffix}"
     assert lens.save(path) == [path]
-    again = camera_files.load(path)
+    again = lens_files.load(path)
     if isinstance(lens, BrownConrady) and not lens.coefficients().any() and suffix == ".yaml":
         assert again == Camera(**BASE)  # in ROS a lens without distortion is `plumb_bob` with zeros
     else:
@@ -166,7 +166,7 @@ def test_the_camera_info_of_a_driver_is_read(tmp_path):
         "distortion_model: plumb_bob\nd: [0.1, -0.2, 0.001, 0.002, 0.03]\n"
         "k: [600.0, 0.0, 320.0, 0.0, 601.0, 240.0, 0.0, 0.0, 1.0]\n"
     )
-    lens = camera_files.load(path)
+    lens = lens_files.load(path)
     assert lens == BrownConrady(**SIZE, fx=600, fy=601, cx=320, cy=240, k1=0.1, k2=-0.2, p1=0.001, p2=0.002, k3=0.03)
 
 
@@ -213,7 +213,7 @@ def tenfold(form: str) -> str:
 def test_a_damaged_file_is_refused(tmp_path, name, text, why):
     (tmp_path / name).write_text(text)
     with pytest.raises(ArtifactError) as caught:
-        camera_files.load(tmp_path / name)
+        lens_files.load(tmp_path / name)
     assert caught.value.code == "DXB-A402"
     assert why in caught.value.facts["why"]
 
