@@ -161,7 +161,7 @@ def test_a_recording_is_opened(runner, tmp_path):
     mcap.record(tmp_path / "a.mcap", joints={"/joint_states": JOINTS})
     file = File.of(tmp_path / "a.mcap")
     found = opened(runner, "Stream", file, topics=["/joint_states"])
-    assert (found.joints("/joint_states").positions == JOINTS.positions).all()
+    assert (mcap.joints(found, "/joint_states").positions == JOINTS.positions).all()
     with pytest.raises(RuleError, match="topic `/camera` was not recorded"):
         opened(runner, "Stream", file, topics=["/camera"])
 
