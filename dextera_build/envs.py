@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import gymnasium
 
 if TYPE_CHECKING:
-    from dextera_build.artifacts.task import TaskBundle
+    from dextera_build.artifacts.tasks.task import TaskBundle
 
 NAMESPACE = "dxb"
 """First part of the names."""

@@ -17,7 +17,7 @@ from dextera_build.runs.snapshot import LAST
 
 # A no-op build loads none of these.
 if TYPE_CHECKING:
-    from dextera_build.artifacts.base import Artifact
+    from dextera_build.artifacts.core.base import Artifact
     from dextera_build.engine.graph import Address, Graph
     from dextera_build.project.lockfile import Bindings
     from dextera_build.recipe.plan import Plan
@@ -277,7 +277,7 @@ class Session:
 
     def decoded(self, node: str, rule: str, output: str) -> Artifact:
         """The artifact that a node's rule returned, by its digest."""
-        from dextera_build.artifacts.forms import type_among
+        from dextera_build.artifacts.core.forms import type_among
         from dextera_build.store import headers
 
         returns, reader = self.project.library.find(rule).rule.returns, self.store.reader

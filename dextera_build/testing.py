@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build import digest
-from dextera_build.artifacts.base import Artifact
+from dextera_build.artifacts.core.base import Artifact
 from dextera_build.building import examples
 from dextera_build.code.companions import of_paths
 from dextera_build.code.loader import Library, RuleFile
@@ -24,7 +24,7 @@ from dextera_build.recipe.backends import Wish, choose
 from dextera_build.recipe.calls import facts_of
 from dextera_build.rule import Context, Outcome
 from dextera_build.rule.pretrained import Pretrained
-from dextera_build.running.called import as_called, named, others, playing, running
+from dextera_build.running.called import as_called, named, only_keyed, others, running
 from dextera_build.running.runner import ProjectReads, outside, parted
 from dextera_build.store.store import Store
 
@@ -118,7 +118,7 @@ class RuleRunner:
             named=named(found, options or {}),
         )
         keyword = {"options": common} if rule.takes_options else {}
-        with playing(companions):
+        with only_keyed(companions):
             result = rule(ctx, **inputs, **keyword)
         self.outcome = ctx.outcome
         self.reads = reads.finish() if reads is not None else []
@@ -129,7 +129,7 @@ class RuleRunner:
         self, found: RuleFile, options: Mapping[str, Any], inputs: Mapping[str, Artifact]
     ) -> dict[str, list[str]]:
         """Slot -> paths of the companions that run its artifact; option -> path of the file in its folder."""
-        from dextera_build.artifacts.task import TaskBundle
+        from dextera_build.artifacts.tasks.task import TaskBundle
 
         tasks = {slot: each for slot, each in inputs.items() if isinstance(each, TaskBundle)}
         makers = {slot: f"primitives/{bundle.task.primitive}" for slot, bundle in tasks.items()} | self._made_by

@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.object import Asset, Body, Collision, Inertial, Joint, Link, Physics, Pieces, Support
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.scene import Background, SupportBox
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.objects.object import (
+    Asset,
+    Body,
+    Collision,
+    Inertial,
+    Joint,
+    Link,
+    Physics,
+    Pieces,
+    Support,
+)
+from dextera_build.artifacts.scenes.scene import Background, SupportBox
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.geometry import cameras, transforms
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Start
+from dextera_build.artifacts.tasks.episode import Start
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.worlds import settle
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.goals import Goal
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.task import Reset, TaskBundle, TaskObject, TaskSpec
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.goals import Goal
+from dextera_build.artifacts.tasks.task import Reset, TaskBundle, TaskObject, TaskSpec
 from dextera_build.geometry import kinematics, metrics
 from dextera_build.sim.model import compose
 from dextera_build.sim.primitives.handover.primitive import HandoverGoal

@@ -7,11 +7,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.robot import RobotJoint, RobotModel
-from dextera_build.artifacts.task import TaskBundle, TaskObject, TaskSpec
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.robots.robot import RobotJoint, RobotModel
+from dextera_build.artifacts.scenes.world import World
+from dextera_build.artifacts.tasks.task import TaskBundle, TaskObject, TaskSpec
 from dextera_build.geometry import kinematics, metrics, transforms
 from dextera_build.sim.model import compose
 from dextera_build.sim.model.model import at_home, compile_folder

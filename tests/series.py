@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episodes
-from dextera_build.artifacts.task import TaskSpec, WorldKind
-from dextera_build.artifacts.trials import Trial, Trials
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.task import TaskSpec, WorldKind
+from dextera_build.artifacts.tasks.trials import Trial, Trials
 from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera, Capture
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import LabelImage
+from dextera_build.artifacts.cameras.camera import Camera, Capture
+from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import planes, raycast, transforms
 from tests import factories
 

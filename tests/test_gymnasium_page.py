@@ -8,9 +8,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from dextera_build.artifacts import trees
-from dextera_build.artifacts.packed import pack
-from dextera_build.artifacts.task import Reset
+from dextera_build.artifacts.core import trees
+from dextera_build.artifacts.core.packed import pack
+from dextera_build.artifacts.tasks.task import Reset
 from tests import task_bundles
 
 REPO = Path(__file__).parent.parent

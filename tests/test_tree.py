@@ -40,8 +40,8 @@ FUNCTION_LINES = 60
 MOST_FUNCTION_LINES = 30
 
 RULE_MAY_IMPORT = {
-    *("rule", "artifacts", "geometry", "gaussians", "tracking", "sim", "policy", "learning", "statistics"),
-    *("errors", "digest"),
+    *("rule", "artifacts", "formats", "previews", "geometry", "gaussians", "tracking"),
+    *("sim", "policy", "learning", "statistics", "errors", "digest"),
 }
 LIGHT = {"numpy", "pydantic", "typing_extensions", "PIL", "yaml", *sys.stdlib_module_names}
 

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.scene_description import SceneDescription
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.scenes.scene_description import SceneDescription
 from dextera_build.sim.model import mjcf
 from dextera_build.sim.model.description import describe, parted
 from tests import factories

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.view import Segmentation
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.objects.view import Segmentation
 from dextera_build.building.lock import changing
 from dextera_build.building.values import output_of, raise_errors, run, value
 from dextera_build.engine.graph import Call

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.forms import type_among
+from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.core.forms import type_among
 from dextera_build.building import build as building
 from dextera_build.building.lock import Locking
 from dextera_build.code.loader import RuleFile

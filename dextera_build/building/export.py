@@ -177,7 +177,7 @@ class Out:
 
     def _restore(self, folder: str, node: str, copy: _Copy) -> str:
         """Write the files of an output into a folder; returns the name of the main file."""
-        from dextera_build.artifacts.forms import type_among  # slow to import
+        from dextera_build.artifacts.core.forms import type_among  # slow to import
 
         with headers.reading(f"`{node}`"):
             returns, where = self._session.project.library.find(copy.rule).rule.returns, Path(folder)

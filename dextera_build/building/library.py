@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import UsageError
 from dextera_build.explain.asset import Asset
 from dextera_build.explain.library import MADE_BY, URDF, decoded

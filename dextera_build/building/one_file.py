@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from dextera_build.artifacts.base import Artifact, File
+from dextera_build.artifacts.core.base import Artifact, File
 from dextera_build.errors import UsageError, listing
+from dextera_build.formats.registry import suffixes
 
 
 def write(artifact: Artifact, path: Path) -> list[Path]:
@@ -20,19 +21,19 @@ def write(artifact: Artifact, path: Path) -> list[Path]:
     suffix, level = path.suffix.lower(), [artifact]
     forms: dict[str, None] = {}
     while level:
-        found = [part for part in level if suffix in part.saves]
+        found = [part for part in level if suffix in suffixes(type(part))]
         if len(found) == 1:
             return found[0].save(path)
         if found:
             raise _refused(artifact, path, forms, f"it holds {len(found)} parts of that form")
-        forms |= dict.fromkeys(form for part in level for form in part.saves if _holders(level, form) == 1)
+        forms |= dict.fromkeys(form for part in level for form in suffixes(type(part)) if _holders(level, form) == 1)
         # A part of what has a format of its own, such as a mesh's texture, is in that file.
-        level = [part for whole in level if not whole.saves for part in _parts(whole)]
+        level = [part for whole in level if not suffixes(type(whole)) for part in _parts(whole)]
     raise _refused(artifact, path, forms, "neither it nor a part of it has that form")
 
 
 def _holders(level: Iterable[Artifact], form: str) -> int:
-    return sum(form in part.saves for part in level)
+    return sum(form in suffixes(type(part)) for part in level)
 
 
 def _parts(whole: Artifact) -> Iterator[Artifact]:

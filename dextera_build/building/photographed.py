@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import Elements
-from dextera_build.artifacts.view import Segmentation
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.objects.object import Elements
+from dextera_build.artifacts.objects.view import Segmentation
 from dextera_build.building.values import output_of, run, value
 from dextera_build.engine.graph import Call, Output
 from dextera_build.errors import UsageError, listing

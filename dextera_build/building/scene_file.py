@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from dextera_build.artifacts.object import Element
-from dextera_build.artifacts.view import Segmentation
+from dextera_build.artifacts.objects.object import Element
+from dextera_build.artifacts.objects.view import Segmentation
 from dextera_build.building.photographed import Found
 from dextera_build.geometry import pictures
 from dextera_build.geometry.materials import TABLE

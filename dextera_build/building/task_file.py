@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.objects.object import Asset
 from dextera_build.code.companions import in_folder, names_in
 from dextera_build.code.loader import Library
 from dextera_build.geometry import cavities, kinematics, transforms

@@ -20,7 +20,7 @@ _FRAMEWORK = frozenset(
 )
 RULES = "rules"
 """Placeholder for the root of a rule in names of sources; `rules+2`, ... for those of its backend and companions."""
-EXCHANGE = PACKAGE / "artifacts" / "exchange.py"
+EXCHANGE = PACKAGE / "formats" / "exchange.py"
 """Forms of values outside; part of the code of every backend with a program."""
 FILE = "<file>"
 """The one definition of a file that is digested as it is: of a program, or a lock file."""

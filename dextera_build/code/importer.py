@@ -25,7 +25,8 @@ from dextera_build.code.modules import DXB, PACKAGE, digest_of, earlier, find_to
 from dextera_build.code.syntax import too_deep
 from dextera_build.errors import DxbError, MachineError, Place, RecipeError, RuleError
 
-_DIGESTED = tuple(f"{DXB}.{name}" for name in ("artifacts", "geometry", "learning", "policy", "sim"))
+_ROOMS = ("artifacts", "formats", "gaussians", "geometry", "learning", "policy", "previews", "sim", "tracking")
+_DIGESTED = tuple(f"{DXB}.{name}" for name in _ROOMS)
 """Packages of dxb that are digested into the keys of rules."""
 _PACKAGE = "/__init__.py"
 
@@ -246,9 +247,9 @@ def _place_of_types(where: Place) -> str | None:
     module, _, names = linecache.getline(where.file, where.line).partition(" import ")
     if not module.startswith("from dextera_build.artifacts"):
         return None
-    files = sorted((PACKAGE / "artifacts").glob("*.py"))
+    files = sorted((PACKAGE / "artifacts").rglob("*.py"))
     found = [
-        f"`from dextera_build.artifacts.{file.stem} import {name}`"
+        f"`from {DXB}.{'.'.join(file.relative_to(PACKAGE).with_suffix('').parts)} import {name}`"
         for name in re.findall(r"\w+", names)
         for file in files
         if re.search(rf"^class {name}\b", file.read_text(), re.MULTILINE)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from dextera_build.artifacts.difference import Difference, differences
+from dextera_build.artifacts.comparison.difference import Difference, differences
 from dextera_build.engine.key import compare
 from dextera_build.explain.causes import short
 from dextera_build.explain.origins import document

@@ -114,7 +114,7 @@ def _asset(project: Project, store: Store, output: str, made: _Made, urdf: Mappi
 
 def decoded(project: Project, store: Store, rule: str, output: str) -> Any:
     """What a rule returned, by its digest."""
-    from dextera_build.artifacts.forms import type_among
+    from dextera_build.artifacts.core.forms import type_among
     from dextera_build.store import headers
 
     returns = project.library.find(rule).rule.returns

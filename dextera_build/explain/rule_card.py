@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from dextera_build.artifacts.meanings import bounds, meanings
+from dextera_build.artifacts.core.meanings import bounds, meanings
 from dextera_build.code.loader import BackendFile, Library, RuleFile
 from dextera_build.recipe.folders import every, kind_of
 from dextera_build.recipe.kinds import type_name

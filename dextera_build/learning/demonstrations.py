@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 
 from dextera_build import digest
-from dextera_build.artifacts.episode import Episodes, Film
-from dextera_build.artifacts.policy import Channel, PolicyContract
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.policy import Channel, PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import features, normalisation

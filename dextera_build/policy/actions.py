@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.task import ActionKind, TaskSpec
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.task import ActionKind, TaskSpec
 from dextera_build.errors import RuleError, listing
 
 PALM_M_S, PALM_RAD_S = 1.0, 3.0

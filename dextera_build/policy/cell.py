@@ -10,8 +10,8 @@ from typing import Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.cell import Limits
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.cell import Limits
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import listing
 from dextera_build.policy.observation import Frames, Measurement
 from dextera_build.policy.running import PolicyFault

@@ -5,10 +5,10 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-from dextera_build.artifacts.episode import Episodes
-from dextera_build.artifacts.policy import Channel, Encoding, PolicyContract
-from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.policy import Channel, Encoding, PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError, listing
 from dextera_build.policy.declared import BY_NAME, DECLARED, HIDDEN, POSE
 from dextera_build.policy.layout import Layout, of_bundle, of_episodes

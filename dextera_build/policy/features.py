@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode
-from dextera_build.artifacts.policy import Channel
+from dextera_build.artifacts.tasks.episode import Episode
+from dextera_build.artifacts.tasks.policy import Channel
 from dextera_build.policy.declared import HIDDEN
 from dextera_build.policy.layout import Layout
 

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from dextera_build import digest
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.episode import Episode, Episodes, Film
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError, listing
 from dextera_build.policy.declared import BY_NAME, DECLARED
 from dextera_build.policy.terms import EXACT, Declared, Sensor, Term, added

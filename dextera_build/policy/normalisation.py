@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.policy import Channel
+from dextera_build.artifacts.tasks.policy import Channel
 
 FLOOR = 0.02
 """Smallest scale [m, rad, or 1], so that noise of a nearly constant component is not amplified."""

@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.policy import Checkpoint, PolicyContract
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.policy.features import Fields, Reader, observed
 from dextera_build.policy.layout import Layout

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
-from dextera_build.artifacts.noise import ColourNoise, DepthNoise
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
+from dextera_build.artifacts.tasks.term import TermSpec
 
 Group = Literal["policy", "proprioception", "state", "contact", "goal", "privileged", "rgb", "depth", "cloud", "record"]
 """The nine modalities of Table I, and `record` for additional recorded data."""

@@ -333,8 +333,8 @@ def _spelled(kind: type[BaseException] | str) -> str:
 
 
 def _schema(annotation: Any, name: str, where: Place) -> str:
-    from dextera_build.artifacts.forms import form_of
-    from dextera_build.artifacts.schema import schema_digest
+    from dextera_build.artifacts.core.forms import form_of
+    from dextera_build.artifacts.core.schema import schema_digest
 
     try:
         form_of(annotation, name)  # a union must be readable from the store

@@ -112,7 +112,7 @@ def _named(message: str, given: Container[str]) -> tuple[str, ...]:
 
 
 def _meanings(kind: Any) -> dict[str, str]:
-    from dextera_build.artifacts.meanings import meanings
+    from dextera_build.artifacts.core.meanings import meanings
 
     return meanings(kind)
 

@@ -46,8 +46,8 @@ class Films:
 def _encoded(packed: bytes, width: int, height: int, rate_hz: float) -> str:
     from itertools import islice
 
-    from dextera_build.artifacts.episode import Film
-    from dextera_build.artifacts.h264 import Encoder
+    from dextera_build.artifacts.tasks.episode import Film
+    from dextera_build.formats.h264 import Encoder
 
     even = width // 2 * 2, height // 2 * 2
     encoder = Encoder(*even, rate=Fraction(rate_hz).limit_denominator(1000), qp=QP, keyframe_every=20)

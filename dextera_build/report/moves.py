@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dextera_build.artifacts.motion import Motion
+from dextera_build.artifacts.comparison.motion import Motion
 from dextera_build.report.html import Html, join, tag
 
 _ROW, _HEAD, _NAME, _BAR, _VALUE = 30, 64, 330, 230, 130

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, TypeVar, cas
 
 import typing_extensions
 
-from dextera_build.artifacts.base import File
+from dextera_build.artifacts.core.base import File
 from dextera_build.calls.context import Calling
 from dextera_build.errors import RuleError, listing
 from dextera_build.rule.options import Options
@@ -308,7 +308,7 @@ class Context(Calling, Generic[B]):
 
     def preview(self, pixels: np.ndarray, caption: str = "") -> None:
         """Add a picture to the report: (H, W, 3) uint8 sRGB."""
-        from dextera_build.artifacts.image import png
+        from dextera_build.artifacts.cameras.image import png
 
         self.outcome.previews.append((caption, png(pixels)))
 

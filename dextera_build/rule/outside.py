@@ -10,8 +10,8 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
-from dextera_build.artifacts import exchange
 from dextera_build.errors import ArtifactError, RuleError
+from dextera_build.formats import exchange
 from dextera_build.outside import messages, servers
 from dextera_build.outside.program import Program
 from dextera_build.outside.running import Emit, Running

@@ -72,8 +72,9 @@ def named(found: RuleFile, given: Mapping[str, Any]) -> dict[str, tuple[str, byt
 
 
 @contextmanager
-def playing(companions: Companions) -> Iterator[None]:
-    """In the block, only those primitives can be played and judged that are in the key of the call."""
+def only_keyed(companions: Companions) -> Iterator[None]:
+    """In the block, of the code that is found by name, only that in the key of the call: primitives, but no formats."""
+    from dextera_build.artifacts.core import above
     from dextera_build.sim.primitives import folders  # imports nothing else
 
     known = {(each.name, each.file.stem): each for each in each_of(companions)}
@@ -88,7 +89,7 @@ def playing(companions: Companions) -> Iterator[None]:
             )
         return known[name, file].module
 
-    with folders.only(find):
+    with folders.only(find), above.refused():
         yield
 
 

@@ -24,14 +24,14 @@ from dextera_build.redact import hidden
 from dextera_build.rule import Context, Options
 from dextera_build.rule.pretrained import Device, Pretrained, out_of_memory, unload
 from dextera_build.running import unnamed
-from dextera_build.running.called import as_called, named, others, playing, roots, running
+from dextera_build.running.called import as_called, named, only_keyed, others, roots, running
 from dextera_build.store import disk_full, headers
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.questions import Look, Recording
 from dextera_build.store.store import Store, opened
 
 if TYPE_CHECKING:
-    from dextera_build.artifacts.base import File
+    from dextera_build.artifacts.core.base import File
     from dextera_build.remotes.exchange import Exchange
     from dextera_build.rule.outside import Outside
 
@@ -60,7 +60,7 @@ def run_task(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
 
 
 def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
-    from dextera_build.artifacts.forms import type_among
+    from dextera_build.artifacts.core.forms import type_among
 
     library = _library(task["project"])
     found = library.find(task["rule"])
@@ -95,7 +95,7 @@ def _run(task: Mapping[str, Any], emit: Emit) -> dict[str, Any]:
         keyword = {"options": options} if rule.takes_options else {}
         if reads is not None:
             folders.enter_context(_failure_told(reads, emit))
-        with _memory_told(ctx), _umask_kept(), playing(companions), unnamed.opened() as files:
+        with _memory_told(ctx), _umask_kept(), only_keyed(companions), unnamed.opened() as files:
             result = rule(ctx, **inputs, **keyword)
         files |= unnamed.imported(found.path, opened_on_import)
         _warn_of_unnamed(ctx, files, task, reads)
@@ -257,7 +257,7 @@ class ProjectReads(Recording):
 
     def file(self, path: str) -> File:
         """See `Context.file`."""
-        from dextera_build.artifacts.base import File  # few rules discover inputs
+        from dextera_build.artifacts.core.base import File  # few rules discover inputs
 
         return File.decode(self.digest_of(path), self._store.reader)
 

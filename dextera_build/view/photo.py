@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.geometry import quaternions, transforms
 
 DEPTH_M = 0.05

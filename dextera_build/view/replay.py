@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Episodes
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.sim.render.filming import Replica
 from dextera_build.view.figure import Figure, about, look_from
 from dextera_build.view.switches import switches

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Asset, Joint, Support
-from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Asset, Joint, Support
+from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.geometry import kinematics, quaternions, transforms
 from dextera_build.view.figure import ABOVE_M, Fact, add_label
 from dextera_build.view.photo import Comparison

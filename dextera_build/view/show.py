@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.base import Artifact, Collection
-from dextera_build.artifacts.camera import Camera, Capture, Photograph
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Asset, Body, Collision, Shape, Support
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.scene_description import Box, Geom, SceneDescription
-from dextera_build.artifacts.splats import Splats
-from dextera_build.artifacts.view import Instance, ObjectView, Segmentation
+from dextera_build.artifacts.cameras.camera import Camera, Capture, Photograph
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.core.base import Artifact, Collection
+from dextera_build.artifacts.objects.object import Asset, Body, Collision, Shape, Support
+from dextera_build.artifacts.objects.view import Instance, ObjectView, Segmentation
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.scenes.scene_description import Box, Geom, SceneDescription
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import UsageError
 from dextera_build.gaussians import arrays
 from dextera_build.geometry import cameras, convex, kinematics, quaternions, transforms

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.scene import Scene
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.scenes.scene import Scene
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import model as models
 from dextera_build.sim.runtime.environment import Environment

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.scene import SupportBox
+from dextera_build.artifacts.scenes.scene import SupportBox
 from dextera_build.geometry import lie, regions
 
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera, Photograph
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.cameras.camera import Camera, Photograph
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.geometry import cameras, regions, transforms
 
 from .boxes import support_box

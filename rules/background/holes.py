@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dextera_build.artifacts.view import InstanceMap
+from dextera_build.artifacts.objects.view import InstanceMap
 from dextera_build.geometry import regions
 
 from .layers import plain_colour

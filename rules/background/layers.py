@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.objects.object import Support
 from dextera_build.geometry import cameras, regions, transforms
 
 from .surface import plane_depth

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.shapes.mesh import Mesh
 
 
 @dataclass(frozen=True)

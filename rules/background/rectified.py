@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.geometry import transforms
 
 MOST_TEXELS = 900

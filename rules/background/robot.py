@@ -7,10 +7,10 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveFloat
 
-from dextera_build.artifacts.camera import Camera, Measured
-from dextera_build.artifacts.image import LabelImage
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.cameras.camera import Camera, Measured
+from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import listing
 from dextera_build.geometry import robot_mask
 from dextera_build.rule import Context, Options, rule

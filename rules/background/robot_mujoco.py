@@ -7,8 +7,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import transforms
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import robot as robots

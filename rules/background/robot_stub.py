@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(summary="no robot in the picture", profiles=("stub",))

@@ -7,11 +7,11 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.camera import Measured, Photograph
-from dextera_build.artifacts.image import LabelImage
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.view import InstanceMap
+from dextera_build.artifacts.cameras.camera import Measured, Photograph
+from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.objects.view import InstanceMap
+from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 

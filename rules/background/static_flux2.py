@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import Field, NonNegativeInt
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.view import InstanceMap
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.objects.view import InstanceMap
+from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.learning.flux2 import load, paint
 from dextera_build.rule import Backend, Context, Fraction, Options
 

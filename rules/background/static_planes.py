@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.camera import Camera, Photograph
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.view import InstanceMap
+from dextera_build.artifacts.cameras.camera import Camera, Photograph
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.objects.view import InstanceMap
+from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Backend, Context, Fraction, Options
 

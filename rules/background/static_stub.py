@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.view import InstanceMap
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.objects.view import InstanceMap
+from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import cameras, lie, transforms
 from dextera_build.rule import Backend, Context, Options
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.geometry import cameras
 
 

@@ -9,9 +9,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from dextera_build.artifacts.base import File, Folder
-from dextera_build.artifacts.stream import JOINTS, LENSES, PICTURES, POSES, TRANSFORMS, Stream
+from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.errors import RuleError, listing
+from dextera_build.formats import mcap
+from dextera_build.formats.mcap import JOINTS, LENSES, PICTURES, POSES, TRANSFORMS
 from dextera_build.rule import Context, Options, rule
 
 FORMS = {b"#ROSBAG V2.0": "bag.bag", b"SQLite format 3\x00": "bag.db3", b"\x89MCAP0\r\n": "bag.mcap"}
@@ -118,7 +120,7 @@ def _converted(ctx: Context, source: Path, topics: list[str]) -> Stream:
             include_msgtypes=(),
         )
     (made,) = out.glob("*.mcap")
-    return Stream.of(File.of(made), made.name)
+    return mcap.of(File.of(made), made.name)
 
 
 def _store() -> Any:

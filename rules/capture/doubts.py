@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.geometry import planes
 from dextera_build.rule import Context
 

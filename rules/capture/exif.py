@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.rule import Context
 
 from .pictures import opened

@@ -8,7 +8,7 @@ import reprlib
 from collections.abc import Mapping
 from typing import NoReturn
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.errors import listing
 from dextera_build.rule import Context
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
-from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
+from dextera_build.artifacts.cameras.image import DepthImage, Image
 from dextera_build.rule import Context, Options, rule
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from dextera_build.artifacts import camera_files
-from dextera_build.artifacts import lens as lens_files
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.lens import BrownConrady, Equirectangular
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular
+from dextera_build.artifacts.core.base import Folder
 from dextera_build.errors import listing
+from dextera_build.formats import lens as lens_files
 from dextera_build.rule import Context
 
 from .exif import Exif
@@ -49,7 +48,7 @@ def lens_of(ctx: Context, folder: Folder, facts: Mapping[str, object], tags: Exi
 
 
 def _calibrated(ctx: Context, data: bytes, name: str) -> Camera | Lens:
-    found = lens_files.of(camera_files.parse(data, Path(name)))
+    found = lens_files.parse(data, Path(name))
     if isinstance(found, Equirectangular):
         ctx.fail(
             f"`{name}` is of a panorama, but a capture is a picture of a pinhole or fisheye camera",

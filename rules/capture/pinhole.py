@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.lens import BrownConrady, KannalaBrandt
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.lens import BrownConrady, KannalaBrandt
 from dextera_build.geometry import cameras
 
 Lens = BrownConrady | KannalaBrandt

@@ -9,25 +9,33 @@ from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from dextera_build.artifacts import camera_files, mesh_files, splats_usd
-from dextera_build.artifacts import lens as lens_files
-from dextera_build.artifacts.base import Artifact, File, Folder
-from dextera_build.artifacts.calibration import Calibration
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image, LabelImage
-from dextera_build.artifacts.lens import Lens
-from dextera_build.artifacts.mesh_repair import repaired
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.rig import Rig
-from dextera_build.artifacts.splats import Splats
-from dextera_build.artifacts.stream import Stream
-from dextera_build.artifacts.track import Track
-from dextera_build.artifacts.trajectory import Trajectory
-from dextera_build.artifacts.video import Video
-from dextera_build.artifacts.views import Views
+from dextera_build.artifacts.cameras.calibration import Calibration
+from dextera_build.artifacts.cameras.image import Image, LabelImage
+from dextera_build.artifacts.cameras.lens import Lens
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.cameras.rig import Rig
+from dextera_build.artifacts.cameras.video import Video
+from dextera_build.artifacts.cameras.views import Views
+from dextera_build.artifacts.core.base import Artifact, File, Folder
+from dextera_build.artifacts.robots.stream import Stream
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.shapes.mesh_repair import repaired
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.artifacts.spatial.track import Track
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.errors import listing
+from dextera_build.formats import calibration as calibration_files
+from dextera_build.formats import lens as lens_files
+from dextera_build.formats import mcap
+from dextera_build.formats import mesh as mesh_files
+from dextera_build.formats import point_cloud as point_cloud_files
+from dextera_build.formats import rig as rig_files
+from dextera_build.formats import splats as splats_files
+from dextera_build.formats import track as track_files
+from dextera_build.formats import trajectory as trajectory_files
+from dextera_build.formats import views as views_files
 from dextera_build.gaussians import splatting
 from dextera_build.geometry.thumbnail import thumbnail
 from dextera_build.rule import Context
@@ -174,12 +182,12 @@ def panorama(given: Given, pose: Pose | None) -> Panorama:
 def calibration(given: Given, camera_info: File | None) -> Calibration:
     """A hand-eye calibration, with the intrinsics of a ROS camera_info."""
     info = None if camera_info is None else camera_info.data
-    return _said(given, Calibration.parse(given.data(), "calibration.yaml", info))
+    return _said(given, calibration_files.parse(given.data(), "calibration.yaml", info))
 
 
 def stream(given: Given, topics: Sequence[str]) -> Stream:
     """A recording with its index; messages stay in the file."""
-    found = Stream.of(given.file((".mcap",))[0])
+    found = mcap.of(given.file((".mcap",))[0])
     known = {each.topic for each in found.channels if each.count}
     missing = [topic for topic in topics if topic not in known]
     if missing:
@@ -194,7 +202,7 @@ def stream(given: Given, topics: Sequence[str]) -> Stream:
 
 def trajectory(given: Given, child: str) -> Trajectory:
     """Poses over time: lines of stamp [s], position [m] and quaternion x y z w."""
-    found = Trajectory.parse(given.data(), "trajectory.txt", parent=given.frame or None, child=child or None)
+    found = trajectory_files.parse(given.data(), "trajectory.txt", parent=given.frame or None, child=child or None)
     given.ctx.metric("length", found.length_m(), "m")
     return _said(given, found)
 
@@ -203,7 +211,7 @@ def lens(given: Given, wanted: str) -> Lens:
     """A camera with integer pixel centres [px]; its lens must be of the wanted type."""
     data = given.data()
     name = "cameras.txt" if _COLMAP.search(data) else "camera_info.yaml"
-    found = lens_files.of(camera_files.parse(data, Path(name)))
+    found = lens_files.parse(data, Path(name))
     if found.name() != wanted:
         given.ctx.fail(f"the lens is a {found.name()}, not a {wanted}", hint=f"write `type: {found.name()}`")
     return _said(given, found)
@@ -211,7 +219,7 @@ def lens(given: Given, wanted: str) -> Lens:
 
 def _points(given: Given) -> PointCloud:
     """The points of a PLY file [m], with colours, normals and other properties."""
-    found = PointCloud.load(given.placed((".ply",), "points"), frame=given.frame or None)
+    found = point_cloud_files.load(given.placed((".ply",), "points"), frame=given.frame or None)
     given.ctx.metric("points", len(found.points))
     return _said(given, found)
 
@@ -219,8 +227,7 @@ def _points(given: Given) -> PointCloud:
 def _splats(given: Given) -> Splats:
     """The Gaussians of a file, in the frame and unit of a PLY; USD is converted to z up and metres."""
     path = given.placed((".ply", ".usda", ".usdc", ".usd", ".usdz"), "splats")
-    load = Splats.load if path.suffix.lower() == ".ply" else splats_usd.load
-    found = load(path, frame=given.frame or None)
+    found = splats_files.load(path, frame=given.frame or None)
     given.ctx.metric("Gaussians", len(found.means))
     given.ctx.preview(splatting.preview(found.gaussians), "the Gaussians")
     return _said(given, found)
@@ -228,14 +235,14 @@ def _splats(given: Given) -> Splats:
 
 def _track(given: Given) -> Track:
     """Poses of an object: columns parent, child, stamp, x, y, z, qw, qx, qy, qz and status."""
-    found = Track.parse(given.data(), "track.csv")
+    found = track_files.parse(given.data(), "track.csv")
     given.ctx.metric("found", found.status.count("tracked") / len(found.status), "fraction")
     return _said(given, found)
 
 
 def _rig(given: Given) -> Rig:
     """Cameras of a Kalibr camchain; the frame `rig` is that of the IMU, or of the first camera."""
-    return _said(given, Rig.parse(given.data(), "camchain.yaml"))
+    return _said(given, rig_files.parse(given.data(), "camchain.yaml"))
 
 
 def _video(given: Given) -> Video:
@@ -250,7 +257,7 @@ def _views(given: Given) -> Views:
     ctx, folder = given.ctx, given.source
     if isinstance(folder, File):
         ctx.fail("views are a folder of pictures and their poses, this is a file", hint="give the folder")
-    found = Views.parse({path: File(data=data) for path, data in folder.files.items()})
+    found = views_files.parse({path: File(data=data) for path, data in folder.files.items()})
     if not found.names:
         ctx.fail("no picture has a pose", here=listing(folder.files), hint="reconstruct the scene first")
     for number, name in enumerate(found.names):

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.rgbd_video import RgbdFrame, RgbdVideo
-from dextera_build.artifacts.stream import Stream
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame, RgbdVideo
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.errors import listing
+from dextera_build.formats import mcap
 from dextera_build.rule import Context, Options, rule
 
 from .facts import INTRINSICS
@@ -100,7 +101,7 @@ def _row(view: Mapping[str, Any], options: RgbdOptions) -> tuple[float, str, str
 
 
 def _pinhole(ctx: Context, source: Stream, topic: str) -> Camera:
-    lens = source.lens(topic)
+    lens = mcap.lens(source, topic)
     if not isinstance(lens, Camera):
         ctx.fail(
             f"the camera of `{topic}` has distortion, {type(lens).__name__}",
@@ -111,11 +112,11 @@ def _pinhole(ctx: Context, source: Stream, topic: str) -> Camera:
 
 def _recorded(ctx: Context, source: Stream, options: RgbdOptions) -> Iterator[RgbdFrame]:
     """Each depth picture with the colour picture nearest in time; those without a partner are left out."""
-    colours = source.pictures(options.colour_topic)
+    colours = mcap.pictures(source, options.colour_topic)
     before, after = None, next(colours, None)
     left_out = count = 0
     last = -np.inf
-    for stamp, depth in source.depths(options.depth_topic):
+    for stamp, depth in mcap.depths(source, options.depth_topic):
         while after is not None and after[0] < stamp:
             before, after = after, next(colours, None)
         nearest = min((each for each in (before, after) if each is not None), key=lambda each: abs(each[0] - stamp))

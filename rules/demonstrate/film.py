@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.episode import Episodes, Film
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Options, rule
 
 from .film_strip import strip

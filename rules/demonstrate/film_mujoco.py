@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episodes
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.observe import pictures
 

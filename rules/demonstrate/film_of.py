@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.rule import Context
 
 

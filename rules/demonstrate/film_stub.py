@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from dextera_build import digest
-from dextera_build.artifacts.episode import Episodes
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(summary="no rendering: a bar that grows with time, on a grey of its camera's own", profiles=("stub",))

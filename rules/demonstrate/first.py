@@ -6,7 +6,7 @@ from itertools import islice
 
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.rule import Context, Options, rule
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.rule import Context, rule
 
 NAMES = ("joint_names", "object_names", "displacement_names", "tip_names", "limb_names")

@@ -10,10 +10,10 @@ from typing import Any, Protocol
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.episode import Episodes, Film
-from dextera_build.artifacts.lazy import sizes
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.core.lazy import sizes
+from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Options, Tolerance, rule
 
 from .film_of import check_film

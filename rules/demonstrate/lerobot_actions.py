@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Episode
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.policy import actions, features
 
 if TYPE_CHECKING:

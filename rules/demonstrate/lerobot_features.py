@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Episodes
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.layout import of_episodes
 from dextera_build.policy.terms import Term

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dextera_build import digest
-from dextera_build.artifacts.episode import Episode, Episodes
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.policy.declared import BY_NAME
 
 from .lerobot_actions import Actions

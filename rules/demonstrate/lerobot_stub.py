@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts import trees
-from dextera_build.artifacts.episode import Episodes, Film
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.core import trees
+from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 

@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build.artifacts.h264 import Clip, Encoder
+from dextera_build.formats.h264 import Clip, Encoder
 
 from . import lerobot_meta, rolling
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Episodes, Film
-from dextera_build.artifacts.ros import messages
-from dextera_build.artifacts.ros.recording import Recording, packed
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.formats.ros import messages
+from dextera_build.formats.ros.recording import Recording, packed
 from dextera_build.geometry import poses
 from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.layout import of_episodes

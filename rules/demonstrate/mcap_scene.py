@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Episodes
-from dextera_build.artifacts.ros import markers, messages
-from dextera_build.artifacts.ros.markers import Marker
-from dextera_build.artifacts.ros.recording import Recording
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.formats.ros import markers, messages
+from dextera_build.formats.ros.markers import Marker
+from dextera_build.formats.ros.recording import Recording
 from dextera_build.geometry import poses
 from dextera_build.sim.model import links, skins, urdf
 from dextera_build.sim.model.compose import ROBOT

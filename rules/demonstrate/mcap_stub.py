@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dextera_build.artifacts import trees
-from dextera_build.artifacts.episode import Episodes, Film
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.core import trees
+from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.episode import Episodes
-from dextera_build.artifacts.reasons import spelled
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.reasons import spelled
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.policy.added import listed
 from dextera_build.rule import Context, Options, Tolerance, rule
 from dextera_build.statistics import wilson

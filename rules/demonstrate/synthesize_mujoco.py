@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Episodes, Shard
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Shard
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError
 from dextera_build.policy import layout
 from dextera_build.policy.added import of_specs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.trials import Attempt
+from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.errors import RuleError
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import Acting, Look, closed_loop

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Episode
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(summary="no simulation: 1 for a success, 0 otherwise", profiles=("stub",))

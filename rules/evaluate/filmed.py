@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episode
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Options
 from dextera_build.sim.render.stills import Stills
 

@@ -9,10 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.cell import Cell
-from dextera_build.artifacts.episode import Episode
-from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.trials import Attempt, Operated
+from dextera_build.artifacts.robots.cell import Cell
+from dextera_build.artifacts.tasks.episode import Episode
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.trials import Attempt, Operated
 from dextera_build.rule import Context, Options, rule
 
 from .attempts import resumed

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.trials import Attempt
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.deployed import Deployed

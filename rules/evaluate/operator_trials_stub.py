@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode
-from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.trials import Attempt
+from dextera_build.artifacts.tasks.episode import Episode
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.runtime.pretence import pretended
 

@@ -6,9 +6,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.geometry import metrics
 from dextera_build.rule import Context, Fraction, Options, rule
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import model as models
 from dextera_build.sim.render import framing, rendering

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dextera_build import digest
-from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.episode import Episodes
-from dextera_build.artifacts.reasons import spelled, tally
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.term import TermSpec
-from dextera_build.artifacts.trials import Actor, Attempt, Poses, Sighting, Trial, Trials
+from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.reasons import spelled, tally
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.term import TermSpec
+from dextera_build.artifacts.tasks.trials import Actor, Attempt, Poses, Sighting, Trial, Trials
 from dextera_build.errors import listing
 from dextera_build.policy.layout import embodiment, gathered
 from dextera_build.rule import ROUNDING, Context, Tolerance

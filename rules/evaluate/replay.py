@@ -8,10 +8,10 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.cell import Cell
-from dextera_build.artifacts.episode import Episode, Episodes
-from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.trials import Attempt, Trials
+from dextera_build.artifacts.robots.cell import Cell
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.trials import Attempt, Trials
 from dextera_build.policy.contract import check_data
 from dextera_build.policy.layout import embodiment
 from dextera_build.rule import Context, Options, rule

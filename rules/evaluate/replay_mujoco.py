@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.cell import Cell
-from dextera_build.artifacts.episode import Episode, Episodes, Start
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.trials import Attempt
+from dextera_build.artifacts.robots.cell import Cell
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Start
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
 from dextera_build.sim.experts.drive import Driver, Filters

@@ -8,13 +8,13 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.cell import Cell
-from dextera_build.artifacts.episode import Episode
-from dextera_build.artifacts.policy import Checkpoint, PolicyContract
-from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.term import TermSpec
-from dextera_build.artifacts.trials import Attempt, Trials
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.robots.cell import Cell
+from dextera_build.artifacts.tasks.episode import Episode
+from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.term import TermSpec
+from dextera_build.artifacts.tasks.trials import Attempt, Trials
 from dextera_build.policy import contract as contracts
 from dextera_build.policy.added import listed
 from dextera_build.rule import Context, Options, rule

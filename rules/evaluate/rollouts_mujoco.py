@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import nullcontext
 
-from dextera_build.artifacts.cell import Cell
-from dextera_build.artifacts.policy import Checkpoint, PolicyContract
-from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.term import TermSpec
-from dextera_build.artifacts.trials import Attempt
+from dextera_build.artifacts.robots.cell import Cell
+from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.term import TermSpec
+from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.policy.added import of_specs
 from dextera_build.policy.running import Runner
 from dextera_build.rule import Backend, Context, Options

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dextera_build.artifacts.cell import Cell
-from dextera_build.artifacts.episode import Episode
-from dextera_build.artifacts.policy import Checkpoint
-from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.term import TermSpec
-from dextera_build.artifacts.trials import Attempt
+from dextera_build.artifacts.robots.cell import Cell
+from dextera_build.artifacts.tasks.episode import Episode
+from dextera_build.artifacts.tasks.policy import Checkpoint
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.term import TermSpec
+from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.runtime.pretence import pretended
 

@@ -9,10 +9,10 @@ from PIL import Image as Pillow
 from PIL.Image import Resampling
 from pydantic import Field
 
-from dextera_build.artifacts.camera import Camera, Photograph
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.cameras.camera import Camera, Photograph
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.geometry import metrics
 from dextera_build.rule import Context, Options, rule
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import model as models
 from dextera_build.sim.render import composition

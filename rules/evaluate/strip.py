@@ -7,7 +7,7 @@ from functools import reduce
 
 import numpy as np
 
-from dextera_build.artifacts.task import View
+from dextera_build.artifacts.tasks.task import View
 from dextera_build.rule import Context
 
 from .panels import GAP, PAPER, beside, titled

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.gaussians.fit.camera import Camera as Eye
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import model as models

@@ -8,10 +8,10 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera, Measured, Photograph
-from dextera_build.artifacts.image import Image, LabelImage
-from dextera_build.artifacts.object import AssetSource, Element, Support
-from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
+from dextera_build.artifacts.cameras.camera import Camera, Measured, Photograph
+from dextera_build.artifacts.cameras.image import Image, LabelImage
+from dextera_build.artifacts.objects.object import AssetSource, Element, Support
+from dextera_build.artifacts.objects.view import MeasuredView, ObjectView, Seen
 from dextera_build.geometry import upright
 from dextera_build.geometry.depth_view import DepthView
 from dextera_build.rule import Context

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.object import Body, Certainty, Inertial, Link, Physics, Rival
-from dextera_build.artifacts.view import Traits
+from dextera_build.artifacts.objects.object import Body, Certainty, Inertial, Link, Physics, Rival
+from dextera_build.artifacts.objects.view import Traits
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import massprops
 from dextera_build.geometry.materials import TABLE, Material, doubted

@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.world import Hinge, Part
+from dextera_build.artifacts.scenes.world import Hinge, Part
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import lie, transforms
 from dextera_build.rule import Fraction, Options
 

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.world import Hinge, Part
+from dextera_build.artifacts.scenes.world import Hinge, Part
 from dextera_build.geometry import transforms
 from dextera_build.rule import Fraction
 

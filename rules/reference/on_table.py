@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveFloat
 
-from dextera_build.artifacts.world import Hinge, Matter
+from dextera_build.artifacts.scenes.world import Hinge, Matter
 from dextera_build.geometry import lie, transforms
 from dextera_build.rule import Options
 

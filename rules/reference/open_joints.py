@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.world import Part, Thing, World
+from dextera_build.artifacts.scenes.world import Part, Thing, World
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import lie, transforms
 from dextera_build.rule import Context, Options, rule

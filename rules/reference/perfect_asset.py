@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from pydantic import NonNegativeInt
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Body, Link
-from dextera_build.artifacts.view import ObjectView
-from dextera_build.artifacts.world import Thing, World
+from dextera_build.artifacts.objects.object import Body, Link
+from dextera_build.artifacts.objects.view import ObjectView
+from dextera_build.artifacts.scenes.world import Thing, World
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import metrics, raycast, registration, transforms
 from dextera_build.rule import Context, Fraction, Options, rule
 

@@ -7,11 +7,11 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
-from dextera_build.artifacts.camera import Capture, Measured, Photograph
-from dextera_build.artifacts.draw import Sensor
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.cameras.camera import Capture, Measured, Photograph
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.draw import Sensor
+from dextera_build.artifacts.scenes.world import World
 from dextera_build.rule import Context, Options, rule
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.sim.render.shot import Shot

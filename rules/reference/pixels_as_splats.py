@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.draw import Viewpoint
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.scenes.draw import Viewpoint
+from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.gaussians.spherical_harmonics import flat
 from dextera_build.geometry import cameras

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt
 
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.world import RobotStand, World
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.scenes.world import RobotStand, World
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import transforms
 from dextera_build.rule import Context, Options, rule
 

@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.world import Part, Thing
+from dextera_build.artifacts.scenes.world import Part, Thing
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import transforms
 from dextera_build.rule import Fraction, Options
 

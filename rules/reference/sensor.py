@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.noise import ColourNoise, DepthNoise
+from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
 from dextera_build.rule import Options
 
 

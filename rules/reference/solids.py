@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import solids, transforms
 
 if TYPE_CHECKING:

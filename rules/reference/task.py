@@ -8,9 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.world import World
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 

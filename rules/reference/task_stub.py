@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.scenes.world import World
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:

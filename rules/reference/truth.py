@@ -7,10 +7,10 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.image import DepthImage, Image, LabelImage
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.scene import Truth, TruthObject
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.cameras.image import DepthImage, Image, LabelImage
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.scene import Truth, TruthObject
+from dextera_build.artifacts.scenes.world import World
 from dextera_build.rule import Context, Options, rule
 from dextera_build.sim.render.shot import Shot
 

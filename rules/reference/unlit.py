@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.scenes.world import World
 from dextera_build.geometry import raycast, transforms
 from dextera_build.sim.render.shot import Shot
 

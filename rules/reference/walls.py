@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Hull, Mesh
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 
 SECTORS = 24
 """Number of slabs around the ring; their chords fill 1.1 % of a round cavity."""

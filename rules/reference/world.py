@@ -7,10 +7,10 @@ import itertools
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.world import Hinge, Lamp, Matter, Part, RobotStand, Thing, World
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.scenes.world import Hinge, Lamp, Matter, Part, RobotStand, Thing, World
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Context, Fraction, Options, rule
 

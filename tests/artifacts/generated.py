@@ -15,18 +15,15 @@ from pydantic import BaseModel
 from scipy.spatial.transform import Rotation
 
 import dextera_build.artifacts as package
-from dextera_build.artifacts.arrays import Array
-from dextera_build.artifacts.base import Artifact, Folder
-from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
-from dextera_build.artifacts.frames import Frames
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.noise import ColourNoise, DepthNoise
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.pose import Pose, Similarity
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.scene_description import (
+from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.core.arrays import Array
+from dextera_build.artifacts.core.base import Artifact, Folder
+from dextera_build.artifacts.core.frames import Frames
+from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.scenes.scene_description import (
     Attachment,
     BodyNode,
     Box,
@@ -40,9 +37,12 @@ from dextera_build.artifacts.scene_description import (
     ObjectNode,
     SceneDescription,
 )
-from dextera_build.artifacts.splats import Splats
-from dextera_build.artifacts.term import ROWS, TermSpec
-from dextera_build.artifacts.trials import Operated, Trials
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.pose import Pose, Similarity
+from dextera_build.artifacts.tasks.term import ROWS, TermSpec
+from dextera_build.artifacts.tasks.trials import Operated, Trials
 from tests.artifacts import generated_cameras
 from tests.artifacts import generated_scenes as scenes
 
@@ -62,8 +62,8 @@ PLAIN: dict[Any, st.SearchStrategy[Any]] = {
 
 def kinds() -> list[type[Artifact]]:
     """Every artifact type that dxb defines."""
-    for module in pkgutil.iter_modules(package.__path__):
-        importlib.import_module(f"{package.__name__}.{module.name}")
+    for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
+        importlib.import_module(module.name)
     found = {kind for kind in _below(Artifact) if kind.__module__.startswith(package.__name__)}
     return sorted((kind for kind in found if kind.name() != "Collection"), key=lambda kind: kind.__name__)
 

@@ -10,24 +10,25 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from scipy.spatial.transform import Rotation
 
-from dextera_build.artifacts.base import File
-from dextera_build.artifacts.calibration import Board, Calibration
-from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt, Lens
-from dextera_build.artifacts.mask_track import MaskTrack
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.rgbd_video import RgbdVideo
-from dextera_build.artifacts.rig import Rig
-from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.artifacts.stream import Channel, Joints, Stream
-from dextera_build.artifacts.track import Track
-from dextera_build.artifacts.tracking import Tracking
-from dextera_build.artifacts.trajectory import Trajectory
-from dextera_build.artifacts.video import Video
-from dextera_build.artifacts.views import Views, encoded
+from dextera_build.artifacts.cameras.calibration import Board, Calibration
+from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.cameras.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt, Lens
+from dextera_build.artifacts.cameras.mask_track import MaskTrack
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.cameras.rgbd_video import RgbdVideo
+from dextera_build.artifacts.cameras.rig import Rig
+from dextera_build.artifacts.cameras.video import Video
+from dextera_build.artifacts.cameras.views import Views, encoded
+from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.robots.robot_views import RobotViews
+from dextera_build.artifacts.robots.stream import Channel, Stream
+from dextera_build.artifacts.spatial.joints import Joints
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.artifacts.spatial.track import Track
+from dextera_build.artifacts.spatial.tracking import Tracking
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 FRAMES = st.from_regex(r"[a-z][a-z0-9_]{0,7}", fullmatch=True)

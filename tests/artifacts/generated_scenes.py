@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.scene_description import (
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.scenes.scene_description import (
     BodyNode,
     Box,
     CameraNode,
@@ -22,6 +20,8 @@ from dextera_build.artifacts.scene_description import (
     Material,
     ObjectNode,
 )
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
+from dextera_build.artifacts.spatial.pose import Pose
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 PARTS = st.floats(0, 1)

@@ -18,11 +18,11 @@ from hypothesis import HealthCheck, Phase, given, settings
 from pydantic import BaseModel
 
 from dextera_build import digest
-from dextera_build.artifacts.arrays import Array
-from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.frames import Frames
-from dextera_build.artifacts.identity import spelled
-from dextera_build.artifacts.value import Value
+from dextera_build.artifacts.core.arrays import Array
+from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.core.frames import Frames
+from dextera_build.artifacts.core.identity import spelled
+from dextera_build.artifacts.core.value import Value
 from tests.artifacts import generated
 
 FILE = Path(__file__).with_suffix(".json")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import ArtifactError
 from dextera_build.store.store import Store
 
@@ -18,7 +18,7 @@ PROGRAM = """
 import resource, sys
 import numpy as np
 from pathlib import Path
-from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.store.store import Store
 
 def peak():

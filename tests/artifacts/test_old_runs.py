@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.artifacts.identity import spelled
-from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.core.identity import spelled
+from dextera_build.artifacts.objects.object import Support
 from dextera_build.runs.history import History
 from dextera_build.store.store import Store
 from tests.e2e.space import Space
@@ -19,8 +19,8 @@ from tests.e2e.space import Space
 RULE = '''
 """lab.look: a support as one saw it."""
 import numpy as np
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

@@ -20,11 +20,11 @@ import numpy as np
 import torch
 
 from dextera_build.api import Project
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.noise import DepthNoise
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.scene import Truth
+from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.robots.noise import DepthNoise
+from dextera_build.artifacts.scenes.scene import Truth
 from dextera_build.sim.render.sensor import measure_depth
 from rules.factorize.measured import Workspace, without_dropout
 from rules.factorize.regions import heights, patches, proposals

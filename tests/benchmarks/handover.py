@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from dextera_build.artifacts.reasons import spelled, tally
+from dextera_build.artifacts.tasks.reasons import spelled, tally
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.runtime.environment import Environment

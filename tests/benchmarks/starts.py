@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 
 from dextera_build.api import Project
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.sim.runtime.environment import Environment
 from tests import held_starts
 

@@ -19,8 +19,8 @@ RULES = {
     "photo": '''
 """toy.photo: a photograph of two boxes."""
 import numpy as np
-from dextera_build.artifacts.camera import Camera, Photograph
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.cameras.camera import Camera, Photograph
+from dextera_build.artifacts.cameras.image import Image
 from dextera_build.rule import Context, Options, rule
 
 class PhotoOptions(Options):
@@ -39,9 +39,9 @@ def photo(ctx: Context, *, options: PhotoOptions) -> Photograph:
     "find": '''
 """toy.find: the two boxes, as a proposer calls them, left to right or right to left."""
 import numpy as np
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.view import Instance, InstanceMap, ObjectView, Segmentation, Traits
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.view import Instance, InstanceMap, ObjectView, Segmentation, Traits
 from dextera_build.rule import Context, Options, rule
 
 class FindOptions(Options):
@@ -73,8 +73,8 @@ def find(ctx: Context, photograph: Photograph, *, options: FindOptions) -> Segme
 ''',
     "crop": '''
 """toy.crop: the picture of one object."""
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.view import ObjectView
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.view import ObjectView
 from dextera_build.rule import Context, rule
 
 @rule(version=1)
@@ -84,8 +84,8 @@ def crop(ctx: Context, view: ObjectView) -> Image:
 ''',
     "grasp": '''
 """toy.grasp: a task on one object, by its name."""
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.cameras.image import Image
 from dextera_build.rule import Context, Options, rule
 
 class GraspOptions(Options):

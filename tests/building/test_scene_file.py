@@ -6,9 +6,9 @@ import importlib
 
 import pytest
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Element, Elements
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Element, Elements
 from dextera_build.building import scene_file
 from dextera_build.building.photographed import Found
 from dextera_build.code.loader import Library

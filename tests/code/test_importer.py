@@ -21,7 +21,7 @@ from tests.e2e.space import Space
 
 RULE = '''
 """toy.mul: a rule."""
-from dextera_build.artifacts.base import File
+from dextera_build.artifacts.core.base import File
 from dextera_build.rule import Context, rule
 from .deep import F
 
@@ -311,4 +311,4 @@ def test_a_type_of_another_module_is_told_with_its_import(project):
         with pytest.raises(RecipeError) as caught:
             Library(project).find("toy.mul").rule  # noqa: B018 - imports it
         assert caught.value.code == "DXB-R205"
-        assert caught.value.hint == "`from dextera_build.artifacts.point_cloud import PointCloud`"
+        assert caught.value.hint == "`from dextera_build.artifacts.spatial.point_cloud import PointCloud`"

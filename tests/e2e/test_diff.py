@@ -9,7 +9,7 @@ import pytest
 PICTURE = '''
 """toy.picture: one colour."""
 import numpy as np
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.cameras.image import Image
 from dextera_build.rule import Context, Options, rule
 
 class PictureOptions(Options):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
+
 import pytest
 
-from dextera_build.artifacts.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.code.loader import PACKAGE
 
 CLOUD = '''
 """toy.cloud: the corners of a cube."""
 import numpy as np
-from dextera_build.artifacts.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.rule import Context, rule
 
 @rule(version=1, packages=("numpy",))
@@ -17,6 +20,19 @@ def cloud(ctx: Context) -> PointCloud:
     """Return eight points."""
     points = np.stack(np.meshgrid(*3 * [[0.0, 1.0]]), axis=-1).reshape(-1, 3).astype(np.float32)
     return PointCloud(points=points, frame="world")
+'''
+WRITTEN = '''
+"""toy.written: points as PLY."""
+from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.formats import point_cloud
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def written(ctx: Context, points: PointCloud) -> File:
+    """Write a file."""
+    point_cloud.save(points, ctx.scratch / "a.ply")
+    return File.of(ctx.scratch / "a.ply")
 '''
 RECIPE = """inputs: {}
 nodes:
@@ -64,3 +80,32 @@ def test_show_tells_the_frame(shapes):
     assert "type\tPointCloud" in out
     assert 'field frame\t"world"' in out
     assert "field points\tfloat32 (8, 3)" in out
+
+
+def test_a_rule_that_saves_without_naming_the_format_is_refused(shapes):
+    shapes.write("rules/toy/written.py", WRITTEN.lstrip().replace("point_cloud.save(points, ", "points.save("))
+    shapes.edit("recipes/shapes.yaml", "targets:", "  file: {rule: toy.written, points: $seen}\ntargets:")
+    answer = shapes.build("shapes:file")
+    assert answer.code == 1
+    assert "a rule called `PointCloud.save`, whose code is not in the rule's key" in answer.err
+
+
+@pytest.mark.slow
+def test_an_edited_writer_makes_stale_what_writes_and_not_what_uses_the_type(space):
+    own = shutil.copytree(PACKAGE, space.root / "dextera_build", ignore=shutil.ignore_patterns("docs", "__pycache__"))
+    space.write("recipes/profile/bare.yaml", "{}\n")
+    space.write("rules/toy/cloud.py", CLOUD.lstrip())
+    space.write("rules/toy/written.py", WRITTEN.lstrip())
+    space.write("recipes/shapes.yaml", RECIPE.replace("targets", "  file: {rule: toy.written, points: $seen}\ntargets"))
+    assert space.run("build", "shapes:seen", "shapes:file", "--profile", "bare").code == 0
+
+    def stale() -> list[str]:
+        lines = space.run("ls", "--stale", "--profile", "bare", "shapes").out.splitlines()
+        return [line.split()[0] for line in lines]
+
+    assert stale() == []
+    space.edit(own / "previews/text.py", "_LONGEST = 110", "_LONGEST = 90")
+    space.edit(own / "formats/registry.py", '("table", (".csv",))', '("table", (".csv", ".tsv"))')
+    assert stale() == []
+    space.edit(own / "formats/point_cloud.py", "    return [path]", "    return list([path])")
+    assert stale() == ["shapes:file"]

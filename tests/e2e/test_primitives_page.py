@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import dextera_build
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RecipeError, RuleError
 from dextera_build.project.project import Project
 from dextera_build.recipe.plan import Plan, Request, plan
@@ -136,8 +136,8 @@ def test_what_shows_a_task_finds_the_primitives_of_its_project(space: Space) -> 
 
 JUDGE = '''"""mine.judge: the type of a task's goal."""
 
-from dextera_build.artifacts.base import File
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Context, rule
 from dextera_build.sim.primitives import catalogue
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from rules.demonstrate import lerobot_features

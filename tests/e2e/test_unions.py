@@ -7,8 +7,8 @@ import pytest
 PLY = '''
 """toy.ply: a mesh, or why there is none."""
 import numpy as np
-from dextera_build.artifacts.base import Collection, File
-from dextera_build.artifacts.geometry import Hull
+from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.rule import Context, Options, rule
 
 class PlyOptions(Options):
@@ -25,8 +25,8 @@ def ply(ctx: Context, *, options: PlyOptions) -> Hull | File:
 '''
 COUNT = '''
 """toy.count: how many points came."""
-from dextera_build.artifacts.base import Collection, File
-from dextera_build.artifacts.geometry import Hull
+from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

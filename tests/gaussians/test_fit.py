@@ -11,8 +11,8 @@ import torch
 from scipy.ndimage import correlate1d
 from torch import Tensor
 
-from dextera_build.artifacts import splats_usd
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.formats import splats_ply, splats_usd
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.gaussians.fit.camera import Camera
 from dextera_build.gaussians.fit.fit import Settings, fit
@@ -162,7 +162,7 @@ def test_fitted_gaussians_come_back_from_ply_and_usd(tmp_path: Path) -> None:
     start = opened(truth(degree=3), "cpu", 3)
     start.quaternions.mul_(1.7)
     values = Splats.of(closed(start), "world")
-    table, _ = ply.read(values.ply())
+    table, _ = ply.read(splats_ply.ply(values))
     assert np.allclose(table["opacity"], start.logits, atol=1e-5)
     for axis in range(3):
         assert np.allclose(table[f"scale_{axis}"], start.log_scales[:, axis], atol=1e-6)
@@ -171,7 +171,7 @@ def test_fitted_gaussians_come_back_from_ply_and_usd(tmp_path: Path) -> None:
         for number in range(15):
             assert np.array_equal(table[f"f_rest_{15 * axis + number}"], start.harmonics[:, 1 + number, axis])
     path = tmp_path / "room.ply"
-    path.write_bytes(values.ply())
+    path.write_bytes(splats_ply.ply(values))
     for file in (path, *values.save(tmp_path / "room.usdc")):
         read = Splats.load(file) if file.suffix == ".ply" else splats_usd.load(file)
         back = opened(read.gaussians, "cpu", 3)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import convex
 
 

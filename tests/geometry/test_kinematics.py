@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Body, Joint, Link
+from dextera_build.artifacts.objects.object import Body, Joint, Link
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import ArtifactError
 from dextera_build.geometry import kinematics, transforms
 from tests import factories

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import solids, transforms
 
 

@@ -1,8 +1,8 @@
 """Files of other programs that were damaged, or made to do harm: each reader reads them, or refuses with one error.
 
 What each form can name outside of the input, and what it can expand to, is tried beside its reader: files of meshes in
-`tests/artifacts/test_named_files.py` and `test_stage_files.py`, robots in `tests/sim/model/imported`, recordings in
-`tests/artifacts/test_stream.py` and `tests/rules/capture/test_bag.py`.
+`tests/formats/test_named_files.py` and `test_stage_files.py`, robots in `tests/sim/model/imported`, recordings in
+`tests/formats/test_mcap.py` and `tests/rules/capture/test_bag.py`.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dextera_build.artifacts import camera_files, mesh_files
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import Image
 from dextera_build.errors import DxbError
+from dextera_build.formats import lens as lens_files
+from dextera_build.formats import mesh as mesh_files
 from dextera_build.sim.model.imported import collada, mjcf, urdf
 from tests import factories
 from tests.hostile.test_fuzz import FEW, MANY
@@ -45,7 +46,7 @@ def robot(path: Path) -> Any:
 READERS: dict[str, Reader] = {
     **dict.fromkeys(("a.obj", "a.mtl", "a.glb", "a.ply", "a.stl", "a.usda", "a.usdc"), mesh_files.load),
     "a.dae": lambda path: collada.as_obj(path.name, path.read_bytes()),
-    "a.yaml": camera_files.load,
+    "a.yaml": lens_files.load,
     "a.urdf": robot,
     "a.xml": robot,
 }

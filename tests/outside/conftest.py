@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.cameras.image import Image
 from dextera_build.outside import guard, servers
 from dextera_build.testing import RuleRunner
 
@@ -22,8 +22,8 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.cameras.image import Image
 from dextera_build.rule import Context, rule
 
 
@@ -45,8 +45,8 @@ BACKEND = '''
 
 from __future__ import annotations
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.cameras.image import Image
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend({words})

@@ -23,7 +23,7 @@ GREY = '''
 """toy.grey: a picture."""
 import numpy as np
 
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.cameras.image import Image
 from dextera_build.rule import Context, rule
 
 

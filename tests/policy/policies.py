@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.policy import Channel, Checkpoint, PolicyContract
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.tasks.policy import Channel, Checkpoint, PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.code.companions import beside
 from dextera_build.code.loader import Library
 from dextera_build.policy import contract as contracts

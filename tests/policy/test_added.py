@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import ArtifactError, RuleError
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import layout

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.cell import Limits
+from dextera_build.artifacts.robots.cell import Limits
 from dextera_build.policy.cell import Guard, Stopped
 from tests import task_bundles
 

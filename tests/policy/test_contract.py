@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.artifacts.policy import PolicyContract
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.policy import PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import layout

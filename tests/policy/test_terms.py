@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.episode import Episode
+from dextera_build.artifacts.tasks.episode import Episode
 from dextera_build.policy import layout, seen
 from dextera_build.policy.declared import BY_NAME, DECLARED
 from dextera_build.policy.observation import Frame

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from dextera_build.artifacts.base import Collection, File
+from dextera_build.artifacts.core.base import Collection, File
 from dextera_build.engine.graph import Call, Group
 from dextera_build.engine.plan_json import read, write
 from dextera_build.errors import RecipeError, RuleError
@@ -18,7 +18,7 @@ from tests.recipe.conftest import Space
 SONG = '''
 """A song, and what a companion defines."""
 from typing import Protocol
-from dextera_build.artifacts.base import Artifact
+from dextera_build.artifacts.core.base import Artifact
 
 class Song(Artifact):
     """A song."""
@@ -50,7 +50,7 @@ def sing(song):
 '''
 PICK = '''
 """songs.pick: one of several songs."""
-from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.core.base import Collection
 from dextera_build.rule import Context, rule
 from .song import Song
 
@@ -61,7 +61,7 @@ def pick(ctx: Context, songs: Collection[Song]) -> Song:
 '''
 PERFORM = '''
 """songs.perform: what a song sounds like."""
-from dextera_build.artifacts.base import Collection, File
+from dextera_build.artifacts.core.base import Collection, File
 from dextera_build.rule import Context, Options, rule
 from .song import Singer, Song
 
@@ -113,7 +113,7 @@ NODES = {
 }
 SEVERAL = '''
 """songs.several: a song by two names."""
-from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.core.base import Collection
 from dextera_build.rule import Context, rule
 from .song import Song
 
@@ -291,8 +291,8 @@ def test_a_slot_that_the_rule_does_not_take_is_refused(songs: Space) -> None:
 
 
 def test_types_that_hold_another() -> None:
-    from dextera_build.artifacts.camera import Camera, Capture
-    from dextera_build.artifacts.policy import Checkpoint
+    from dextera_build.artifacts.cameras.camera import Camera, Capture
+    from dextera_build.artifacts.tasks.policy import Checkpoint
 
     assert holds(Checkpoint, Checkpoint)
     assert holds(Collection[Collection[Checkpoint]], Checkpoint)

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.artifacts.cell import Cell
-from dextera_build.artifacts.scene import Truth
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.robots.cell import Cell
+from dextera_build.artifacts.scenes.scene import Truth
+from dextera_build.artifacts.scenes.world import World
 from dextera_build.engine.graph import Gather, Graph, Group, Input, Item, Output, parts_of
 from dextera_build.project import project
 from dextera_build.recipe import schema

@@ -23,8 +23,8 @@ HEIGHT_M = float(tabletops.EYE[2, 3])
 MESH = '''
 """A box of known proportions: what a model would make of the picture."""
 import numpy as np
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.object import Shape
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
+from dextera_build.artifacts.objects.object import Shape
 from dextera_build.geometry import solids
 from dextera_build.rule import Backend
 

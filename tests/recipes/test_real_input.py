@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 from dextera_build.api import Project
-from dextera_build.artifacts.trials import Trials
-from dextera_build.artifacts.view import Segmentation
+from dextera_build.artifacts.objects.view import Segmentation
+from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.geometry import metrics
 from tests.e2e.space import Space
 from tests.recipes.test_captured_tables import CAPTURES, HELD, assert_rests, built

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dextera_build import Project
-from dextera_build.artifacts.object import Body, Support
+from dextera_build.artifacts.objects.object import Body, Support
 from dextera_build.geometry import transforms
 
 from . import two_states

@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from dextera_build.artifacts.motion import Motion
+from dextera_build.artifacts.comparison.motion import Motion
 from dextera_build.report import moves
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -10,7 +10,7 @@ from typing import Any
 
 import mujoco
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.recipe import strict_yaml
 from dextera_build.sim.model import robot as robots
 from dextera_build.testing import RuleRunner

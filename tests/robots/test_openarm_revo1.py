@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from tests.robots.robot_recipes import at, built, compiled, touching
 
 FINGERS = ("index", "middle", "ring", "little")

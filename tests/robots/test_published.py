@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import transforms
 from dextera_build.recipe import strict_yaml
 from dextera_build.sim.model import robot as robots

@@ -16,8 +16,8 @@ from typing import get_args
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from dextera_build.artifacts.meanings import bounds, meanings
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.core.meanings import bounds, meanings
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.project.project import Project
 from dextera_build.recipe import limits, profiles

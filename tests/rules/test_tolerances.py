@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.artifacts.difference import by_field, differences
+from dextera_build.artifacts.comparison.difference import by_field, differences
 from dextera_build.code.loader import RuleFile
 from dextera_build.store.store import Store
 from tests.rules.test_contract import LIBRARY, RULES

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.testing import RuleRunner
 from tests import episodes, factories, object_views

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.rgbd_video import RgbdFrame
+from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame
 from dextera_build.geometry import transforms
 from dextera_build.tracking import live
 from dextera_build.tracking.tracked_object import Tracked

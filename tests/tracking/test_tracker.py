@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.rgbd_video import RgbdFrame
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import lie, transforms
 from dextera_build.tracking import judge
 from dextera_build.tracking.model import Model, State

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Collection, File
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.point_cloud import PointCloud
+from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.errors import UsageError
 from dextera_build.geometry import kinematics, quaternions
 from dextera_build.view import save, scene, server

@@ -162,7 +162,7 @@ class _Row(NamedTuple):
 
 def _rows(session: Session, rule: str, key: str, before: str, reply: Mapping[str, Any]) -> Iterator[_Row]:
     """The fields and the metrics with a tolerance that differ."""
-    from dextera_build.artifacts.difference import by_field, differences
+    from dextera_build.artifacts.comparison.difference import by_field, differences
 
     tolerance = session.project.library.find(rule).rule.tolerance
     found = differences(before, reply["output"], session.store.blobs.get, motions=False)

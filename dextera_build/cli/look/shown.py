@@ -6,13 +6,13 @@ import json
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.episode import Episodes
-from dextera_build.artifacts.identity import parse
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.scene import Scene
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.trials import Trials
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.core.identity import parse
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.scenes.scene import Scene
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.building import fetch
 from dextera_build.engine.graph import parse_address
 from dextera_build.errors import DxbError, RuleError, UsageError, listing

@@ -26,7 +26,7 @@ _RULE = '''"""{path}: what it does, in one line."""
 
 from __future__ import annotations
 
-from dextera_build.artifacts.image import Image
+from dextera_build.artifacts.cameras.image import Image
 from dextera_build.rule import Context, Options, rule
 
 

@@ -222,7 +222,7 @@ def _is_data(method: Any, name: str) -> bool:
     """Whether a program can be sent this input; objects that measure something for their backend cannot."""
     import numpy as np
 
-    from dextera_build.artifacts.exchange import has_form
+    from dextera_build.formats.exchange import has_form
 
     return has_form(get_type_hints(method, localns={"np": np}, include_extras=True)[name])
 

@@ -13,7 +13,7 @@ from dextera_build.cli.table import writing
 from dextera_build.errors import UsageError
 
 if TYPE_CHECKING:
-    from dextera_build.artifacts.calibration import Board
+    from dextera_build.artifacts.cameras.calibration import Board
 
 PATTERNS = ("charuco", "chessboard", "aruco", "apriltag")
 _COUNTS = {"charuco": (7, 5), "chessboard": (9, 6), "aruco": (1, 1), "apriltag": (1, 1)}
@@ -43,7 +43,7 @@ def given(args: argparse.Namespace) -> bool:
 
 def run(args: argparse.Namespace) -> int:
     """Write the sheet, print its path, and what `capture.json` says about it."""
-    from dextera_build.artifacts import board_sheet
+    from dextera_build.formats import board_sheet
 
     pattern = args.name or "charuco"
     if pattern not in PATTERNS or args.object:
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _board(args: argparse.Namespace, pattern: str, paper: str) -> Board:
-    from dextera_build.artifacts.calibration import Board
+    from dextera_build.artifacts.cameras.calibration import Board
 
     usual = _COUNTS[pattern]
     columns = usual[0] if args.columns is None else args.columns
@@ -102,8 +102,8 @@ def _board(args: argparse.Namespace, pattern: str, paper: str) -> Board:
 
 def _largest(pattern: str, columns: int, rows: int, paper: str, gap: float | None) -> int:
     """Side of the largest square or marker of whole millimetres that fits."""
-    from dextera_build.artifacts.board_sheet import EDGE_MM, FOOT_MM, QUIET
-    from dextera_build.artifacts.pdf import PAPERS_MM
+    from dextera_build.formats.board_sheet import EDGE_MM, FOOT_MM, QUIET
+    from dextera_build.formats.pdf import PAPERS_MM
 
     extra = {"chessboard": 1.0 + QUIET, "charuco": 0.0}.get(pattern, QUIET)
     found = 0.0

@@ -67,7 +67,7 @@ def _mask(names: tuple[str, ...], labels: object, wanted: str) -> bytes:
     """PNG of the photograph's size: white is the object."""
     import numpy as np
 
-    from dextera_build.artifacts.image import png
+    from dextera_build.artifacts.cameras.image import png
 
     if wanted not in names:
         raise UsageError(

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.task import ActionKind, TaskSpec
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.task import ActionKind, TaskSpec
 from dextera_build.errors import MachineError, install_extra, listing
 from dextera_build.geometry import lie
 from dextera_build.policy import actions

@@ -11,7 +11,7 @@ import mink
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model.robot import load
 

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.ik import ArmKinematics
 

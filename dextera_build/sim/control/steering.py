@@ -9,8 +9,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.policy import Channel, PolicyContract
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.policy import Channel, PolicyContract
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.policy.features import Fields
 from dextera_build.sim.model import robot as robots

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dextera_build.artifacts.episode import Episode
+from dextera_build.artifacts.tasks.episode import Episode
 
 
 def acting(episode: Episode, limbs: Sequence[str]) -> tuple[int, ...]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Origin, Segment, Start
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Episode, Origin, Segment, Start
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import lie, poses, transforms
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.control.operator import Aim, Command, Operator, OutOfReach, PoseControl, State

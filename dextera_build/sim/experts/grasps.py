@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.robot import Grip
+from dextera_build.artifacts.robots.robot import Grip
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.hand import HandKinematics
 from dextera_build.sim.experts.grasp import Grasp

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError, listing
 from dextera_build.sim.control.operator import Command, Operator, OutOfReach, State
 from dextera_build.sim.experts.drive import Driver

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.sim.control.hand import HandKinematics
 from dextera_build.sim.control.ik import ArmKinematics
 from dextera_build.sim.control.operator import Command, OutOfReach, State

@@ -13,8 +13,8 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Start
-from dextera_build.artifacts.task import TaskBundle, TaskSpec
+from dextera_build.artifacts.tasks.episode import Episode, Start
+from dextera_build.artifacts.tasks.task import TaskBundle, TaskSpec
 from dextera_build.errors import RuleError
 from dextera_build.geometry import poses, transforms
 from dextera_build.sim.control.operator import Operator, State

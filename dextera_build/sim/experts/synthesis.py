@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Episodes, Segment, Start
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Segment, Start
 from dextera_build.geometry import transforms
 from dextera_build.geometry.poses import to_matrix
 from dextera_build.sim.control.operator import Aim, Command, State

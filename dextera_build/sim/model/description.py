@@ -6,12 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Asset, Joint
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.scene import Background, SupportBox
-from dextera_build.artifacts.scene_description import (
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.objects.object import Asset, Joint
+from dextera_build.artifacts.scenes.scene import Background, SupportBox
+from dextera_build.artifacts.scenes.scene_description import (
     BodyNode,
     Box,
     CameraNode,
@@ -24,6 +22,8 @@ from dextera_build.artifacts.scene_description import (
     ObjectNode,
     SceneDescription,
 )
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import lie, transforms
 from dextera_build.sim.model import mjcf_contact, names, neighbours, touching, whole
 

@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import lie, transforms
 from dextera_build.sim.model import robot as robots

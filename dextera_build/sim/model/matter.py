@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 from PIL import Image
 
-from dextera_build.artifacts.geometry import Hull, Mesh, obj_text
-from dextera_build.artifacts.world import Matter, Part
+from dextera_build.artifacts.scenes.world import Matter, Part
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
+from dextera_build.formats import obj
 from dextera_build.geometry import convex, massprops, quaternions, solids
 from dextera_build.geometry.shading import corner_normals
 from dextera_build.sim.model import mjcf_contact
@@ -63,7 +64,7 @@ class Stock:
             pose = pose @ shift
         else:
             vertices, faces = convex.surface(piece.vertices)
-            self._file(f"{name}.obj", obj_text(Mesh(vertices=vertices, faces=faces)).encode())
+            self._file(f"{name}.obj", obj.text(Mesh(vertices=vertices, faces=faces)).encode())
             self.spec.add_mesh(name=name, file=f"{name}.obj")
             geom = body.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
         _place(geom, pose)

@@ -14,10 +14,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from dextera_build import digest
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.geometry import Mesh, obj_text
-from dextera_build.artifacts.image import png
-from dextera_build.artifacts.scene_description import (
+from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.scenes.scene_description import (
     BodyNode,
     Box,
     CameraNode,
@@ -28,7 +27,9 @@ from dextera_build.artifacts.scene_description import (
     ObjectNode,
     SceneDescription,
 )
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import RuleError
+from dextera_build.formats import obj
 from dextera_build.geometry import convex, quaternions
 from dextera_build.geometry.cameras import GL_FROM_CV
 from dextera_build.sim.model import mjcf_contact, names
@@ -236,7 +237,7 @@ class _Writer:
             _add(body, "geom", {"class": "collision"}, name=geom.label, type="box", **more, **_contact(geom, mass))
         else:
             vertices, faces = convex.surface(geom.vertices())
-            self.files[f"assets/{geom.label}.obj"] = obj_text(Mesh(vertices=vertices, faces=faces)).encode()
+            self.files[f"assets/{geom.label}.obj"] = obj.text(Mesh(vertices=vertices, faces=faces)).encode()
             _add(self.asset, "mesh", name=geom.label, file=f"{geom.label}.obj")
             own = {"name": geom.label, "type": "mesh", "mesh": geom.label}
             _add(body, "geom", {"class": "collision"}, **own, **_contact(geom, mass))
@@ -244,7 +245,7 @@ class _Writer:
     def _visual(self, body: Element, geom: Geom, mesh: Mesh) -> None:
         name, look = geom.label, geom.material
         moved = mesh.model_copy(update={"vertices": geom.vertices().astype(np.float32)})
-        self.files[f"assets/{name}.obj"] = obj_text(moved).encode()
+        self.files[f"assets/{name}.obj"] = obj.text(moved).encode()
         _add(self.asset, "mesh", {"class": "visual"}, name=name, file=f"{name}.obj")
         gloss = numbers([look.gloss if look else 0.0])
         material = _add(self.asset, "material", name=name, specular=gloss, shininess=gloss)

@@ -27,7 +27,7 @@ import math
 
 import numpy as np
 
-from dextera_build.artifacts.object import Body, Joint, Physics
+from dextera_build.artifacts.objects.object import Body, Joint, Physics
 from dextera_build.geometry import kinematics
 
 GRAVITY = 9.81

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 
-from dextera_build.artifacts.object import Asset, Body
+from dextera_build.artifacts.objects.object import Asset, Body
 
 RESERVED = ("world", "background", "capture", "support", "sun", "sky")
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Hull
-from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.geometry import kinematics, transforms
 from dextera_build.geometry.convex import Convex
 

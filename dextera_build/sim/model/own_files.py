@@ -5,8 +5,8 @@ from __future__ import annotations
 import posixpath
 from collections.abc import Mapping
 
-from dextera_build.artifacts import xml_text
 from dextera_build.errors import RuleError
+from dextera_build.formats import xml_text
 
 
 def check(main: str, files: Mapping[str, bytes]) -> None:

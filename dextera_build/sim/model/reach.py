@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.sim.model.robot import load
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.objects.object import Asset
 from dextera_build.geometry import kinematics, transforms
 
 if TYPE_CHECKING:

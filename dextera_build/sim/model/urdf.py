@@ -13,10 +13,10 @@ from xml.etree.ElementTree import SubElement
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts import urdf_xml
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.urdf_xml import Node
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.formats import urdf_xml
+from dextera_build.formats.urdf_xml import Node
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model import links, robot, skins, tessellate
 

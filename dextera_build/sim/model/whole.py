@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.objects.object import Asset
 from dextera_build.errors import RuleError, listing
 
 

@@ -7,8 +7,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dextera_build.artifacts.task import View
-from dextera_build.artifacts.variation import EXACT, Variation
+from dextera_build.artifacts.tasks.task import View
+from dextera_build.artifacts.tasks.variation import EXACT, Variation
 from dextera_build.geometry import cameras, lie
 from dextera_build.policy.observation import Frame, Frames
 from dextera_build.sim.render import rendering

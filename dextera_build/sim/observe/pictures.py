@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episodes
-from dextera_build.artifacts.task import TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.policy.observation import PICTURE
 from dextera_build.sim.observe.eyes import Eyes
 from dextera_build.sim.render.filming import Replica

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from dextera_build import digest
-from dextera_build.artifacts.noise import ColourNoise, DepthNoise
+from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
 from dextera_build.errors import RuleError, did_you_mean, listing
 from dextera_build.geometry import cameras, lie, quaternions
 from dextera_build.policy.declared import HIDDEN

@@ -15,9 +15,9 @@ from typing import Any, ClassVar, Generic, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from dextera_build.artifacts.goals import Goal
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.task import TaskObject, TaskSpec
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.goals import Goal
+from dextera_build.artifacts.tasks.task import TaskObject, TaskSpec
 from dextera_build.errors import listing
 from dextera_build.geometry import lie, transforms
 from dextera_build.sim.primitives.stages import clamp

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from dextera_build.artifacts.task import TaskObject, TaskSpec
+from dextera_build.artifacts.tasks.task import TaskObject, TaskSpec
 from dextera_build.sim.primitives import folders
 from dextera_build.sim.primitives.base import Primitive
 

@@ -11,7 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.sim.primitives.state import GraspState, opposed
 
 PRESS_N = 0.05

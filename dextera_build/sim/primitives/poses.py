@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from pydantic import Field, PositiveFloat, model_validator
 
-from dextera_build.artifacts.value import Value
+from dextera_build.artifacts.core.value import Value
 from dextera_build.geometry import lie, quaternions
 from dextera_build.sim.primitives import base
 from dextera_build.sim.primitives.base import Setting, TypedGoal

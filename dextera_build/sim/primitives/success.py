@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dextera_build.artifacts.task import TaskObject, TaskSpec
+from dextera_build.artifacts.tasks.task import TaskObject, TaskSpec
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.primitives.base import Past
 from dextera_build.sim.primitives.state import TaskState

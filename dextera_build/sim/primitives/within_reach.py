@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.task import TaskBundle, TaskObject
+from dextera_build.artifacts.tasks.task import TaskBundle, TaskObject
 from dextera_build.geometry import transforms
 from dextera_build.sim.model import reach
 from dextera_build.sim.model.reach import Ball

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.gaussians import splatting
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.sim.render import rendering

@@ -5,8 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Episodes
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model import model as models

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.geometry import cameras, raycast
 
 PATTERN = 4

@@ -16,8 +16,8 @@ from typing import Any, Self
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.task import View
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.tasks.task import View
 from dextera_build.geometry.cameras import GL_FROM_CV
 
 SAMPLES = 4

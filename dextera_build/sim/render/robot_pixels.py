@@ -7,9 +7,9 @@ from typing import Any, Self
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import robot_mask, transforms
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.model import compile_folder

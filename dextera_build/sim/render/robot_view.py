@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import cameras, raycast, transforms
 from dextera_build.sim.model import tessellate
 from dextera_build.sim.model.forward import Kinematics

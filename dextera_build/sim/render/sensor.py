@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.noise import ColourNoise, DepthNoise
+from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
 
 DARK, SHINE = 0.2, 0.98
 """Mean of sRGB 0..1 below which surfaces return too little of the projector's light, and above which they saturate."""

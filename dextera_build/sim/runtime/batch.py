@@ -14,8 +14,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Start
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import MachineError, RuleError, install_extra
 from dextera_build.policy.added import AddedTerm
 from dextera_build.policy.observation import in_worlds

@@ -8,8 +8,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Start
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.model.robot_base import RobotBase
 from dextera_build.sim.model.sizes import Sizes

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.goals import Goal
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.variation import EXACT
+from dextera_build.artifacts.tasks.episode import Start
+from dextera_build.artifacts.tasks.goals import Goal
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.variation import EXACT
 from dextera_build.errors import RuleError
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.policy.added import AddedTerm, AddedTerms

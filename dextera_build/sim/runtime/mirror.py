@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import poses, transforms
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.model.compose import ROBOT

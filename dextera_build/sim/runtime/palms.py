@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import poses, transforms
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.primitives.grasp import Hands

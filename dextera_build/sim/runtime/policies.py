@@ -6,9 +6,9 @@ from collections.abc import Collection
 
 import numpy as np
 
-from dextera_build.artifacts.policy import Checkpoint
-from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.tasks.policy import Checkpoint
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.policy import contract as contracts
 from dextera_build.policy.layout import of_bundle
 from dextera_build.policy.running import Policy, Runner

@@ -6,9 +6,9 @@ from collections.abc import Collection
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Origin, Start
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.tasks.episode import Episode, Origin, Start
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.geometry import poses
 from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.primitives import catalogue

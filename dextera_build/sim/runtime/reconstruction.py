@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.episode import Start
+from dextera_build.artifacts.tasks.episode import Start
 from dextera_build.geometry import lie, poses, quaternions, transforms
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.model.compose import ROBOT

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Origin, Segment
+from dextera_build.artifacts.tasks.episode import Episode, Origin, Segment
 from dextera_build.policy.declared import BY_NAME, DECLARED
 from dextera_build.policy.layout import of_bundle
 from dextera_build.sim.runtime.environment import Environment

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from dextera_build.artifacts.task import Reset, TaskBundle
+from dextera_build.artifacts.tasks.task import Reset, TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.sim.model.compose import ROBOT
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Start
+from dextera_build.artifacts.tasks.episode import Episode, Start
 from dextera_build.errors import RuleError
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.runtime.environment import Environment

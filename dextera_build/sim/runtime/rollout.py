@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Episode, Start
+from dextera_build.artifacts.tasks.episode import Episode, Start
 from dextera_build.policy.cell import RobotCell
 from dextera_build.policy.observation import PICTURE, DeployableObservation, Frame, deployable
 from dextera_build.policy.running import PolicyFault

@@ -14,8 +14,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.task import TaskBundle, TaskObject
+from dextera_build.artifacts.tasks.episode import Start
+from dextera_build.artifacts.tasks.task import TaskBundle, TaskObject
 from dextera_build.geometry import lie, quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
 from dextera_build.sim.runtime import variations

@@ -15,11 +15,11 @@ from typing import Self
 
 import numpy as np
 
-from dextera_build.artifacts.cell import Cell
-from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.trials import Sighting
-from dextera_build.artifacts.variation import EXACT
+from dextera_build.artifacts.robots.cell import Cell
+from dextera_build.artifacts.tasks.episode import Start
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.trials import Sighting
+from dextera_build.artifacts.tasks.variation import EXACT
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import poses, transforms
 from dextera_build.policy.cell import Guard

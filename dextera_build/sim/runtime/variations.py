@@ -10,10 +10,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.goals import Goal
-from dextera_build.artifacts.task import TaskBundle, View
-from dextera_build.artifacts.variation import EXACT, Twist, Variation
+from dextera_build.artifacts.tasks.episode import Start
+from dextera_build.artifacts.tasks.goals import Goal
+from dextera_build.artifacts.tasks.task import TaskBundle, View
+from dextera_build.artifacts.tasks.variation import EXACT, Twist, Variation
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.sim.runtime.strata import Draws

@@ -9,8 +9,8 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from dextera_build.artifacts.policy import PolicyContract
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.policy import PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.policy.added import AddedTerm
 from dextera_build.policy.features import Fields, Reader
 from dextera_build.policy.layout import of_bundle

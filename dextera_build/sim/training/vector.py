@@ -18,7 +18,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array
 
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.policy.added import AddedTerm
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.training.gym import TaskEnv, opened

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.mesh_usd import add_triangles
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.formats.mesh_usd import add_triangles
 from dextera_build.geometry import quaternions
 from dextera_build.sim.usd import physx
 

@@ -18,8 +18,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.mesh_usd import add_surface_material
-from dextera_build.artifacts.scene_description import Attachment
+from dextera_build.artifacts.scenes.scene_description import Attachment
+from dextera_build.formats.mesh_usd import add_surface_material
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model import mjcf_contact
 from dextera_build.sim.model import robot as robots

@@ -7,8 +7,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.mesh_usd import add_triangles
 from dextera_build.errors import RuleError
+from dextera_build.formats.mesh_usd import add_triangles
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model import tessellate
 from dextera_build.sim.usd.prims import place

@@ -24,11 +24,9 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import png
-from dextera_build.artifacts.mesh_usd import add_mesh, add_surface_material
-from dextera_build.artifacts.scene_description import (
+from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.scenes.scene_description import (
     BodyNode,
     Contact,
     Geom,
@@ -37,7 +35,9 @@ from dextera_build.artifacts.scene_description import (
     ObjectNode,
     SceneDescription,
 )
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import RuleError
+from dextera_build.formats.mesh_usd import add_mesh, add_surface_material
 from dextera_build.geometry import convex, transforms
 from dextera_build.geometry.cameras import GL_FROM_CV
 from dextera_build.sim.model import mjcf_contact, names

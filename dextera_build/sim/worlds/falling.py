@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.world import Thing
+from dextera_build.artifacts.scenes.world import Thing
 from dextera_build.geometry import convex, quaternions, transforms
 from dextera_build.geometry.solids import Solid
 

@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.task import TaskBundle, TaskObject
+from dextera_build.artifacts.tasks.task import TaskBundle, TaskObject
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model import machine, matter

@@ -9,9 +9,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.world import Part, World
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.world import Part, World
 from dextera_build.geometry import cameras, quaternions, transforms
 from dextera_build.sim.model import robot as robots
 from dextera_build.sim.render.rendering import Eye

@@ -14,8 +14,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.world import Hinge, Matter, Part, Thing, World
+from dextera_build.artifacts.scenes.world import Hinge, Matter, Part, Thing, World
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import lie, poses, quaternions, transforms
 from dextera_build.sim.model import machine, matter, names

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.world import Thing, World
+from dextera_build.artifacts.scenes.world import Thing, World
+from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import metrics, transforms
 

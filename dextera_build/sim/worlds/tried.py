@@ -5,8 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.world import RobotStand, World
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.world import RobotStand, World
 from dextera_build.sim.render.rendering import Eye
 from dextera_build.sim.worlds import world as worlds
 

@@ -9,8 +9,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.world import Part, Thing, World
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.world import Part, Thing, World
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry.shading import corner_normals
 from dextera_build.sim.model import robot as robots

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import lie, transforms
 from dextera_build.rule import Context, Options, rule
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.calibration import Calibration
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.cameras.calibration import Calibration
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 

@@ -7,10 +7,10 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from dextera_build.artifacts.calibration import Calibration
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.cameras.calibration import Calibration
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import lie, moved
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 

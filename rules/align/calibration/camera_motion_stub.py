@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.calibration import Calibration
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.cameras.calibration import Calibration
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(summary="the board is where it was, for tests", profiles=("stub",))

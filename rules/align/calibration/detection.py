@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.calibration import Board
+from dextera_build.artifacts.cameras.calibration import Board
 from dextera_build.geometry import boards, transforms
 
 from . import edges

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from dextera_build.artifacts.calibration import Board, Calibration
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.cameras.calibration import Board, Calibration
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.geometry import hand_eye as problem
 from dextera_build.rule import Backend, Context, Options
 

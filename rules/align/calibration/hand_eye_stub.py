@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.calibration import Board, Calibration
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.cameras.calibration import Board, Calibration
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import cameras
 from dextera_build.rule import Backend, Context, Options
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 from PIL import Image, ImageDraw
 
-from dextera_build.artifacts.calibration import Calibration
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.cameras.calibration import Calibration
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.geometry import hand_eye, transforms
 from dextera_build.geometry.hand_eye import Setup
 from dextera_build.geometry.hand_eye_checks import Checked
+from dextera_build.previews import rigs
 from dextera_build.rule import Context
 
 AXES = ((220, 60, 60), (60, 180, 75), (60, 100, 230))
@@ -22,10 +21,7 @@ SIDE_PX = 480
 
 def preview(ctx: Context, views: RobotViews, found: Checked, setup: Setup, calibration: Calibration) -> None:
     """Show the residuals, and the board as predicted by the robot's pose in every picture."""
-    ctx.preview(
-        np.array(Image.open(io.BytesIO(calibration.picture()), formats=("PNG",))),
-        "residuals (blue) and change without (orange)",
-    )
+    ctx.preview(rigs.residuals(calibration), "residuals (blue) and change without (orange)")
     tiles = []
     for view in found.views[:MOST]:
         pixels = views.captures[view.name].photograph.rgb.pixels

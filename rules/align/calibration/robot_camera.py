@@ -8,9 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.calibration import Calibration
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.cameras.calibration import Calibration
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.geometry import transforms
 from dextera_build.rule import ROUNDING, Context, Fraction, Options, Tolerance, rule
 

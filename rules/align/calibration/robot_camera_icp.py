@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera, Capture
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.cameras.camera import Camera, Capture
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.geometry import balanced_icp, cameras, robot_mask, transforms, uncertainty
 from dextera_build.geometry.robot_covariance import Doubts
 from dextera_build.geometry.robot_pairs import Surface

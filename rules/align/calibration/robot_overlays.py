@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image, ImageDraw
 
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.geometry import metrics
 from dextera_build.geometry.plot import COLOURS, Line, plot
 from dextera_build.rule import Context

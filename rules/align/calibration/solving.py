@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.calibration import Board, Calibration
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.cameras.calibration import Board, Calibration
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import listing
 from dextera_build.geometry import hand_eye, hand_eye_checks, hand_eye_refine
 from dextera_build.geometry.hand_eye import Setup, View

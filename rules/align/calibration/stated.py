@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import listing
 from dextera_build.geometry import poses, transforms
 from dextera_build.rule import Context

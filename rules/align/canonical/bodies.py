@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.object import Body
+from dextera_build.artifacts.objects.object import Body
 from dextera_build.geometry.raycast import RayScene
 
 

@@ -6,9 +6,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.canonical import CanonicalFrame, Open, SymmetryAxis
-from dextera_build.artifacts.object import Body, Placement
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.objects.canonical import CanonicalFrame, Open, SymmetryAxis
+from dextera_build.artifacts.objects.object import Body, Placement
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import canonical as geometry
 from dextera_build.geometry import kinematics, symmetry, thumbnail, transforms
 from dextera_build.geometry.symmetry import Symmetry

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.canonical import Open
+from dextera_build.artifacts.objects.canonical import Open
 from dextera_build.geometry import canonical as geometry
 from dextera_build.geometry import lie, metrics, symmetry
 from dextera_build.rule import Backend, Context, Options

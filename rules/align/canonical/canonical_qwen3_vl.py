@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.canonical import Open
+from dextera_build.artifacts.objects.canonical import Open
 from dextera_build.errors import RuleError
 from dextera_build.geometry import canonical as geometry
 from dextera_build.geometry import thumbnail

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.canonical import Open
+from dextera_build.artifacts.objects.canonical import Open
 
 
 @dataclass(frozen=True)

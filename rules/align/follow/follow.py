@@ -6,10 +6,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.image import LabelImage
-from dextera_build.artifacts.mask_track import MaskTrack, palette
-from dextera_build.artifacts.video import Video
-from dextera_build.artifacts.view import InstanceMap, Segmentation
+from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.cameras.mask_track import MaskTrack, palette
+from dextera_build.artifacts.cameras.video import Video
+from dextera_build.artifacts.objects.view import InstanceMap, Segmentation
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Options, rule
 

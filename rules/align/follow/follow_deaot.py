@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.mask_track import MaskTrack
-from dextera_build.artifacts.video import Video
+from dextera_build.artifacts.cameras.mask_track import MaskTrack
+from dextera_build.artifacts.cameras.video import Video
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dextera_build.artifacts.mask_track import MaskTrack
-from dextera_build.artifacts.video import Video
+from dextera_build.artifacts.cameras.mask_track import MaskTrack
+from dextera_build.artifacts.cameras.video import Video
 from dextera_build.rule import Backend, Context
 
 from .flow_layers import Layer, Picture

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dextera_build.artifacts.mask_track import MaskTrack
-from dextera_build.artifacts.video import Video
+from dextera_build.artifacts.cameras.mask_track import MaskTrack
+from dextera_build.artifacts.cameras.video import Video
 from dextera_build.learning.vision_input import VisionInput
 from dextera_build.rule import Backend, Context, Options
 

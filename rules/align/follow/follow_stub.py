@@ -6,8 +6,8 @@ import itertools
 
 import numpy as np
 
-from dextera_build.artifacts.mask_track import MaskTrack
-from dextera_build.artifacts.video import Video
+from dextera_build.artifacts.cameras.mask_track import MaskTrack
+from dextera_build.artifacts.cameras.video import Video
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(summary="the masks of the first frame in all frames, for tests", profiles=("stub",))

@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.matches import Matches
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.cameras.matches import Matches
 from dextera_build.rule import Context, Options, Tolerance, rule
 
 

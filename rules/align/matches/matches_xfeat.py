@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.matches import Matches
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.cameras.matches import Matches
 from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.object import Body, Placement
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.object import Body, Placement
+from dextera_build.artifacts.objects.view import Seen
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import kinematics, metrics, registration, transforms
 from dextera_build.geometry.registration import Similarity

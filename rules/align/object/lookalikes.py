@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from dextera_build.artifacts.object import Body
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.object import Body
+from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import transforms
 from dextera_build.geometry.registration import Similarity
 from dextera_build.geometry.symmetry import Symmetry

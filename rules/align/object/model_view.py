@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.object import Body
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.object import Body
+from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import cameras, raycast
 from dextera_build.geometry.registration import Similarity
 

@@ -6,9 +6,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.image import DepthImage
-from dextera_build.artifacts.object import Body, Placement, Support
-from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
+from dextera_build.artifacts.cameras.image import DepthImage
+from dextera_build.artifacts.objects.object import Body, Placement, Support
+from dextera_build.artifacts.objects.view import MeasuredView, ObjectView, Seen
 from dextera_build.rule import ROUNDING, Context, Fraction, Options, Tolerance, rule
 
 from .placed import Placed

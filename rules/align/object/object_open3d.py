@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.object import Body, Placement
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.object import Body, Placement
+from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import kinematics
 from dextera_build.rule import Backend, Context, Options
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.object import Body, Placement
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.object import Body, Placement
+from dextera_build.artifacts.objects.view import Seen
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.rule import Backend, Context, Options
 
 from .placed import Placed

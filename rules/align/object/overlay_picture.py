@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.object import Placement
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.object import Placement
+from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import raycast, transforms
 
 _LIGHT = np.array([0.3, -0.5, 0.81])

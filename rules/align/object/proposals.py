@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import transforms
 from dextera_build.geometry.registration import Similarity
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import lie, metrics, planes, registration, transforms
 from dextera_build.geometry.registration import Search, Similarity
 

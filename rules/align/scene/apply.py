@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.pose import Pose, Similarity
-from dextera_build.artifacts.scene_fit import AlignedScene
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.scenes.scene_fit import AlignedScene
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.pose import Pose, Similarity
 from dextera_build.rule import Context, rule
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera, Capture
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.matches import Matches
+from dextera_build.artifacts.cameras.camera import Camera, Capture
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.cameras.matches import Matches
 from dextera_build.geometry import transforms
 from dextera_build.geometry.photo_terms import Drawn
 from dextera_build.geometry.scene_alignment import Render

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.scene_fit import SceneFit
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.scenes.scene_fit import SceneFit
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import transforms
 from dextera_build.rule import Context, Options, rule
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.pose import Similarity
-from dextera_build.artifacts.scene_fit import SceneEvidence
+from dextera_build.artifacts.scenes.scene_fit import SceneEvidence
+from dextera_build.artifacts.spatial.pose import Similarity
 from dextera_build.rule import Fraction, Options
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.gaussians import merging
 from dextera_build.gaussians.fit.camera import Camera as Eye
 from dextera_build.geometry import raycast

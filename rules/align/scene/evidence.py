@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.scene_fit import SceneEvidence
+from dextera_build.artifacts.scenes.scene_fit import SceneEvidence
 from dextera_build.geometry.scene_alignment import Level, Solution
 from dextera_build.geometry.scene_pose import ScenePose
 from dextera_build.geometry.scene_terms import Correspondences

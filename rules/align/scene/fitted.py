@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.scene_fit import SceneEvidence
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.scenes.scene_fit import SceneEvidence
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.geometry.scene_pose import ScenePose
 
 

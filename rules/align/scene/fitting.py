@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.geometry.photo_terms import Drawn
 from dextera_build.geometry.scene_alignment import Level, Problem, align, align_sparse
 from dextera_build.geometry.scene_terms import Weights

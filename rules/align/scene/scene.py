@@ -7,13 +7,13 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import LabelImage
-from dextera_build.artifacts.pose import Pose, Similarity
-from dextera_build.artifacts.scene_fit import SceneFit
-from dextera_build.artifacts.splats import Splats
-from dextera_build.artifacts.view import InstanceMap
+from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.objects.view import InstanceMap
+from dextera_build.artifacts.scenes.scene_fit import SceneFit
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.pose import Pose, Similarity
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from .doubts import Limits, doubts

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.matches import Matches
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.cameras.matches import Matches
 from dextera_build.rule import Backend, Context
 
 from ..matches import matches_sift

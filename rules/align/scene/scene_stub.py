@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.scene_fit import SceneEvidence
+from dextera_build.artifacts.scenes.scene_fit import SceneEvidence
 from dextera_build.geometry import transforms
 from dextera_build.geometry.scene_pose import ScenePose
 from dextera_build.rule import Backend, Context, Options

@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.camera import Camera, Measured, Photograph
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.cameras.camera import Camera, Measured, Photograph
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import cameras, planes, regions, transforms, upright
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.objects.object import Support
 from dextera_build.geometry import planes, regions, transforms
 
 CELL_M = 0.03

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import ScaleSource, Support
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.objects.object import ScaleSource, Support
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import cameras, regions, transforms, upright
 from dextera_build.rule import Context, Options
 

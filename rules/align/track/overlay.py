@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.rgbd_video import RgbdVideo
+from dextera_build.artifacts.cameras.rgbd_video import RgbdVideo
+from dextera_build.artifacts.objects.object import Asset
 from dextera_build.geometry import kinematics, metrics, raycast, transforms
 from dextera_build.tracking.tracked_object import Tracked
 

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.rgbd_video import RgbdVideo
-from dextera_build.artifacts.stream import Joints
-from dextera_build.artifacts.track import Track
-from dextera_build.artifacts.tracking import Tracking
+from dextera_build.artifacts.cameras.rgbd_video import RgbdVideo
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.spatial.joints import Joints
+from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.artifacts.spatial.track import Track
+from dextera_build.artifacts.spatial.tracking import Tracking
 from dextera_build.geometry import poses
 from dextera_build.tracking.tracked_object import Tracked
 

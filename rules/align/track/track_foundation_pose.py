@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.rgbd_video import RgbdFrame
+from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame
 from dextera_build.geometry import kinematics
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.tracking import judge, solve
@@ -21,7 +21,7 @@ from dextera_build.tracking.tracked_object import Tracked
 from .symmetry import turns
 
 if TYPE_CHECKING:
-    from dextera_build.artifacts.object import Asset
+    from dextera_build.artifacts.objects.object import Asset
 
     from .track import Job
 

@@ -6,10 +6,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.views import Views
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.views import Views
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.geometry import metrics
 from dextera_build.rule import ROUNDING, Context, Tolerance, rule
 

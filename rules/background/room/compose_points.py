@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.splats import Splats
-from dextera_build.artifacts.views import Views
+from dextera_build.artifacts.cameras.views import Views
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.gaussians.spherical_harmonics import flat
 from dextera_build.rule import Backend, Context, Options

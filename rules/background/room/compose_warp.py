@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from functools import partial
 
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.views import Views
+from dextera_build.artifacts.cameras.views import Views
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.learning import reproducible
 from dextera_build.rule import Backend, Context
 

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.pose import Similarity
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.splats import Splats
-from dextera_build.artifacts.views import Views
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.cameras.views import Views
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.pose import Similarity
 from dextera_build.errors import ArtifactError
+from dextera_build.formats import point_cloud, splats_ply
 from dextera_build.rule import Backend, Context, Fraction, Options
 
 from .alignment import between
@@ -67,8 +67,8 @@ def compose(ctx: Context, views: Views, background: Background | None, options: 
     made.export(folder, "")
     try:
         motion = _motion(ctx, folder, views, options)
-        splats = _with_plain_opacities(Splats.load(folder / "gaussians.ply", frame=OWN)).moved(motion)
-        points = PointCloud.load(folder / "points.ply", frame=OWN).moved(motion)
+        splats = _with_plain_opacities(splats_ply.load(folder / "gaussians.ply", frame=OWN)).moved(motion)
+        points = point_cloud.load(folder / "points.ply", frame=OWN).moved(motion)
         depth = {
             name: _depth(folder / "depth" / f"depth_{number:04d}.npy", motion.scale, lens.height, lens.width)
             for number, (name, lens) in enumerate(zip(views.names, lenses, strict=True))

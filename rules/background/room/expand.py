@@ -7,12 +7,12 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.trajectory import Trajectory
-from dextera_build.artifacts.views import Views
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.cameras.views import Views
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 

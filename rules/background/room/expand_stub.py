@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.trajectory import Trajectory
-from dextera_build.artifacts.views import Views, encoded
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.cameras.views import Views, encoded
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.rule import Backend, Context, Options
 
 from .cameras import ordered

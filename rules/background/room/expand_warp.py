@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.trajectory import Trajectory
-from dextera_build.artifacts.views import Views, encoded
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.cameras.views import Views, encoded
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.geometry import cameras as pinhole
 from dextera_build.geometry import raycast
 from dextera_build.rule import Backend, Context, Options

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.point_cloud import PointCloud
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.geometry import cameras, transforms
 
 SAME_DEPTH = 0.02

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.splats import Splats
-from dextera_build.artifacts.views import Views
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.views import Views
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.gaussians.fit.camera import Camera as Eye
 from dextera_build.gaussians.fit.fit import Render, Settings, fit
 from dextera_build.gaussians.fit.loss import Target

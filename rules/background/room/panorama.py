@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.rule import Context, rule
 
 

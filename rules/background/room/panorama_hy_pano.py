@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, NonNegativeInt
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import transforms
 from dextera_build.rule import Backend, Context, Options
 

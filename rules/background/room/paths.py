@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.trajectory import Trajectory
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.geometry.plot import COLOURS, Line, plot
 from dextera_build.rule import ROUNDING, Context, Tolerance, rule
 

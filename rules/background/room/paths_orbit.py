@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, NonNegativeFloat
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.trajectory import Trajectory
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.scenes.scene import Background
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.geometry import metrics, poses, transforms
 from dextera_build.geometry.lie import rotation
 from dextera_build.rule import Backend, Context, Options

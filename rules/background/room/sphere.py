@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.lens import Equirectangular
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.lens import Equirectangular
 
 
 def level(world_from_camera: np.ndarray) -> np.ndarray:

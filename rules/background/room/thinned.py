@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
 
 HALVINGS = 12
 """Number of halvings in the search for the cell size."""

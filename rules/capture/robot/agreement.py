@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotJoint, RobotModel
-from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.robots.robot import RobotJoint, RobotModel
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import listing
 from dextera_build.rule import Context
 

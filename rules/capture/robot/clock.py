@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.stream import Joints, Stream
+from dextera_build.artifacts.robots.stream import Stream
+from dextera_build.artifacts.spatial.joints import Joints
+from dextera_build.formats import mcap
 from dextera_build.geometry import quaternions, synchronisation
 from dextera_build.rule import Context
 
@@ -103,7 +105,7 @@ def _changes(stream: Stream, topic: str) -> tuple[np.ndarray, np.ndarray]:
     stamps: list[float] = []
     changes: list[float] = []
     last: np.ndarray | None = None
-    for stamp, pixels in stream.pictures(topic):
+    for stamp, pixels in mcap.pictures(stream, topic):
         if stamps and stamp <= stamps[-1]:
             continue
         small = _reduced(pixels)

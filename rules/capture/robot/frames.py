@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.lens import Equirectangular
-from dextera_build.artifacts.stream import Stream
+from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.cameras.lens import Equirectangular
+from dextera_build.artifacts.robots.stream import Stream
+from dextera_build.formats import mcap
 from dextera_build.geometry import transforms
 from dextera_build.geometry.depth_to_colour import registered
 from dextera_build.rule import Context
@@ -32,7 +33,7 @@ def at(
     lens = _lens(ctx, stream, topics.lens)
     camera = lens if isinstance(lens, Camera) else pinhole(lens)
     doubts.of_camera(ctx, camera)
-    pictures = _chosen(stream.pictures(topics.image), stamps, 1e-6)
+    pictures = _chosen(mcap.pictures(stream, topics.image), stamps, 1e-6)
     depths = _depths(ctx, stream, topics, lens, stamps) if topics.depth else {}
     where = None if isinstance(lens, Camera) else places(lens)
     found: dict[str, Capture] = {}
@@ -52,7 +53,7 @@ def at(
 
 
 def _lens(ctx: Context, stream: Stream, topic: str) -> Camera | Lens:
-    found = stream.lens(topic)
+    found = mcap.lens(stream, topic)
     if isinstance(found, Equirectangular):
         ctx.fail(f"`{topic}` is of a panorama", hint="choose the topic of a pinhole or fisheye camera")
     return found
@@ -65,8 +66,8 @@ def _depths(
     lenses = [each.topic for each in stream.channels if each.topic.endswith(("camera_info", "calibration"))]
     own = beside(ctx, topics.depth, lenses) if len(lenses) > 1 else topics.lens
     units = [each.topic for each in stream.channels if each.topic.endswith(UNITS)]
-    scale = next((value for topic in units if (value := stream.number(topic)) is not None), 0.001)
-    found = _chosen(stream.depths(topics.depth, scale_m=scale), stamps, TOGETHER_S)
+    scale = next((value for topic in units if (value := mcap.number(stream, topic)) is not None), 0.001)
+    found = _chosen(mcap.depths(stream, topics.depth, scale_m=scale), stamps, TOGETHER_S)
     if len(found) < len(stamps):
         ctx.warn(f"{len(stamps) - len(found)} pictures have no depth within {1000 * TOGETHER_S:.0f} ms")
     other = _lens(ctx, stream, own)
@@ -82,7 +83,7 @@ def _from_reference(stream: Stream, topic: str) -> np.ndarray | None:
     """(4, 4) T_camera_reference of an image topic of librealsense, from its `tf/0` topic."""
     top = topic.removesuffix("/image/data")
     known = [each.topic for each in stream.channels if each.topic.startswith(f"{top}/tf/")]
-    return stream.transform(known[0]) if len(known) == 1 else None
+    return mcap.transform(stream, known[0]) if len(known) == 1 else None
 
 
 def _check_registered(ctx: Context, other: Camera | Lens, topics: CameraTopics, lens: Camera | Lens) -> None:

@@ -7,10 +7,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.calibration import Board
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.artifacts.stream import Joints, Stream
+from dextera_build.artifacts.cameras.calibration import Board
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
+from dextera_build.artifacts.robots.stream import Stream
+from dextera_build.artifacts.spatial.joints import Joints
+from dextera_build.formats import mcap
 from dextera_build.geometry import synchronisation
 from dextera_build.rule import Context, Options
 
@@ -108,18 +110,18 @@ def views(
         label: Prefix of the names of the views.
     """
     seen = topics.of_camera(ctx, stream, where.image, where.depth, where.camera_info)
-    joints = _in_order(states.joints(topics.of_joints(ctx, states, options.joints)))
+    joints = _in_order(mcap.joints(states, topics.of_joints(ctx, states, options.joints)))
     if robot is None:
         agreement.doubt_units(ctx, joints)
     else:
         joints = agreement.in_model_order(ctx, joints, robot, options.names)
-    stamps = stream.stamps(seen.image)[:, 0]
+    stamps = mcap.stamps(stream, seen.image)[:, 0]
     offset = clock.offset(ctx, stream, seen.image, joints, options.clock_offset_s, options.reach_s)
     clock.check_overlap(ctx, stamps + offset, joints.stamps)
     moments = _moments(ctx, np.sort(stamps), joints, offset, options)
     effectors = None
     if options.poses:
-        path = states.poses(options.poses, options.effector_frame)
+        path = mcap.poses(states, options.poses, options.effector_frame)
         effectors = clock.poses_at(ctx, path.stamps, path.poses, moments.times, options.skew_s)
         if robot is not None:
             chosen = joints.model_copy(

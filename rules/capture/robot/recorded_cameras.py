@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.artifacts.stream import Stream
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
+from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.rule import Context, rule
 
 from . import recorded

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.artifacts.stream import Stream
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
+from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.rule import Context, rule
 
 from . import recorded

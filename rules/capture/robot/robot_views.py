@@ -6,9 +6,9 @@ from pathlib import PurePosixPath
 
 from pydantic import Field
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.errors import listing
 from dextera_build.rule import Context, rule
 

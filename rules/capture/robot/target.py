@@ -7,7 +7,7 @@ import reprlib
 from collections.abc import Mapping
 from typing import Literal
 
-from dextera_build.artifacts.calibration import Board
+from dextera_build.artifacts.cameras.calibration import Board
 from dextera_build.rule import Context
 
 from ..facts import NAME

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from dextera_build.artifacts.stream import JOINTS, LENSES, PICTURES, Stream
+from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.errors import listing
+from dextera_build.formats.mcap import JOINTS, LENSES, PICTURES
 from dextera_build.rule import Context
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Hull, Mesh
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 from dextera_build.geometry.raycast import RayScene
 
 _AROUND = 16

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.object import Body, Collision, Link, Pieces
+from dextera_build.artifacts.objects.object import Body, Collision, Link, Pieces
 from dextera_build.rule import Context, Fraction, Options, rule
 
 

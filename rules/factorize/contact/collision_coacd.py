@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from dextera_build.artifacts.geometry import Hull
-from dextera_build.artifacts.object import Collision, Link, Pieces
+from dextera_build.artifacts.objects.object import Collision, Link, Pieces
+from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.rule import Backend, Context, Fraction, Options
 
 from .. import manifolds

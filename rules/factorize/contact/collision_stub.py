@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Hull
-from dextera_build.artifacts.object import Collision, Link, Pieces
+from dextera_build.artifacts.objects.object import Collision, Link, Pieces
+from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Hull
+from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.geometry import convex, raycast, transforms
 
 _SIZE = 320

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Hull
+from dextera_build.artifacts.shapes.mesh import Hull
 
 if TYPE_CHECKING:
     from manifold3d import Manifold

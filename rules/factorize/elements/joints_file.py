@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from dextera_build.artifacts.object import JointHint
+from dextera_build.artifacts.objects.object import JointHint
 from dextera_build.errors import Place, RuleError, did_you_mean, listing
 
 FILE = "$scene"

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from dextera_build.artifacts.object import Element
+from dextera_build.artifacts.objects.object import Element
 from dextera_build.errors import RuleError, listing
 
 from ..overlap import PART, Box, box_area, box_inside, box_iou

@@ -9,8 +9,8 @@ from typing import NoReturn
 import numpy as np
 from pydantic import Field, NonNegativeInt
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.view import Instance, Segmentation
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.objects.view import Instance, Segmentation
 from dextera_build.errors import RuleError
 from dextera_build.geometry import pictures
 from dextera_build.rule import Context, Options, rule

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.object import Element
+from dextera_build.artifacts.objects.object import Element
 
 from ..regions.heights import Relief
 from ..regions.proposals import Proposal

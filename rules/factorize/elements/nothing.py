@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dextera_build.artifacts.object import Element
+from dextera_build.artifacts.objects.object import Element
 from dextera_build.geometry import cameras, planes, regions, upright
 
 from ..measured import Workspace

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import Elements
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.objects.object import Elements
 from dextera_build.geometry.upright import turned
 from dextera_build.rule import Backend, Context, Options
 

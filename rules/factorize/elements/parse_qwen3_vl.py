@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import Elements
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.objects.object import Elements
 from dextera_build.errors import RuleError
 from dextera_build.rule import Backend, Context, Options
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import Element, Elements
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.objects.object import Element, Elements
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements, Workspace

@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 from urllib.parse import urlsplit
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import Elements
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.objects.object import Elements
 from dextera_build.errors import MachineError
 from dextera_build.rule import Backend, Context, Options, Response
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.camera import Photograph
+from dextera_build.artifacts.cameras.camera import Photograph
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements, Workspace

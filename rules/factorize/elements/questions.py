@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from dextera_build.artifacts.object import Element
+from dextera_build.artifacts.objects.object import Element
 from dextera_build.errors import RuleError
 
 PROMPT = """The photograph shows a workspace: a support (a table, a desk) and what stands on it.

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import Any, get_args
 
-from dextera_build.artifacts.object import Element
+from dextera_build.artifacts.objects.object import Element
 from dextera_build.errors import Place, RuleError, did_you_mean, listing
 from dextera_build.geometry.materials import TABLE
 

@@ -8,9 +8,9 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.object import Body, Joint, Link, Shape
-from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen, State, Traits
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.objects.object import Body, Joint, Link, Shape
+from dextera_build.artifacts.objects.view import MeasuredView, ObjectView, Seen, State, Traits
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from ..measured import Measurements, of_view

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import NonNegativeFloat
 
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.object import Body, Joint, Link, Shape
-from dextera_build.artifacts.view import Seen, State
+from dextera_build.artifacts.objects.object import Body, Joint, Link, Shape
+from dextera_build.artifacts.objects.view import Seen, State
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 from dextera_build.geometry import transforms
 from dextera_build.rule import Backend, Context, Options
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.geometry import Hull
-from dextera_build.artifacts.object import Body, Joint, Link, Shape
-from dextera_build.artifacts.view import Seen, State
+from dextera_build.artifacts.objects.object import Body, Joint, Link, Shape
+from dextera_build.artifacts.objects.view import Seen, State
+from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.geometry import transforms
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.statistics import Z90

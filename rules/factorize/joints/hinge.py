@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import lie
 
 from .. import manifolds

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.object import Joint, JointHint, Link, Shape
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.objects.object import Joint, JointHint, Link, Shape
+from dextera_build.artifacts.objects.view import Seen
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import kinematics, planes, solids, transforms
 from dextera_build.rule import Context
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dextera_build.artifacts.object import Joint, Link, Shape
+from dextera_build.artifacts.objects.object import Joint, Link, Shape
 
 
 @dataclass(frozen=True)

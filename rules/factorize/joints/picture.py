@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.object import Body, Joint
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.object import Body, Joint
+from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import cameras, kinematics, transforms
 from dextera_build.geometry.thumbnail import Paint, thumbnail
 

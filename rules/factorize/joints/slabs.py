@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dextera_build.artifacts.object import Shape
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import solids
 from dextera_build.geometry.solids import Solid
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.view import MeasuredView, State
+from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.objects.view import MeasuredView, State
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Context, rule
 

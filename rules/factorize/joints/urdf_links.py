@@ -9,12 +9,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from dextera_build.artifacts import named_files, xml_text
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.mesh_files import load
-from dextera_build.artifacts.mesh_repair import repaired
-from dextera_build.artifacts.object import Joint, Link
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Joint, Link
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.shapes.mesh_repair import repaired
+from dextera_build.formats import named_files, xml_text
+from dextera_build.formats.mesh import load
 from dextera_build.geometry import metrics, transforms
 from dextera_build.geometry.baking import Part, joined
 

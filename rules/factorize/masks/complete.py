@@ -6,8 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.image import Image, faded
-from dextera_build.artifacts.view import ObjectView
+from dextera_build.artifacts.cameras.image import Image, faded
+from dextera_build.artifacts.objects.view import ObjectView
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from .occlusion import grown

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from dextera_build.artifacts.view import ObjectView
+from dextera_build.artifacts.objects.view import ObjectView
 from dextera_build.learning.flux2 import load, paint
 from dextera_build.rule import Backend, Context, Options
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, PositiveInt
 
-from dextera_build.artifacts.view import ObjectView
+from dextera_build.artifacts.objects.view import ObjectView
 from dextera_build.rule import Backend, Context, Fraction, Options
 
 from ..regions.patches import spread

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.view import ObjectView
+from dextera_build.artifacts.objects.view import ObjectView
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(summary="what was seen; completes nothing", profiles=("stub",))

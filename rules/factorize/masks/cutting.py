@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Measured, Photograph
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.object import AssetSource, Support
-from dextera_build.artifacts.view import Instance, InstanceMap, MeasuredView, ObjectView, Segmentation, Traits
+from dextera_build.artifacts.cameras.camera import Measured, Photograph
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.objects.object import AssetSource, Support
+from dextera_build.artifacts.objects.view import Instance, InstanceMap, MeasuredView, ObjectView, Segmentation, Traits
 from dextera_build.geometry import upright
 
 from ..measured import Measurements, Workspace

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.object import Element
+from dextera_build.artifacts.objects.object import Element
 
 COLOURS = ((230, 60, 60), (60, 160, 240), (250, 190, 40), (90, 200, 90), (190, 90, 220), (255, 130, 40), (40, 200, 190))
 STATIC = (150, 150, 150)

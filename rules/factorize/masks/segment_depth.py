@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import Element, Elements
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.objects.object import Element, Elements
 from dextera_build.geometry.upright import turned
 from dextera_build.rule import Backend, Context, Options
 

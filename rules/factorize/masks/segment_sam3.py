@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.object import Element, Elements
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.objects.object import Element, Elements
 from dextera_build.learning.vision_input import VisionInput
 from dextera_build.rule import Backend, Context, Fraction, Options
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.view import Instance, Seen
+from dextera_build.artifacts.objects.view import Instance, Seen
 from dextera_build.geometry import cameras
 
 from ..shapes import evidence

@@ -8,7 +8,7 @@ from statistics import median
 
 import numpy as np
 
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import cameras, regions, transforms
 from dextera_build.geometry.depth_view import DepthView
 

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.mesh_files import load
-from dextera_build.artifacts.mesh_repair import repaired
-from dextera_build.artifacts.object import Shape
-from dextera_build.artifacts.view import ObjectView
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import ObjectView
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.shapes.mesh_repair import repaired
+from dextera_build.formats.mesh import load
 from dextera_build.rule import Context
 
 from ..contact import cavity

@@ -7,8 +7,8 @@ from typing import Any, Protocol
 
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.object import Shape
-from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
+from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import MeasuredView, ObjectView, Seen
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from ..measured import Measurements, of_view

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.object import Shape
-from dextera_build.artifacts.view import ObjectView, Seen
+from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import ObjectView, Seen
 from dextera_build.geometry import convex
 from dextera_build.geometry.solids import Solid
 from dextera_build.rule import Backend, Context, Options

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.object import Shape
-from dextera_build.artifacts.view import ObjectView, Seen
+from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import ObjectView, Seen
 from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements

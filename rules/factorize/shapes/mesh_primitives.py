@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import Field, NonNegativeInt, PositiveFloat
 
-from dextera_build.artifacts.object import Rival, Shape
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.view import ObjectView, Seen
+from dextera_build.artifacts.objects.object import Rival, Shape
+from dextera_build.artifacts.objects.view import ObjectView, Seen
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import listing
 from dextera_build.rule import Backend, Context, Options
 

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Shape
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.view import ObjectView, Seen
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import ObjectView, Seen
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import solids, transforms
 from dextera_build.rule import Backend, Context, Options
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import cameras, raycast, regions, texture, transforms
 from dextera_build.geometry.solids import Solid
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.object import Shape
-from dextera_build.artifacts.view import MeasuredView, ObjectView
+from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import MeasuredView, ObjectView
 from dextera_build.geometry import raycast, transforms
 
 SIDE_PX = 260

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Shape
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import Seen
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
+from dextera_build.artifacts.spatial.pose import Pose
 
 from .hypotheses import Finished
 from .paint import paint

@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 from typing import Any, Protocol
 
-from dextera_build.artifacts.episode import Episodes, Film
-from dextera_build.artifacts.policy import Checkpoint
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.policy import Checkpoint
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.learning import curve_picture
 from dextera_build.learning.demonstrations import Demonstrations, Selection, prepare
 from dextera_build.rule import ROUNDING, Context, Tolerance, rule

@@ -14,7 +14,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.artifacts.tasks.policy import PolicyContract
 from dextera_build.policy import features
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from dextera_build.artifacts.policy import Checkpoint
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.policy import Checkpoint
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.learning import reproducible, weights
 from dextera_build.policy.features import Fields
 from dextera_build.policy.running import Predict

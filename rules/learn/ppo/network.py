@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.artifacts.tasks.policy import PolicyContract
 from dextera_build.policy.features import tokens
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any, Protocol
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.policy import Checkpoint, PolicyContract
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import listing
 from dextera_build.learning import curve_picture
 from dextera_build.policy.added import listed

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from dextera_build.artifacts.robot import Group
+from dextera_build.artifacts.robots.robot import Group
 from dextera_build.policy import contract as contracts
 from dextera_build.rule import Options
 

@@ -10,9 +10,9 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch import Tensor, nn
 
-from dextera_build.artifacts.policy import PolicyContract
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.tasks.policy import PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError
 from dextera_build.learning import reproducible
 from dextera_build.policy.added import of_specs

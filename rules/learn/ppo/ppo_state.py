@@ -16,7 +16,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from dextera_build import digest
-from dextera_build.artifacts.policy import PolicyContract
+from dextera_build.artifacts.tasks.policy import PolicyContract
 from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.rule import Context

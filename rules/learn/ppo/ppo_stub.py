@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.policy import PolicyContract
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.tasks.policy import PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.rule import Backend, Context, Options
 
 from .practised import Practised

@@ -9,8 +9,8 @@ import numpy as np
 from stable_baselines3.common.vec_env import DummyVecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
-from dextera_build.artifacts.policy import PolicyContract
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.policy import PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.policy.added import AddedTerm
 from dextera_build.sim.training.practice import Practice
 

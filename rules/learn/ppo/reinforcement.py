@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dextera_build import digest
-from dextera_build.artifacts.policy import Channel, PolicyContract
-from dextera_build.artifacts.robot import Grip
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.robots.robot import Grip
+from dextera_build.artifacts.tasks.policy import Channel, PolicyContract
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.geometry import quaternions
 from dextera_build.policy import contract as contracts
 from dextera_build.policy import features

@@ -10,9 +10,9 @@ import numpy as np
 from PIL import Image as Pillow
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveInt
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.scenes.world import World
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import cameras
 from dextera_build.rule import Context, Options, rule
 from dextera_build.sim.render.shot import Shot

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.scenes.world import World
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.render.shot import Shot
 from dextera_build.sim.worlds import world as worlds

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.world import Thing
+from dextera_build.artifacts.scenes.world import Thing
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 from dextera_build.geometry import convex
 from dextera_build.rule import Context, Fraction, Options, rule
 

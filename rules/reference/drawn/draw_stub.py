@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.world import Thing
+from dextera_build.artifacts.scenes.world import Thing
 from dextera_build.geometry import transforms
 from dextera_build.rule import Backend, Context, Options
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.draw import Viewpoint
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.scenes.draw import Viewpoint
+from dextera_build.artifacts.scenes.world import World
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 

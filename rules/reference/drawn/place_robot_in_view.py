@@ -8,9 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.draw import Viewpoint
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.world import Part, RobotStand, Thing, World
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.draw import Viewpoint
+from dextera_build.artifacts.scenes.world import Part, RobotStand, Thing, World
 from dextera_build.geometry import transforms
 from dextera_build.rule import Context, Fraction, Options, rule
 

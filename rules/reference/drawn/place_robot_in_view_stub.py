@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.world import RobotStand, World
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.world import RobotStand, World
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(summary="the first free place, unseen", profiles=("stub",))

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dextera_build.artifacts.draw import Contact
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.world import Thing
+from dextera_build.artifacts.scenes.draw import Contact
+from dextera_build.artifacts.scenes.world import Thing
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import transforms
 
 UPRIGHT = 0.7

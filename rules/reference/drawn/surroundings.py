@@ -6,7 +6,7 @@ import colorsys
 
 import numpy as np
 
-from dextera_build.artifacts.world import Lamp, Part, Thing
+from dextera_build.artifacts.scenes.world import Lamp, Part, Thing
 from dextera_build.geometry import transforms
 
 from .. import solids, textures

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.calibration import Board
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.world import Part
+from dextera_build.artifacts.cameras.calibration import Board
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.scenes.world import Part
+from dextera_build.artifacts.shapes.mesh import Mesh
 
 DOT_M = 0.0004
 """Side of a pixel of the texture [m]."""

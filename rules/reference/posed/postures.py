@@ -7,10 +7,10 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.calibration import Board
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.stream import Joints
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.cameras.calibration import Board
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.world import World
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.rule import Context, Options, rule
 
 

@@ -8,13 +8,13 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.calibration import Board
-from dextera_build.artifacts.camera import Capture, Measured, Photograph
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.artifacts.stream import Joints
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.cameras.calibration import Board
+from dextera_build.artifacts.cameras.camera import Capture, Measured, Photograph
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
+from dextera_build.artifacts.scenes.world import World
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.rule import Context, rule
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.sim.render.shot import Shot

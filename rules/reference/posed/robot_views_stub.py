@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.calibration import Board
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.cameras.calibration import Board
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.world import World
 from dextera_build.rule import Backend, Context, Options
 
 from ..unlit import unlit

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dextera_build.artifacts.robot import Follower, Group, RobotJoint
+from dextera_build.artifacts.robots.robot import Follower, Group, RobotJoint
 from dextera_build.errors import listing
 from dextera_build.rule import Context
 

@@ -7,8 +7,8 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeFloat
 
-from dextera_build.artifacts.limb import ONLY, limb_of
-from dextera_build.artifacts.robot import Grip, Gripper, Limb, RobotModel
+from dextera_build.artifacts.robots.limb import ONLY, limb_of
+from dextera_build.artifacts.robots.robot import Grip, Gripper, Limb, RobotModel
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.rule import Context, Options
 

@@ -6,18 +6,10 @@ import math
 
 import numpy as np
 
-from dextera_build.artifacts import similar
-from dextera_build.artifacts.object import (
-    Asset,
-    Body,
-    Collision,
-    Inertial,
-    Physics,
-    Placement,
-    Support,
-)
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.view import Traits
+from dextera_build.artifacts.objects import similar
+from dextera_build.artifacts.objects.object import Asset, Body, Collision, Inertial, Physics, Placement, Support
+from dextera_build.artifacts.objects.view import Traits
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.rule import Context, rule
 from dextera_build.statistics import Z90
 

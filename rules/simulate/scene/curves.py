@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.scene import Settled, SettleReport
+from dextera_build.artifacts.scenes.scene import Settled, SettleReport
 
 if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw

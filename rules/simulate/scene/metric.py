@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import DepthImage
-from dextera_build.artifacts.scene import Background, SupportBox
+from dextera_build.artifacts.cameras.image import DepthImage
+from dextera_build.artifacts.scenes.scene import Background, SupportBox
+from dextera_build.artifacts.shapes.mesh import Mesh
 
 
 def metric(background: Background, factor: float) -> Background:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.object import Asset, Support
-from dextera_build.artifacts.scene import Background, Scene
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.objects.object import Asset, Support
+from dextera_build.artifacts.scenes.scene import Background, Scene
 from dextera_build.rule import Context, rule
 from dextera_build.sim.model import description, mjcf, names, neighbours
 

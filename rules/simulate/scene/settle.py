@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.scene import Scene, SettleReport
+from dextera_build.artifacts.scenes.scene import Scene, SettleReport
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from .curves import settle_picture

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.scene import Scene, Settled, SettleReport
+from dextera_build.artifacts.scenes.scene import Scene, Settled, SettleReport
 from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:

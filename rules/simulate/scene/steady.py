@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.rule import Context, rule
 
 from .settle import SettleOptions

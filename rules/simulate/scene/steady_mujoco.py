@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.worlds import steady as runner
 

@@ -8,12 +8,12 @@ from xml.etree.ElementTree import SubElement
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts import urdf_xml
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.geometry import Hull, Mesh, obj_text
-from dextera_build.artifacts.image import png
-from dextera_build.artifacts.object import Asset, Inertial, Joint
-from dextera_build.artifacts.urdf_xml import Node
+from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.objects.object import Asset, Inertial, Joint
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
+from dextera_build.formats import obj, urdf_xml
+from dextera_build.formats.urdf_xml import Node
 from dextera_build.geometry import convex
 from dextera_build.rule import Context, Options, rule
 
@@ -71,7 +71,7 @@ def _inertial(node: Node, inertial: Inertial, origin: np.ndarray) -> None:
 
 def _visual(node: Node, files: dict[str, bytes], name: str, mesh: Mesh, origin: np.ndarray) -> None:
     moved = mesh.model_copy(update={"vertices": (mesh.vertices - origin).astype(np.float32)})
-    files[f"meshes/{name}.obj"] = obj_text(moved, f"{name}.mtl").encode()
+    files[f"meshes/{name}.obj"] = obj.text(moved, f"{name}.mtl").encode()
     rgba = [*mesh.colour, 1.0]
     lines = ["newmtl surface", "Kd {:.4f} {:.4f} {:.4f}".format(*mesh.colour)]
     if mesh.texture is not None:
@@ -91,7 +91,7 @@ def _visual(node: Node, files: dict[str, bytes], name: str, mesh: Mesh, origin: 
 def _collision(node: Node, files: dict[str, bytes], name: str, hull: Hull, origin: np.ndarray) -> None:
     vertices, faces = convex.surface(hull.vertices.astype(np.float64) - origin)
     mesh = Mesh(vertices=vertices, faces=faces)
-    files[f"meshes/{name}.obj"] = obj_text(mesh).encode()
+    files[f"meshes/{name}.obj"] = obj.text(mesh).encode()
     part = SubElement(node, "collision", name=name)
     urdf_xml.origin(part, np.zeros(3))
     urdf_xml.mesh(part, f"meshes/{name}.obj")

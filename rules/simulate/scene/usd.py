@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from dextera_build.artifacts.base import Collection, Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.object import Asset, Support
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.scene import Background, Scene
-from dextera_build.artifacts.scene_description import Attachment, SceneDescription
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.core.base import Collection, Folder
+from dextera_build.artifacts.objects.object import Asset, Support
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.scene import Background, Scene
+from dextera_build.artifacts.scenes.scene_description import Attachment, SceneDescription
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import listing
 from dextera_build.rule import Context, rule
 from dextera_build.sim.model import description

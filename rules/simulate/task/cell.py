@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.cell import Cell, Limits
-from dextera_build.artifacts.noise import ColourNoise, DepthNoise
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.scene import Scene
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.robots.cell import Cell, Limits
+from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
+from dextera_build.artifacts.scenes.scene import Scene
+from dextera_build.artifacts.scenes.world import World
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import lie, transforms
 from dextera_build.rule import Context, Fraction, Options, rule
 from dextera_build.sim.model import names

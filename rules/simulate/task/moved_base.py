@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import transforms
 from dextera_build.rule import Context, Options, rule
 from dextera_build.sim.model import compose

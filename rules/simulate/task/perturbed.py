@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Context, Options, rule
 
 

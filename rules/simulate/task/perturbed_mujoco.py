@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model.machine import machine_of
 from dextera_build.sim.render import portrait

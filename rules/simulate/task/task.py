@@ -8,12 +8,12 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
-from dextera_build.artifacts.base import Collection, Folder
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.scene import Scene
-from dextera_build.artifacts.task import ActionKind, Reset, TaskBundle, TaskObject, TaskSpec
+from dextera_build.artifacts.core.base import Collection, Folder
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.scene import Scene
+from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.artifacts.tasks.task import ActionKind, Reset, TaskBundle, TaskObject, TaskSpec
 from dextera_build.errors import listing
 from dextera_build.policy import actions
 from dextera_build.rule import Context, Options, rule

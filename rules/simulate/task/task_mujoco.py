@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import compose as composer
 from dextera_build.sim.primitives import base as primitives

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.scene import Scene
-from dextera_build.artifacts.task import Cavity, TaskObject
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.scenes.scene import Scene
+from dextera_build.artifacts.tasks.task import Cavity, TaskObject
 from dextera_build.errors import listing
 from dextera_build.geometry import cavities, kinematics, metrics
 from dextera_build.rule import Context

@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.scene import Scene
-from dextera_build.artifacts.task import View
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.scenes.scene import Scene
+from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.artifacts.tasks.task import View
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dextera_build.artifacts.calibration import Board
+from dextera_build.artifacts.cameras.calibration import Board
 from dextera_build.geometry import hand_eye, hand_eye_refine, poses, transforms
 from dextera_build.geometry.hand_eye import Setup, Solution, View
 from rules.align.calibration import detection

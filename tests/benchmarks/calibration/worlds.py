@@ -15,9 +15,9 @@ import numpy as np
 import yaml
 from scipy.stats import chi2
 
-from dextera_build.artifacts.calibration import Calibration
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.cameras.calibration import Calibration
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.scenes.world import World
 from dextera_build.geometry import transforms
 from dextera_build.sim.model import forward
 from dextera_build.sim.worlds.posed import biased

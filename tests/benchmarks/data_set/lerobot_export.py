@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts import trees
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.episode import Episode, Episodes
-from dextera_build.artifacts.h264 import Clip
-from dextera_build.artifacts.stream import Joints
-from dextera_build.artifacts.video import Video, encoder
+from dextera_build.artifacts.cameras.video import Video
+from dextera_build.artifacts.core import trees
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.spatial.joints import Joints
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
+from dextera_build.formats import video as video_files
+from dextera_build.formats.h264 import Clip
 from rules.demonstrate import lerobot_features, lerobot_meta, lerobot_pyarrow, lerobot_stats, lerobot_tables
 from rules.demonstrate.lerobot import LerobotOptions
 from rules.demonstrate.lerobot_actions import Actions
@@ -52,7 +53,7 @@ def _camera(
     """Write the files of one camera and add its columns to `rows`; return statistics of a sample of its pixels."""
     total, count = np.zeros((3, 256), np.int64), 0
     first = next(iter(found.items.values()))
-    with opened(out, key, encoder(first.width, first.height, rate_hz), LerobotOptions()) as files:
+    with opened(out, key, video_files.encoder(first.width, first.height, rate_hz), LerobotOptions()) as files:
         for row, label in zip(rows, found.items, strict=True):
             video = found.items[label]
             keys = np.flatnonzero(video.is_key)

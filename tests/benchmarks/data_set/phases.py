@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.stream import Joints
-from dextera_build.artifacts.video import Video, encoder
+from dextera_build.artifacts.cameras.video import Video
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.spatial.joints import Joints
+from dextera_build.formats import video as video_files
 from dextera_build.store.store import Store
 from tests.benchmarks.data_set import lerobot_export
 from tests.benchmarks.data_set.scene import Table
@@ -37,11 +38,11 @@ def write(root: Path, episodes: int, frames: int, size: tuple[int, int], process
 
 def _episode(root: Path, number: int, frames: int, size: tuple[int, int]) -> dict[str, str]:
     """Store one episode; return the digest of each of its artifacts."""
-    store, table, coder = Store(root / "store"), Table(*size), encoder(*size, RATE_HZ)
+    store, table, coder = Store(root / "store"), Table(*size), video_files.encoder(*size, RATE_HZ)
     found = {}
     for camera, name in enumerate(CAMERAS):
         path = root / f"{number}-{name}.mp4"
-        found[name] = Video.write(path, table.pictures(2 * number + camera, frames), coder).encode(store.writer)
+        found[name] = video_files.write(path, table.pictures(2 * number + camera, frames), coder).encode(store.writer)
         path.unlink()
     stamps = np.arange(frames) / RATE_HZ
     phase = np.random.default_rng(number).uniform(0, 6, JOINTS)

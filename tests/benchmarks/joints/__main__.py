@@ -20,9 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.base import Artifact
-from dextera_build.artifacts.object import Body, Joint
-from dextera_build.artifacts.view import State
+from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.objects.object import Body, Joint
+from dextera_build.artifacts.objects.view import State
 from dextera_build.errors import RuleError
 from dextera_build.geometry import solids, transforms
 from dextera_build.statistics import wilson

@@ -11,7 +11,7 @@ from itertools import combinations
 
 import numpy as np
 
-from dextera_build.artifacts.object import Joint
+from dextera_build.artifacts.objects.object import Joint
 from dextera_build.geometry import kinematics, solids, transforms
 from dextera_build.geometry.solids import Solid
 

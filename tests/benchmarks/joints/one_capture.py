@@ -14,8 +14,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dextera_build.artifacts.object import Body, Joint
-from dextera_build.artifacts.view import Instance
+from dextera_build.artifacts.objects.object import Body, Joint
+from dextera_build.artifacts.objects.view import Instance
 from dextera_build.errors import RuleError
 from dextera_build.geometry import solids, transforms
 from dextera_build.geometry.solids import Solid

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.noise import DepthNoise
-from dextera_build.artifacts.view import Instance, MeasuredView, ObjectView, Traits
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.objects.view import Instance, MeasuredView, ObjectView, Traits
+from dextera_build.artifacts.robots.noise import DepthNoise
 from dextera_build.geometry import cameras, kinematics, raycast, transforms
 from dextera_build.sim.render.sensor import measure_depth
 from tests import factories

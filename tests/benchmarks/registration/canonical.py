@@ -17,8 +17,8 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Body, Link
+from dextera_build.artifacts.objects.object import Body, Link
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import canonical as geometry
 from dextera_build.geometry import kinematics, registration
 from dextera_build.geometry import symmetry as symmetries

@@ -16,9 +16,9 @@ import numpy as np
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.noise import DepthNoise
-from dextera_build.artifacts.object import Body, Link
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.objects.object import Body, Link
+from dextera_build.artifacts.robots.noise import DepthNoise
 from dextera_build.geometry import kinematics, lie, raycast, registration, solids, transforms
 from dextera_build.geometry.registration import Search, Similarity
 from dextera_build.sim.render import sensor

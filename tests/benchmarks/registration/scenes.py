@@ -11,13 +11,13 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import ConvexHull
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.object import Body, Link
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.objects.object import Body, Link
+from dextera_build.artifacts.objects.view import MeasuredView, ObjectView, Seen
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import lie, raycast, registration, transforms
 from dextera_build.testing import RuleRunner
 from tests import factories
@@ -90,7 +90,7 @@ def _size(parts: tuple[Mesh, ...]) -> float:
 def _draw(
     library: dict[str, tuple[Mesh, ...]], name: str, other: str, random: np.random.Generator, how: Conditions
 ) -> Known | None:
-    from dextera_build.artifacts.noise import ColourNoise, DepthNoise
+    from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
     from dextera_build.sim.render import sensor
 
     corners = np.concatenate([mesh.vertices for mesh in library[name]]).astype(np.float64)

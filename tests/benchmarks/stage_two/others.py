@@ -12,11 +12,11 @@ from types import ModuleType
 
 import numpy as np
 
-from dextera_build.artifacts.calibration import Calibration
-from dextera_build.artifacts.object import Body, Placement
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.robot_views import RobotViews
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.cameras.calibration import Calibration
+from dextera_build.artifacts.objects.object import Body, Placement
+from dextera_build.artifacts.objects.view import Seen
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.geometry import cameras, robot_mask, transforms
 from dextera_build.geometry.registration import Similarity
 from dextera_build.sim.model import tessellate

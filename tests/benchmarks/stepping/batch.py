@@ -17,8 +17,8 @@ import numpy as np
 from mujoco import rollout
 
 from dextera_build import Project
-from dextera_build.artifacts.episode import Episode, Episodes, Start
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Start
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.sim.runtime.batch import Batch
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.rollout import open_loop

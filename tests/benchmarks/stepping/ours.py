@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.sim.render import portrait, rendering
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.training.gym import TaskEnv

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.rgbd_video import RgbdFrame, RgbdVideo
+from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame, RgbdVideo
 from dextera_build.statistics import wilson
 from tests.benchmarks.tracking import hidden, judged, sequences, things
 from tests.benchmarks.tracking.judged import HALF, VISIBLE, Row

@@ -20,9 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.rgbd_video import RgbdFrame
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import convex, lie, metrics, transforms
 from dextera_build.statistics import wilson
 from dextera_build.tracking.model import Model

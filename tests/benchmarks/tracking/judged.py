@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.rgbd_video import RgbdFrame
+from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame
 from dextera_build.geometry import lie, metrics, transforms
 from dextera_build.tracking.model import Model, State
 from dextera_build.tracking.tracked_object import Tracked

@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from dextera_build import Project
-from dextera_build.artifacts.object import Asset, Support
-from dextera_build.artifacts.rgbd_video import RgbdFrame, RgbdVideo
-from dextera_build.artifacts.tracking import Tracking
+from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame, RgbdVideo
+from dextera_build.artifacts.objects.object import Asset, Support
+from dextera_build.artifacts.spatial.tracking import Tracking
 from dextera_build.geometry import poses, transforms
 from dextera_build.tracking import judge
 from dextera_build.tracking.colours import Colours

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.noise import ColourNoise, DepthNoise
-from dextera_build.artifacts.object import Joint
-from dextera_build.artifacts.rgbd_video import RgbdFrame
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame
+from dextera_build.artifacts.objects.object import Joint
+from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import cameras, kinematics, raycast, transforms
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.tracking.model import Model
@@ -77,7 +77,7 @@ def table() -> Mesh:
 
 def plane(width: float, depth: float, texture: np.ndarray, pose: np.ndarray) -> Mesh:
     """A textured rectangle in the plane z = 0 of a pose."""
-    from dextera_build.artifacts.image import Image
+    from dextera_build.artifacts.cameras.image import Image
 
     corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) * [width / 2, depth / 2, 1]
     faces = np.array([(0, 1, 2), (0, 2, 3)], np.int32)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import transforms
 from tests.benchmarks.tracking import things
 from tests.benchmarks.tracking.scene import Actor, Path, Sequence, before, standing

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.base import Collection, Folder
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Joint
-from dextera_build.artifacts.world import Thing
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.core.base import Collection, Folder
+from dextera_build.artifacts.objects.object import Joint
+from dextera_build.artifacts.scenes.world import Thing
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import lie, solids, transforms
 from dextera_build.testing import RuleRunner
 from tests.benchmarks import catalogue

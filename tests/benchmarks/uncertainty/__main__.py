@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from dextera_build.api import Project, Result
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Body, Link
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.objects.object import Body, Link
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import kinematics, lie, metrics, transforms
 from dextera_build.geometry.raycast import RayScene
 from dextera_build.statistics import Z90

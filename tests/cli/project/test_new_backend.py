@@ -17,10 +17,10 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.exchange import has_form
 from dextera_build.cli.project import new_backend
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.errors import RuleError, UsageError
+from dextera_build.formats.exchange import has_form
 from dextera_build.testing import RuleRunner
 from tests.e2e.space import Space
 
@@ -141,7 +141,7 @@ RULE = '''
 """toy.say: says a word."""
 from typing import Any, Protocol
 
-from dextera_build.artifacts.base import File
+from dextera_build.artifacts.core.base import File
 from dextera_build.rule import Context, rule
 
 class SayBackend(Protocol):
@@ -157,7 +157,7 @@ def say(ctx: Context[SayBackend], word: File) -> File:
 '''
 STUB = '''
 """Quiet."""
-from dextera_build.artifacts.base import File
+from dextera_build.artifacts.core.base import File
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(summary="quietly", profiles=("stub", "cpu"))
@@ -173,7 +173,7 @@ def say(ctx: Context, word: File, options: StubOptions) -> File:
 '''
 WORD = '''
 """toy.word: a word."""
-from dextera_build.artifacts.base import File
+from dextera_build.artifacts.core.base import File
 from dextera_build.rule import Context, Options, rule
 
 class WordOptions(Options):
@@ -305,7 +305,7 @@ SMOOTH_STUB = '''
 """Nothing moves."""
 from typing import Any
 
-from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(summary="nothing moves", profiles=("stub", "cpu"))
@@ -316,7 +316,7 @@ def smooth(ctx: Context, mesh: Mesh, rounds: int, options: Options) -> Mesh:
 '''
 CUBE = '''
 """toy.cube: a cube."""
-from dextera_build.artifacts.geometry import Mesh
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.rule import Context, rule
 
 @rule(version=1, packages=("numpy",))

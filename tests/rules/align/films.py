@@ -9,7 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dextera_build.artifacts.video import Video, encoder
+from dextera_build.artifacts.cameras.video import Video
+from dextera_build.formats import video as video_files
 
 HEIGHT, WIDTH, SIDE = 192, 256, 96
 Way = Callable[[int], tuple[float, float, float]]
@@ -77,7 +78,7 @@ def film(
             labels[number][mask > 0.5] = label
         noisy = pixels * (1 - dimming * number / count) + random.normal(0, 2, pixels.shape)
         frames.append(np.clip(noisy, 0, 255).astype(np.uint8))
-    return Video.write(path, frames, encoder(WIDTH, HEIGHT, 30.0, qp=20)), labels
+    return video_files.write(path, frames, video_files.encoder(WIDTH, HEIGHT, 30.0, qp=20)), labels
 
 
 def iou(found: np.ndarray, true: np.ndarray, label: int) -> np.ndarray:

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from dextera_build.artifacts.camera import Camera, Capture, Measured, Photograph
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import DepthImage, Image
+from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import cameras, raycast, transforms
 from dextera_build.geometry.lie import rotation
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts import similar
-from dextera_build.artifacts.canonical import CanonicalFrame
-from dextera_build.artifacts.object import Placement
+from dextera_build.artifacts.objects import similar
+from dextera_build.artifacts.objects.canonical import CanonicalFrame
+from dextera_build.artifacts.objects.object import Placement
 from dextera_build.errors import RuleError
 from dextera_build.geometry import kinematics, lie, registration, solids, transforms
 from dextera_build.testing import RuleRunner

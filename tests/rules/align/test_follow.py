@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.image import LabelImage
-from dextera_build.artifacts.mask_track import MaskTrack
-from dextera_build.artifacts.video import Video
-from dextera_build.artifacts.view import InstanceMap, Segmentation
+from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.cameras.mask_track import MaskTrack
+from dextera_build.artifacts.cameras.video import Video
+from dextera_build.artifacts.objects.view import InstanceMap, Segmentation
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.image import LabelImage
-from dextera_build.artifacts.mask_track import MaskTrack
-from dextera_build.artifacts.video import Video, encoder
+from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.cameras.mask_track import MaskTrack
+from dextera_build.artifacts.cameras.video import Video
 from dextera_build.code.loader import Library
+from dextera_build.formats import video as video_files
 from dextera_build.testing import RuleRunner
 from tests.installed import needs
 from tests.rules.align import tiny_sam3_video
@@ -36,7 +37,7 @@ def backend() -> ModuleType:
 
 @pytest.fixture
 def video(tmp_path: Path) -> Video:
-    return Video.write(tmp_path / "a.mp4", noise(), encoder(SHAPE[1], SHAPE[0], 30.0, qp=10))
+    return video_files.write(tmp_path / "a.mp4", noise(), video_files.encoder(SHAPE[1], SHAPE[0], 30.0, qp=10))
 
 
 def noise() -> np.ndarray:

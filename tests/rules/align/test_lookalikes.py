@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Placement
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Placement
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import lie, raycast, solids, transforms
 from dextera_build.testing import RuleRunner
 from tests import factories, object_views

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.matches import Matches
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.cameras.matches import Matches
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests.rules.align import matchers

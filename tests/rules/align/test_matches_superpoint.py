@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.matches import Matches
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.cameras.matches import Matches
 from dextera_build.code.loader import Library
 from dextera_build.testing import RuleRunner
 from tests.installed import needs

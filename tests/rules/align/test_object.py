@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import Body, Placement
+from dextera_build.artifacts.objects.object import Body, Placement
 from dextera_build.errors import RuleError
 from dextera_build.geometry import lie, metrics, solids, transforms
 from dextera_build.testing import RuleRunner

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import LabelImage
-from dextera_build.artifacts.pose import Pose, Similarity
-from dextera_build.artifacts.scene_fit import AlignedScene, SceneFit
-from dextera_build.artifacts.splats import Splats
+from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.scenes.scene_fit import AlignedScene, SceneFit
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.shapes.splats import Splats
+from dextera_build.artifacts.spatial.pose import Pose, Similarity
 from dextera_build.errors import RuleError
 from dextera_build.gaussians import splatting
 from dextera_build.geometry import metrics, transforms

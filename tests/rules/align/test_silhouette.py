@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import Placement
+from dextera_build.artifacts.objects.object import Placement
 from dextera_build.errors import RuleError
 from dextera_build.geometry import metrics, transforms
 from dextera_build.testing import RuleRunner

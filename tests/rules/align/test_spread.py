@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dextera_build.artifacts.object import Placement
+from dextera_build.artifacts.objects.object import Placement
 from dextera_build.geometry import lie, solids, transforms
 from dextera_build.geometry.registration import Similarity
 from dextera_build.testing import RuleRunner

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import planes, raycast, transforms
 from dextera_build.rule import Context
 from dextera_build.testing import RuleRunner

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast, transforms
 from dextera_build.testing import RuleRunner

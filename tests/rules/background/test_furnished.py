@@ -12,12 +12,12 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from dextera_build.artifacts.base import Collection, Folder
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Asset, Support
-from dextera_build.artifacts.scene import Background, Scene, SupportBox
-from dextera_build.artifacts.view import InstanceMap
+from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.core.base import Collection, Folder
+from dextera_build.artifacts.objects.object import Asset, Support
+from dextera_build.artifacts.objects.view import InstanceMap
+from dextera_build.artifacts.scenes.scene import Background, Scene, SupportBox
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import metrics, raycast, transforms
 from dextera_build.rule import Context
 from dextera_build.sim.model import model as models

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.view import InstanceMap
+from dextera_build.artifacts.objects.view import InstanceMap
 from rules.background.holes import hole, remnants, shaded
 
 SIZE = (240, 320)

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Camera, Capture
-from dextera_build.artifacts.image import LabelImage
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.scene import Background
-from dextera_build.artifacts.view import InstanceMap
+from dextera_build.artifacts.cameras.camera import Camera, Capture
+from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.objects.view import InstanceMap
+from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras, raycast, transforms
 from dextera_build.rule import Context, Options

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.learning import flux2
 from dextera_build.testing import RuleRunner
 from rules.background.holes import hole

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.geometry import quaternions
 
 

@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.ros import messages
-from dextera_build.artifacts.ros.recording import Recording, packed
-from dextera_build.artifacts.stream import Joints, Stream
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.stream import Stream
+from dextera_build.artifacts.spatial.joints import Joints
+from dextera_build.formats import mcap
+from dextera_build.formats.ros import messages
+from dextera_build.formats.ros.recording import Recording, packed
 from dextera_build.testing import RuleRunner
 
 START = 1.7e9
@@ -91,7 +93,7 @@ def recording(path: Path, joints: Joints | None, more: dict[str, Camera] | None 
                 file.send(
                     "/joint_states", "sensor_msgs/JointState", stamp, messages.joint_state(stamp, joints.names, row)
                 )
-    return Stream.load(path)
+    return mcap.load(path)
 
 
 def three_hinges(scratch: Path) -> RobotModel:

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import File, Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import RuleError
+from dextera_build.formats import mcap
 from dextera_build.testing import RuleRunner
 from tests.rules.capture.bags import Bag, files
 
@@ -48,17 +49,17 @@ def given(form: str, place: Path) -> File | Folder:
 @pytest.mark.parametrize("form", ["ros1", "folder sqlite", "folder mcap", "file sqlite", "file mcap"])
 def test_every_form_is_the_same_recording(form, tmp_path):
     found = RuleRunner(tmp_path / "run").run("capture.bag", file=given(form, tmp_path))
-    joints = found.joints("/joint_states")
+    joints = mcap.joints(found, "/joint_states")
     assert joints.names == ("a", "b")
     np.testing.assert_array_equal(joints.positions, JOINTS.positions)
     np.testing.assert_allclose(joints.stamps, STAMPS, rtol=0, atol=1e-6)
-    seen = [pixels for _, pixels in found.pictures(COLOUR)]
+    seen = [pixels for _, pixels in mcap.pictures(found, COLOUR)]
     np.testing.assert_array_equal(seen, list(FRAMES.values()))
-    scale = found.number("/device_0/sensor_0/option/Depth_Units/value")
+    scale = mcap.number(found, "/device_0/sensor_0/option/Depth_Units/value")
     assert scale == pytest.approx(0.00025)
-    depths = [depth[3, 3] for _, depth in found.depths(DEPTH, scale_m=scale)]
+    depths = [depth[3, 3] for _, depth in mcap.depths(found, DEPTH, scale_m=scale)]
     np.testing.assert_allclose(depths, 0.00025 * (700 + np.arange(5)), rtol=1e-6)
-    assert found.lens("/device_0/sensor_1/Color_0/info/camera_info") == CAMERA
+    assert mcap.lens(found, "/device_0/sensor_1/Color_0/info/camera_info") == CAMERA
     assert "/rosout" not in {each.topic for each in found.channels}
 
 

@@ -9,26 +9,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Artifact, File, Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.lens import Equirectangular, KannalaBrandt
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.stream import Stream
-from dextera_build.artifacts.track import Track
-from dextera_build.artifacts.video import Video, encoder
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.lens import Equirectangular, KannalaBrandt
+from dextera_build.artifacts.core.base import Artifact, File, Folder
+from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.track import Track
 from dextera_build.errors import ArtifactError, MachineError, RuleError
+from dextera_build.formats import mcap, point_cloud
+from dextera_build.formats import video as video_files
 from dextera_build.testing import RuleRunner
 from tests import factories
-from tests.artifacts.test_calibration import CAMERA, SECOND, full
-from tests.artifacts.test_forms import same
-from tests.artifacts.test_panorama import PIXELS
-from tests.artifacts.test_rig import LEFT, RIGHT, load
-from tests.artifacts.test_stream import JOINTS
-from tests.artifacts.test_track import GOOD
-from tests.artifacts.test_trajectory import turning
-from tests.artifacts.test_video import pixels, shown
-from tests.artifacts.test_views import alike, encoded, views
+from tests.artifacts.core.test_forms import same
+from tests.formats.test_calibration import CAMERA, SECOND, full
+from tests.formats.test_mcap import JOINTS
+from tests.formats.test_panorama import PIXELS
+from tests.formats.test_rig import LEFT, RIGHT, load
+from tests.formats.test_track import GOOD
+from tests.formats.test_trajectory import turning
+from tests.formats.test_video import pixels, shown
+from tests.formats.test_views import alike, encoded, views
 
 BOX = factories.box_asset().body.links["base"].mesh
 PLAIN = BOX.model_copy(update={"uv": None, "texture": None})
@@ -117,8 +117,9 @@ def test_a_folder_of_several_files_needs_a_name(runner, tmp_path):
 
 def test_points_are_read(runner):
     cloud = PointCloud(points=np.eye(3, dtype=np.float32), frame="map")
-    assert opened(runner, "PointCloud", File(data=cloud.ply(text=True))).ply() == cloud.ply()
-    assert opened(runner, "PointCloud", File(data=cloud.ply()), frame="world").frame == "world"
+    read = opened(runner, "PointCloud", File(data=point_cloud.ply(cloud, text=True)))
+    assert point_cloud.ply(read) == point_cloud.ply(cloud)
+    assert opened(runner, "PointCloud", File(data=point_cloud.ply(cloud)), frame="world").frame == "world"
 
 
 @pytest.mark.parametrize("form", ["ply", "usda"])
@@ -157,10 +158,10 @@ def test_a_trajectory_and_a_track_are_read(runner, tmp_path):
 
 
 def test_a_recording_is_opened(runner, tmp_path):
-    Stream.record(tmp_path / "a.mcap", joints={"/joint_states": JOINTS})
+    mcap.record(tmp_path / "a.mcap", joints={"/joint_states": JOINTS})
     file = File.of(tmp_path / "a.mcap")
     found = opened(runner, "Stream", file, topics=["/joint_states"])
-    assert (found.joints("/joint_states").positions == JOINTS.positions).all()
+    assert (mcap.joints(found, "/joint_states").positions == JOINTS.positions).all()
     with pytest.raises(RuleError, match="topic `/camera` was not recorded"):
         opened(runner, "Stream", file, topics=["/camera"])
 
@@ -176,7 +177,7 @@ def test_a_calibration_is_read(runner, tmp_path):
 
 
 def test_a_video_is_opened(runner, tmp_path):
-    Video.write(tmp_path / "a.mp4", map(pixels, range(12)), encoder(64, 32, 30.0))
+    video_files.write(tmp_path / "a.mp4", map(pixels, range(12)), video_files.encoder(64, 32, 30.0))
     found = opened(runner, "Video", File.of(tmp_path / "a.mp4"))
     assert [shown(frame) for frame in found.frames([11, 4])] == [11, 4]
     with pytest.raises(ArtifactError, match="cannot be read as a video"):
@@ -184,7 +185,7 @@ def test_a_video_is_opened(runner, tmp_path):
 
 
 def test_a_package_that_one_type_needs_is_missed_by_no_other(runner, tmp_path, monkeypatch):
-    Video.write(tmp_path / "a.mp4", map(pixels, range(2)), encoder(64, 32, 30.0))
+    video_files.write(tmp_path / "a.mp4", map(pixels, range(2)), video_files.encoder(64, 32, 30.0))
     monkeypatch.setitem(sys.modules, "av", None)
     with pytest.raises(MachineError, match="reading a Video needs `av`, which is not installed"):
         opened(runner, "Video", File.of(tmp_path / "a.mp4"))

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import File
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.stream import Joints, Stream
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.robots.stream import Stream
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import RuleError
+from dextera_build.formats import mcap
 from dextera_build.testing import RuleRunner
 from tests.rules.capture.bags import Bag
 from tests.rules.capture.moving_robot import (
@@ -45,7 +47,7 @@ def camera_only(tmp_path_factory: pytest.TempPathFactory) -> Stream:
 
 
 def separate(path: Path, joints: Joints) -> Stream:
-    return Stream.record(path / "states.mcap", joints={"/joint_states": joints})
+    return mcap.record(path / "states.mcap", joints={"/joint_states": joints})
 
 
 def test_each_rest_is_a_view_with_its_joints(stream, robot, tmp_path):

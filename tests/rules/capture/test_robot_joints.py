@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.image import png
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.cameras.image import png
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import RuleError
 from dextera_build.geometry import poses
 from dextera_build.sim.model import forward

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dextera_build.artifacts.episode import Film
+from dextera_build.artifacts.tasks.episode import Film
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import model as models
 from dextera_build.sim.render import rendering

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dextera_build.artifacts.episode import Episodes
+from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.testing import RuleRunner
 from tests import episodes
 

@@ -15,11 +15,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dextera_build.artifacts import h264
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.episode import Episodes, Film
-from dextera_build.artifacts.task import ActionKind
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.task import ActionKind
 from dextera_build.errors import RuleError
+from dextera_build.formats import h264
 from dextera_build.policy import actions
 from dextera_build.sim.control.action_map import ActionMap
 from dextera_build.testing import RuleRunner

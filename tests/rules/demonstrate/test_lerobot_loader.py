@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.episode import Episodes, Film
+from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.testing import RuleRunner
 from tests import episodes
 

@@ -22,12 +22,12 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from PIL import Image
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.episode import Episodes, Film
-from dextera_build.artifacts.ros import types as ros_types
-from dextera_build.artifacts.ros.cdr import Cdr
-from dextera_build.artifacts.term import TermSpec
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError
+from dextera_build.formats.ros import types as ros_types
+from dextera_build.formats.ros.cdr import Cdr
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model import skins
 from dextera_build.testing import RuleRunner

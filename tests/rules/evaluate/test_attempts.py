@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.artifacts.trials import Trials
+from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.testing import RuleRunner
 from tests import gate
 from tests.rules.evaluate.test_rollouts import saying

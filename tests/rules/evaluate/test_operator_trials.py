@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.trials import Operated
+from dextera_build.artifacts.tasks.trials import Operated
 from dextera_build.errors import RuleError
 from dextera_build.policy.observation import DeployableObservation
 from dextera_build.sim.experts import planning, rehearse, ways

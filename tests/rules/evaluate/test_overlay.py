@@ -8,10 +8,10 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.scene import Scene
-from dextera_build.artifacts.view import InstanceMap
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.objects.view import InstanceMap
+from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.errors import RuleError
 from dextera_build.geometry import metrics, raycast
 from dextera_build.rule import Context, Options

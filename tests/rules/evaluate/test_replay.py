@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.episode import Episodes
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.policy.layout import embodiment
 from dextera_build.testing import RuleRunner

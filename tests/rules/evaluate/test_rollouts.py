@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.policy import Checkpoint
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.policy import Checkpoint
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import episodes, factories, gate

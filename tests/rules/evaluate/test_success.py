@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.trials import Sighting, Trials
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.tasks.trials import Sighting, Trials
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import series
@@ -149,7 +149,7 @@ def test_what_cannot_stand_in_one_table_is_refused(runner, rule, parts, message)
 
 
 def test_starts_may_be_drawn_differently_in_another_world(runner):
-    from dextera_build.artifacts.task import Reset
+    from dextera_build.artifacts.tasks.task import Reset
 
     other = trials((2, 2), world="reference", task=series.task().model_copy(update={"reset": Reset(dynamics=0.0)}))
     assert runner.run("evaluate.success", trials=together(trials((1, 2)), other)).rows

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.view import Instance, MeasuredView, ObjectView, Traits
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.objects.view import Instance, MeasuredView, ObjectView, Traits
 from dextera_build.geometry import raycast, solids, transforms
 from dextera_build.geometry.solids import Solid
 from tests import factories

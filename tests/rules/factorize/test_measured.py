@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Shape
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Shape
 from dextera_build.code.loader import Library
 from dextera_build.errors import RuleError
 from dextera_build.rule import Context

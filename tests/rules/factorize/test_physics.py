@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Body, Certainty, Link, Physics, Rival
+from dextera_build.artifacts.objects.object import Body, Certainty, Link, Physics, Rival
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import RuleError
 from dextera_build.geometry import massprops, solids
 from dextera_build.statistics import Z90

@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 from pydantic import ValidationError
 
-from dextera_build.artifacts.episode import Episode, Episodes, Film
-from dextera_build.artifacts.policy import Checkpoint
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
+from dextera_build.artifacts.tasks.policy import Checkpoint
 from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.policy.observation import PICTURE, Frame, Measurement, deployable

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from dextera_build.artifacts.policy import Checkpoint
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.task import Reset, TaskBundle
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.policy import Checkpoint
+from dextera_build.artifacts.tasks.task import Reset, TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.learning import weights
 from dextera_build.rule import Context

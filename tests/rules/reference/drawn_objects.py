@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.world import Matter, Part, Thing
+from dextera_build.artifacts.scenes.world import Matter, Part, Thing
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import solids
 
 

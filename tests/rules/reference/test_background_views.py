@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Collection, Folder
-from dextera_build.artifacts.draw import Arrangement, Viewpoint
-from dextera_build.artifacts.world import Thing, World
+from dextera_build.artifacts.core.base import Collection, Folder
+from dextera_build.artifacts.scenes.draw import Arrangement, Viewpoint
+from dextera_build.artifacts.scenes.world import Thing, World
 from dextera_build.rule import Context
 from dextera_build.testing import RuleRunner
 from rules.evaluate.posed import PosedViews

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.scenes.world import World
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.scene import Truth
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.scenes.scene import Truth
+from dextera_build.artifacts.scenes.world import World
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast
 from dextera_build.testing import RuleRunner

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.scenes.world import World
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import transforms
 from dextera_build.testing import RuleRunner

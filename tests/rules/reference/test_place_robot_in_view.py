@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.draw import Viewpoint
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.scenes.draw import Viewpoint
+from dextera_build.artifacts.scenes.world import World
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras, transforms
 from dextera_build.sim.worlds.tried import TriedWorld

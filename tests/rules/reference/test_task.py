@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.task import TaskBundle
-from dextera_build.artifacts.world import World
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.scenes.world import World
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
 from dextera_build.geometry import transforms
 from dextera_build.sim.worlds import settle

@@ -10,8 +10,8 @@ import manifold3d
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.world import Thing, World
+from dextera_build.artifacts.scenes.world import Thing, World
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras, lie, transforms
 from dextera_build.testing import RuleRunner

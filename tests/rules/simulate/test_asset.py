@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import Certainty, Collision, Joint, Physics, Placement
+from dextera_build.artifacts.objects.object import Certainty, Collision, Joint, Physics, Placement
 from dextera_build.errors import RuleError
 from dextera_build.geometry import kinematics, massprops
 from dextera_build.statistics import Z90

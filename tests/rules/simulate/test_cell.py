@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Collection, Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.scene import Scene
-from dextera_build.artifacts.world import RobotStand, World
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.core.base import Collection, Folder
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.scenes.scene import Scene
+from dextera_build.artifacts.scenes.world import RobotStand, World
 from dextera_build.errors import RuleError
 from dextera_build.geometry import transforms
 from dextera_build.testing import RuleRunner

@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import compose
 from dextera_build.sim.model import robot as robots

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests.rules.simulate.test_robot import HINGE, LINK, PENDULUM

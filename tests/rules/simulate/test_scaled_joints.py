@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import Asset, Joint, Placement
+from dextera_build.artifacts.objects.object import Asset, Joint, Placement
 from dextera_build.geometry import kinematics
 from dextera_build.sim.model import model, touching
 from dextera_build.testing import RuleRunner

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.scene import Scene
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.rule import Context
 from dextera_build.sim.model import model as models
 from rules.simulate.scene import settle_mujoco, steady_mujoco, steady_stub

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import transforms
 from dextera_build.sim.primitives import catalogue, folders

@@ -8,9 +8,9 @@ from types import ModuleType
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
-from dextera_build.artifacts.base import Collection, Folder
-from dextera_build.artifacts.object import Asset
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.core.base import Collection, Folder
+from dextera_build.artifacts.objects.object import Asset
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.rule import Context
 from rules.simulate.scene import steady_mujoco, usd_openusd, usd_stub

@@ -6,7 +6,7 @@ import mink
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import transforms
 from dextera_build.sim.control import ik
 from dextera_build.sim.control.ik import ArmKinematics

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.policy import Channel, PolicyContract
+from dextera_build.artifacts.tasks.policy import Channel, PolicyContract
 from dextera_build.sim.control.steering import Steering
 from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import Goal
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.goals import Goal
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.grasps import candidates
 from dextera_build.sim.experts.reach import Reach

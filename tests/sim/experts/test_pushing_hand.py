@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.sim.experts.pushing import SUPPORT_M, WIDTH, Pushed
 from dextera_build.sim.experts.reach import Reach
 from tests.robots import robot_recipes

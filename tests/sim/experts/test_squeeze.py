@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import transforms
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.drive import Driver

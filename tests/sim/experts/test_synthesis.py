@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dextera_build.artifacts.episode import Segment
+from dextera_build.artifacts.tasks.episode import Segment
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.geometry.lie import rotation
 from dextera_build.geometry.poses import to_matrix

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.grasps import candidates

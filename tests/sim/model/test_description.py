@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.scene_description import Attachment, Box, SceneDescription
+from dextera_build.artifacts.scenes.scene_description import Attachment, Box, SceneDescription
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import kinematics, transforms
 from dextera_build.sim.model import attached, mjcf, model
 from dextera_build.sim.usd import writer
 from tests import factories, task_bundles, twins
-from tests.artifacts.test_base import Memory
+from tests.artifacts.core.test_base import Memory
 
 ASSETS = {
     "Box": factories.box_asset(factories.pose(-0.25, 0.1, 0.0, 0.3)),

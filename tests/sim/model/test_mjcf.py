@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.geometry import Hull
-from dextera_build.artifacts.object import Asset, Collision, Joint, Link, Pieces
+from dextera_build.artifacts.objects.object import Asset, Collision, Joint, Link, Pieces
+from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.geometry import cameras, kinematics, quaternions, transforms
 from dextera_build.sim.model import mjcf_contact, model, names
 from dextera_build.sim.render import rendering

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.objects.object import Asset
 from dextera_build.geometry import transforms
 from dextera_build.geometry.convex import Convex
 from dextera_build.sim.model import model

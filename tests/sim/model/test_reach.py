@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robot import RobotModel
+from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.sim.model import reach
 from dextera_build.sim.model.robot import load
 from tests import episodes, task_bundles

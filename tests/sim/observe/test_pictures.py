@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.episode import Episode, Episodes
-from dextera_build.artifacts.task import Reset, TaskBundle, View
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
+from dextera_build.artifacts.tasks.task import Reset, TaskBundle, View
 from dextera_build.policy.layout import embodiment
 from dextera_build.policy.observation import PICTURE
 from dextera_build.sim.observe import pictures

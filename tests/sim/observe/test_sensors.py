@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.noise import DepthNoise
+from dextera_build.artifacts.robots.noise import DepthNoise
 from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras
 from dextera_build.policy import layout

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dextera_build import digest
-from dextera_build.artifacts.goals import Goal
+from dextera_build.artifacts.tasks.goals import Goal
 from dextera_build.code.loader import bundled
 from dextera_build.errors import RuleError
 from dextera_build.sim import primitives

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.artifacts.task import TaskSpec
+from dextera_build.artifacts.tasks.task import TaskSpec
 from dextera_build.sim.primitives.base import Setting, UnfitError
 from dextera_build.sim.primitives.catalogue import of
 from dextera_build.sim.primitives.handover.primitive import HandoverGoal, Options

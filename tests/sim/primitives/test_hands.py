@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.robot import RobotModel
-from dextera_build.artifacts.task import TaskSpec
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.task import TaskSpec
 from dextera_build.sim.primitives.grasp import Hands
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.primitives.state import GraspState, TaskState, opposed, together

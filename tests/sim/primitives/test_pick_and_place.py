@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.task import Cavity, TaskObject, TaskSpec
+from dextera_build.artifacts.tasks.task import Cavity, TaskObject, TaskSpec
 from dextera_build.geometry import cavities
 from dextera_build.sim.primitives.catalogue import of
 from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal, inside

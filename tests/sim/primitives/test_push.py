@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.task import TaskSpec
+from dextera_build.artifacts.tasks.task import TaskSpec
 from dextera_build.sim.primitives.catalogue import of
 from dextera_build.sim.primitives.poses import Tolerance
 from dextera_build.sim.primitives.push.primitive import PushGoal

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dextera_build.artifacts.task import TaskSpec
+from dextera_build.artifacts.tasks.task import TaskSpec
 from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal
 from dextera_build.sim.primitives.lift import primitive as lift
 from dextera_build.sim.primitives.lift.primitive import LiftGoal

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.goals import Goal
-from dextera_build.artifacts.task import TaskBundle
+from dextera_build.artifacts.tasks.goals import Goal
+from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.sim.model import reach
 from dextera_build.sim.primitives import within_reach
 from dextera_build.sim.primitives.base import UnfitError

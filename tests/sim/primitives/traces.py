@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.task import TaskObject, TaskSpec
+from dextera_build.artifacts.tasks.task import TaskObject, TaskSpec
 from dextera_build.sim.primitives.state import GraspState, TaskState
 from dextera_build.sim.primitives.success import Judge
 from tests import factories

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.gaussians import spherical_harmonics, splatting
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.sim.render import composition

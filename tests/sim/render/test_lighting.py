@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Camera
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.geometry import raycast, transforms
 from dextera_build.geometry.raycast import Surface
 from dextera_build.sim.model import tessellate

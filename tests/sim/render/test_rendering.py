@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.task import View
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.tasks.task import View
 from dextera_build.geometry import cameras, transforms
 from dextera_build.sim.model.sizes import Sizes
 from dextera_build.sim.render import rendering

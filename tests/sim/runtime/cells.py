@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.cell import Cell
-from dextera_build.artifacts.geometry import Hull
-from dextera_build.artifacts.noise import ColourNoise, DepthNoise
-from dextera_build.artifacts.object import Asset, Body, Collision, Joint, Link, Pieces
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.objects.object import Asset, Body, Collision, Joint, Link, Pieces
+from dextera_build.artifacts.robots.cell import Cell
+from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
+from dextera_build.artifacts.shapes.mesh import Hull
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import transforms
 from tests import factories, gate
 

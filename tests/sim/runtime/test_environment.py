@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.task import Reset
+from dextera_build.artifacts.tasks.episode import Start
+from dextera_build.artifacts.tasks.task import Reset
 from dextera_build.geometry import lie, quaternions, transforms
 from dextera_build.policy.layout import gathered
 from dextera_build.policy.observation import DeployableObservation, deployable

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.episode import Episode, Start
+from dextera_build.artifacts.tasks.episode import Episode, Start
 from dextera_build.geometry import quaternions
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.artifacts.episode import Start
-from dextera_build.artifacts.task import Reset, TaskBundle
+from dextera_build.artifacts.tasks.episode import Start
+from dextera_build.artifacts.tasks.task import Reset, TaskBundle
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.runtime.environment import Environment
 from tests import factories, openarm_tasks, task_bundles

@@ -8,7 +8,7 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.task import Reset
+from dextera_build.artifacts.tasks.task import Reset
 from dextera_build.errors import RuleError
 from dextera_build.geometry import lie, quaternions
 from dextera_build.sim.primitives.poses import Tolerance

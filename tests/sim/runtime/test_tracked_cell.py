@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.cell import Cell, Limits
-from dextera_build.artifacts.noise import DepthNoise
-from dextera_build.artifacts.pose import Pose
+from dextera_build.artifacts.robots.cell import Cell, Limits
+from dextera_build.artifacts.robots.noise import DepthNoise
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import poses, transforms
 from dextera_build.sim.runtime.environment import Environment

@@ -9,7 +9,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_for_sb3
 
-from dextera_build.artifacts.task import Reset
+from dextera_build.artifacts.tasks.task import Reset
 from dextera_build.errors import RuleError
 from dextera_build.geometry import transforms
 from dextera_build.policy.terms import Sensor

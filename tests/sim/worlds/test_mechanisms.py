@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.geometry import Hull, Mesh
-from dextera_build.artifacts.object import Asset, Body, Collision, Joint, Link, Pieces
+from dextera_build.artifacts.objects.object import Asset, Body, Collision, Joint, Link, Pieces
+from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 from dextera_build.sim.model import model
 from dextera_build.sim.worlds import settle
 from tests import factories, twins

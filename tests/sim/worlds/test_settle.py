@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import Asset
+from dextera_build.artifacts.objects.object import Asset
 from dextera_build.geometry import transforms
 from dextera_build.sim.model import names, neighbours
 from dextera_build.sim.worlds import settle

@@ -10,10 +10,10 @@ from types import ModuleType
 from pydantic.fields import FieldInfo
 
 from dextera_build import artifacts
-from dextera_build.artifacts.base import Artifact, Value
-from dextera_build.artifacts.frames import Frames
-from dextera_build.artifacts.meanings import meanings
-from dextera_build.artifacts.schema import array_specs
+from dextera_build.artifacts.core.base import Artifact, Value
+from dextera_build.artifacts.core.frames import Frames
+from dextera_build.artifacts.core.meanings import meanings
+from dextera_build.artifacts.core.schema import array_specs
 from dextera_build.recipe.kinds import type_name
 
 from .markdown import code, join, table
@@ -21,8 +21,8 @@ from .markdown import code, join, table
 
 def page() -> str:
     """One section per module of types."""
-    names = [module.name for module in pkgutil.iter_modules(artifacts.__path__)]
-    return join(*(_module(importlib.import_module(f"dextera_build.artifacts.{name}")) for name in names))
+    names = [module.name for module in pkgutil.walk_packages(artifacts.__path__, f"{artifacts.__name__}.")]
+    return join(*(_module(importlib.import_module(name)) for name in names))
 
 
 def _module(module: ModuleType) -> str:
@@ -35,7 +35,7 @@ def _module(module: ModuleType) -> str:
     if not shown:
         return ""
     about = (module.__doc__ or "").partition("\n")[0]
-    return join(f"## {module.__name__.rpartition('.')[2]}", about, *shown)
+    return join(f"## {module.__name__.removeprefix(artifacts.__name__ + '.')}", about, *shown)
 
 
 def _type(field: FieldInfo) -> str:

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dextera_build.artifacts import bounds, mesh_bounds, xml_text
 from dextera_build.errors import RuleError
+from dextera_build.formats import bounds, mesh_bounds, xml_text
 from dextera_build.geometry.baking import Part, joined
 
 

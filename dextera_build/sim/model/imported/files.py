@@ -9,8 +9,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts import bounds
 from dextera_build.errors import RuleError, listing
+from dextera_build.formats import bounds
 from dextera_build.sim.model.imported import collada
 
 MESHES = (".stl", ".obj", ".dae")

@@ -11,8 +11,8 @@ import posixpath
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 
-from dextera_build.artifacts import bounds, xml_text
 from dextera_build.errors import listing
+from dextera_build.formats import bounds, xml_text
 from dextera_build.sim.model.imported.files import MOST_TEXELS, wrong
 
 MOST_BODIES = 1_000

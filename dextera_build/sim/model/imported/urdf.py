@@ -9,8 +9,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts import bounds, xml_text
 from dextera_build.errors import listing
+from dextera_build.formats import bounds, xml_text
 from dextera_build.geometry import quaternions
 from dextera_build.sim.model.imported import elements, tree
 from dextera_build.sim.model.imported import files as meshes

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from pydantic import model_validator
 
-from dextera_build.artifacts.task import Cavity
+from dextera_build.artifacts.tasks.task import Cavity
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import transforms
 from dextera_build.sim.primitives import base, poses

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.task import Cavity
+from dextera_build.artifacts.tasks.task import Cavity
 from dextera_build.geometry import lie, quaternions, transforms
 from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.grasp import Grasp

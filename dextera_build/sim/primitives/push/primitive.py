@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from pydantic import model_validator
 
-from dextera_build.artifacts.task import TaskObject, TaskSpec
+from dextera_build.artifacts.tasks.task import TaskObject, TaskSpec
 from dextera_build.geometry import lie, quaternions
 from dextera_build.sim.primitives import base, poses
 from dextera_build.sim.primitives.base import Past, Setting, TypedGoal

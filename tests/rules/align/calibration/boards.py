@@ -7,10 +7,10 @@ from functools import cache
 import cv2
 import numpy as np
 
-from dextera_build.artifacts.calibration import Board
-from dextera_build.artifacts.camera import Camera, Capture, Photograph
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.cameras.calibration import Board
+from dextera_build.artifacts.cameras.camera import Camera, Capture, Photograph
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.geometry import boards, poses, transforms
 from dextera_build.geometry.hand_eye import Solution, View
 from tests.geometry import hand_eyes

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.calibration import Calibration
+from dextera_build.artifacts.cameras.calibration import Calibration
 from dextera_build.errors import RuleError
 from dextera_build.geometry import uncertainty
 from dextera_build.testing import RuleRunner

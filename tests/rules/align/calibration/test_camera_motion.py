@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.calibration import Calibration
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.cameras.calibration import Calibration
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.errors import RuleError
 from dextera_build.geometry import hand_eye, lie, poses, transforms
 from dextera_build.testing import RuleRunner

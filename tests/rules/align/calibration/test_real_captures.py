@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dextera_build.artifacts.calibration import Board, Calibration
-from dextera_build.artifacts.camera import Camera, Capture, Photograph
-from dextera_build.artifacts.image import Image as Picture
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.cameras.calibration import Board, Calibration
+from dextera_build.artifacts.cameras.camera import Camera, Capture, Photograph
+from dextera_build.artifacts.cameras.image import Image as Picture
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.errors import RuleError
 from dextera_build.geometry import hand_eye, hand_eye_refine, lie, poses, transforms
 from dextera_build.testing import RuleRunner

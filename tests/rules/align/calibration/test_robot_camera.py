@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.calibration import Calibration
-from dextera_build.artifacts.camera import Measured
-from dextera_build.artifacts.image import DepthImage
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.cameras.calibration import Calibration
+from dextera_build.artifacts.cameras.camera import Measured
+from dextera_build.artifacts.cameras.image import DepthImage
+from dextera_build.artifacts.robots.robot_views import RobotViews
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import lie, transforms
 from dextera_build.sim.model import forward

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import torch
 
-from dextera_build.artifacts.lens import Equirectangular
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.views import Views
+from dextera_build.artifacts.cameras.lens import Equirectangular
+from dextera_build.artifacts.cameras.views import Views
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.errors import DxbError, RuleError
 from dextera_build.gaussians import spherical_harmonics
 from dextera_build.gaussians.arrays import Gaussians

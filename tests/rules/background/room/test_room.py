@@ -8,14 +8,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import DepthImage
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.point_cloud import PointCloud
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.trajectory import Trajectory
-from dextera_build.artifacts.views import Views
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import DepthImage
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.cameras.views import Views
+from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.scenes.room import Room
+from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras, metrics, poses, transforms
 from dextera_build.project import project

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dextera_build.artifacts.panorama import Panorama
-from dextera_build.artifacts.room import Room
-from dextera_build.artifacts.views import Views, encoded
+from dextera_build.artifacts.cameras.panorama import Panorama
+from dextera_build.artifacts.cameras.views import Views, encoded
+from dextera_build.artifacts.scenes.room import Room
 from dextera_build.errors import MachineError, RuleError
 from dextera_build.geometry import cameras, transforms
 from dextera_build.recipe import profiles

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.object import Support
-from dextera_build.artifacts.scene import Background
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.geometry import cameras, transforms
 from dextera_build.testing import RuleRunner
 from rules.background.boxes import support_box

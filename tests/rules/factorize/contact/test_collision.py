@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.geometry import Hull
-from dextera_build.artifacts.object import Body, Link
+from dextera_build.artifacts.objects.object import Body, Link
+from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.geometry import convex, solids
 from dextera_build.testing import RuleRunner
 from rules.factorize.contact import cavity

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.object import Body, Collision, Link, Shape
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.objects.object import Body, Collision, Link, Shape
 from dextera_build.geometry import solids
 from dextera_build.geometry.solids import Solid
 from dextera_build.sim.model import model, names

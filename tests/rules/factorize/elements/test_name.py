@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.view import Instance, InstanceMap, ObjectView, Segmentation, Traits
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.view import Instance, InstanceMap, ObjectView, Segmentation, Traits
 from dextera_build.errors import RuleError
 from dextera_build.geometry import pictures
 from dextera_build.testing import RuleRunner

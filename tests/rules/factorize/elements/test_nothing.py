@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.cameras.camera import Capture
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import factories, tabletops

@@ -6,7 +6,7 @@ import importlib
 
 import pytest
 
-from dextera_build.artifacts.object import Element
+from dextera_build.artifacts.objects.object import Element
 from dextera_build.code.loader import Library
 from dextera_build.errors import RuleError
 

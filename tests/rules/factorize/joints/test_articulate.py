@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Body
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Body
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import RuleError
 from dextera_build.geometry import kinematics, massprops, metrics, solids
 from dextera_build.testing import RuleRunner

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import JointHint
+from dextera_build.artifacts.objects.object import JointHint
 from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras, solids, transforms
 from dextera_build.testing import RuleRunner

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.view import Seen
+from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import kinematics, metrics, transforms
 from dextera_build.testing import RuleRunner
 from rules.factorize.joints import clouds, portions

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.image import DepthImage, Image
-from dextera_build.artifacts.view import MeasuredView, ObjectView, Seen
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.cameras.image import DepthImage, Image
+from dextera_build.artifacts.objects.view import MeasuredView, ObjectView, Seen
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from rules.factorize.masks import mirror

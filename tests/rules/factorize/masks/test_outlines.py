@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.view import Segmentation
+from dextera_build.artifacts.objects.view import Segmentation
 from dextera_build.testing import RuleRunner
 from tests.rules.factorize.masks import outlines
 

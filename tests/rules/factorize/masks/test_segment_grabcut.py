@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from dextera_build.artifacts.base import File
-from dextera_build.artifacts.camera import Capture
-from dextera_build.artifacts.object import Element, Elements
-from dextera_build.artifacts.scene import Truth
-from dextera_build.artifacts.view import Segmentation
+from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.objects.object import Element, Elements
+from dextera_build.artifacts.objects.view import Segmentation
+from dextera_build.artifacts.scenes.scene import Truth
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from rules.factorize.overlap import box_of

@@ -8,9 +8,9 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Photograph
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Element, Elements
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Element, Elements
 from dextera_build.code.loader import Library
 from dextera_build.testing import RuleRunner
 from tests import factories

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.camera import Capture
+from dextera_build.artifacts.cameras.camera import Capture
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from rules.factorize.masks import smeared

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Support
+from dextera_build.artifacts.objects.object import Support
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import transforms
 from rules.factorize.measured import Workspace
 from rules.factorize.regions import bonds, grouping, heights, partition, patches, proposals, relations

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import Shape
+from dextera_build.artifacts.objects.object import Shape
 from dextera_build.geometry import lie, metrics, solids, transforms
 from dextera_build.geometry.solids import Solid
 from dextera_build.testing import RuleRunner

@@ -10,12 +10,12 @@ import pytest
 from PIL import Image
 
 from dextera_build import redact
-from dextera_build.artifacts import mesh_files
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.object import Body, Link
+from dextera_build.artifacts.objects.object import Body, Link
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.calls.recorder import Recorder
 from dextera_build.calls.terms import Terms, written
 from dextera_build.errors import DxbError, MachineError, RuleError
+from dextera_build.formats import mesh as mesh_files
 from dextera_build.geometry import solids, transforms
 from dextera_build.store.store import Store
 from dextera_build.testing import RuleRunner
@@ -38,7 +38,7 @@ def glb(solid, folder) -> bytes:
         uv=uv.astype(np.float32),
         texture=object_views.Image(pixels=picture),
     )
-    mesh_files.write(made, folder / "made.glb")
+    mesh_files.save(made, folder / "made.glb")
     return (folder / "made.glb").read_bytes()
 
 

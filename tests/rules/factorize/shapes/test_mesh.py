@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import Shape
-from dextera_build.artifacts.view import Instance
+from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import Instance
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast, regions, solids, transforms
 from dextera_build.geometry.solids import Solid

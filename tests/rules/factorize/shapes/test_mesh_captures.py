@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.object import Shape
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.objects.object import Shape
 from dextera_build.testing import RuleRunner
 from tests import factories, object_views
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.geometry import Mesh
-from dextera_build.artifacts.image import Image
-from dextera_build.artifacts.object import Shape
-from dextera_build.artifacts.view import ObjectView
+from dextera_build.artifacts.cameras.image import Image
+from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import ObjectView
+from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import MachineError, RuleError
 from dextera_build.testing import RuleRunner
 from tests import factories

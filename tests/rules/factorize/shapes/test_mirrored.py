@@ -9,8 +9,8 @@ import manifold3d as m3
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.object import Shape
-from dextera_build.artifacts.view import Instance
+from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import Instance
 from dextera_build.geometry import metrics, solids, transforms
 from dextera_build.geometry.solids import Solid
 from dextera_build.testing import RuleRunner

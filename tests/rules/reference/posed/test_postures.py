@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.stream import Joints
+from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests.rules.reference.posed import worlds

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.robot_views import RobotViews
+from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.errors import RuleError
 from dextera_build.geometry import robot_mask, transforms
 from dextera_build.sim.model import forward

@@ -6,11 +6,11 @@ from functools import cache
 
 import numpy as np
 
-from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.camera import Camera
-from dextera_build.artifacts.pose import Pose
-from dextera_build.artifacts.robot import RobotJoint, RobotModel
-from dextera_build.artifacts.world import Lamp, RobotStand, World
+from dextera_build.artifacts.cameras.camera import Camera
+from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.robots.robot import RobotJoint, RobotModel
+from dextera_build.artifacts.scenes.world import Lamp, RobotStand, World
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import cameras, transforms
 
 MODEL = """

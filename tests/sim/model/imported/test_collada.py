@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.artifacts import bounds
 from dextera_build.errors import RuleError
+from dextera_build.formats import bounds
 from dextera_build.sim.model.imported import collada
 from tests.rules.simulate.robot_files import PRISM
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.image import png
+from dextera_build.artifacts.cameras.image import png
 from dextera_build.errors import RuleError
 from dextera_build.sim.model.imported import flat, mjcf, urdf
 from tests.rules.simulate.robot_files import ARM

@@ -1,0 +1,1 @@
+"""Cameras, what they record, and their calibration."""

@@ -1,0 +1,1 @@
+"""What every artifact is made of: fields, their stored form, identity, files; and tables."""

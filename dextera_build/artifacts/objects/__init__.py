@@ -1,0 +1,1 @@
+"""Objects, from their pixels to simulation-ready assets."""

@@ -1,0 +1,1 @@
+"""Robots, their recordings, and the cells that they work in."""

@@ -1,0 +1,1 @@
+"""Whole scenes: descriptions, simulator models, rooms, reference worlds."""

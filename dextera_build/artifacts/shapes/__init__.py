@@ -1,0 +1,1 @@
+"""Surfaces: meshes and 3D Gaussians."""

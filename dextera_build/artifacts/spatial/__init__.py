@@ -1,0 +1,1 @@
+"""Poses, poses and joint states over time, points."""

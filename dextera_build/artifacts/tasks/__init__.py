@@ -1,0 +1,1 @@
+"""Tasks, episodes, trials and policies."""

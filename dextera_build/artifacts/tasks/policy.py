@@ -1,0 +1,67 @@
+"""Trained policies: weights, and the contract that decides whether they may run in a world."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+
+from dextera_build.artifacts.core.base import Array, Artifact, Value
+
+Encoding = Literal["plain", "pose", "picture"]
+"""`plain`: unchanged numbers. `pose`: position and the first two columns of the rotation matrix (Zhou et al.
+2019) instead of position and quaternion, because q and -q are one rotation. `picture`: 0 to 255 is mapped to -1 to
+1."""
+
+
+class Channel(Value):
+    """One input of a policy, or its output."""
+
+    name: str
+    """Term of the deployable observation: `joints`, `objects`, ..., `rgb`, or one that a project adds."""
+    shape: tuple[int, ...]
+    """Shape of one observed sample, before encoding."""
+    names: tuple[str, ...] = ()
+    """Names of the components along the first axis, in order; components of an input are selected by name."""
+    encoding: Encoding = "plain"
+    """Encoding of a sample for the network."""
+    mean: tuple[float, ...] = ()
+    """Subtracted from the flattened encoded sample, per component; empty: nothing."""
+    scale: tuple[float, ...] = ()
+    """Divisor after the subtraction, per component; empty: none."""
+
+
+class PolicyContract(Value):
+    """The inputs and outputs of a policy. A policy is refused if one of them differs."""
+
+    algorithm: str
+    """Training algorithm: the folder of its rule, `act` of `rules/learn/act/`, whose `policy.py` runs the weights."""
+    task: str
+    """Name of the task."""
+    embodiment: str
+    """Digest of joint names and limits."""
+    inputs: tuple[Channel, ...]
+    """Observation channels, in order."""
+    action: Channel
+    """Joint targets [rad] by joint name, in order, and their normalisation."""
+    rate_hz: float
+    """Control rate [Hz]."""
+    dataset: str
+    """Digest of the data set, or of the task bundle for reinforcement learning."""
+    settings: dict[str, float | int | str | bool]
+    """Sizes of the network."""
+
+
+class Checkpoint(Artifact):
+    """A trained policy."""
+
+    weights: bytes
+    """safetensors; never a pickle."""
+    contract: PolicyContract
+    """Required inputs, outputs and embodiment."""
+    steps: Annotated[np.ndarray, Array("L", "int64")]
+    """Optimiser steps (imitation) or environment steps (reinforcement) of `curve`."""
+    curve: Annotated[np.ndarray, Array("L", "float32")]
+    """Training loss (imitation) or mean episode reward (reinforcement) at `steps`."""
+    curve_name: str
+    """Name of the quantity in `curve`."""

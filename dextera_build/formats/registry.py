@@ -1,0 +1,107 @@
+"""The file formats of each type: which module writes and reads them."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.formats import parts
+from dextera_build.formats.files import no_format, suffix_among
+
+
+class Format(NamedTuple):
+    """How a type is written."""
+
+    module: str
+    """Module of `formats` with `save(value, path)`, and `load(path, ...)` if it is read, too."""
+    saves: tuple[str, ...]
+    """Suffixes of the files that `save` writes, the preferred one first."""
+
+
+_CAMERA = Format("lens", (".yaml", ".txt"))
+FILES = {
+    "BrownConrady": _CAMERA,
+    "Calibration": Format("calibration", (".yaml",)),
+    "Camera": _CAMERA,
+    "DepthImage": Format("image", (".png",)),
+    "Equirectangular": Format("lens", (".txt",)),
+    "Image": Format("image", (".png",)),
+    "KannalaBrandt": _CAMERA,
+    "MaskTrack": Format("mask_track", (".zip",)),
+    "Mesh": Format("mesh", (".obj", ".glb", ".ply", ".stl", ".usda", ".usdc", ".usd")),
+    "Panorama": Format("panorama", (".json",)),
+    "PointCloud": Format("point_cloud", (".ply",)),
+    "RgbdVideo": Format("rgbd_video", (".zip",)),
+    "Rig": Format("rig", (".yaml",)),
+    "Splats": Format("splats", (".ply", ".usda", ".usdc", ".usd")),
+    "Stream": Format("mcap", (".mcap",)),
+    "Table": Format("table", (".csv",)),
+    "Track": Format("track", (".csv",)),
+    "Trajectory": Format("trajectory", (".txt",)),
+    "Video": Format("video", (".mp4",)),
+    "Views": Format("views", (".json",)),
+}
+"""Type -> its format as one file."""
+FOLDERS = {
+    "Capture": "capture",
+    "Film": "film",
+    "Pose": "pose",
+    "Scene": "scene",
+    "Similarity": "pose",
+    "TaskBundle": "task",
+    "Views": "views",
+}
+"""Type -> the module whose `export(value, folder, stem)` writes it to a folder; others are written as one file."""
+
+
+def suffixes(kind: type[Artifact]) -> tuple[str, ...]:
+    """Suffixes of the files in which a type can be saved, the preferred one first."""
+    return FILES[kind.name()].saves if _is_own(kind) and kind.name() in FILES else kind.saves
+
+
+def save(value: Artifact, path: Path) -> list[Path]:
+    """Write a value as one file; see `Artifact.save`."""
+    kind = type(value)
+    suffix_among(value.name(), path, suffixes(kind))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    module = _module(kind)
+    written: list[Path] = value._write(path) if module is None else module.save(value, path)
+    return written
+
+
+def load(kind: type[Artifact], path: Path, **options: Any) -> Artifact:
+    """Read a file; see `Artifact.load`."""
+    read = getattr(_module(kind), "load", None)
+    if read is None:
+        raise no_format(kind.name(), path, ())
+    found: Artifact = read(path, **options)
+    if not isinstance(found, kind):
+        raise unreadable(path, f"a {kind.name()}", f"it holds a {found.name()}")
+    return found
+
+
+def export(value: Artifact, folder: Path, stem: str) -> list[Path]:
+    """Write a value to a folder; see `Artifact.export`."""
+    kind = type(value)
+    folder.mkdir(parents=True, exist_ok=True)
+    if _is_own(kind) and kind.name() in FOLDERS:
+        written: list[Path] = _imported(FOLDERS[kind.name()]).export(value, folder, stem)
+        return written
+    forms = suffixes(kind)
+    return value.save(folder / f"{stem}{forms[0]}") if forms else parts.export(value, folder, stem)
+
+
+def _module(kind: type[Artifact]) -> ModuleType | None:
+    return _imported(FILES[kind.name()].module) if _is_own(kind) and kind.name() in FILES else None
+
+
+def _imported(name: str) -> ModuleType:
+    return import_module(f"dextera_build.formats.{name}")
+
+
+def _is_own(kind: type[Artifact]) -> bool:
+    return kind.__module__.startswith("dextera_build.")

@@ -1,0 +1,89 @@
+"""MCAP files of ROS 2 messages (https://mcap.dev/spec and its registry: profile `ros2`)."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from types import TracebackType
+from typing import IO, Literal, Self
+
+import numpy as np
+
+from dextera_build.formats.ros import types
+
+
+class Recording:
+    """An MCAP file that is being written; channels are created with their first message.
+
+    Args:
+        out: Output stream.
+        compression: Compression of the file's chunks.
+    """
+
+    def __init__(self, out: IO[bytes], compression: Literal["zstd", "none"] = "zstd") -> None:
+        from mcap.writer import CompressionType, Writer
+
+        packed = CompressionType.ZSTD if compression == "zstd" else CompressionType.NONE
+        self._writer = Writer(out, compression=packed)
+        self._writer.start(profile="ros2", library="dextera-build")
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+
+    def __enter__(self) -> Self:
+        """The recording itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        """Write the index, which readers need."""
+        self.finish()
+
+    def finish(self) -> None:
+        """Write the index and end the file."""
+        self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def metadata(self, name: str, facts: Mapping[str, str]) -> None:
+        """Write texts by name."""
+        self._writer.add_metadata(name, dict(facts))
+
+    def attach(self, name: str, value: object) -> None:
+        """Write an attachment of plain data as JSON."""
+        data = (json.dumps(value, indent=1, sort_keys=True) + "\n").encode()
+        self._writer.add_attachment(0, 0, name, "application/json", data)
+
+    def attach_files(self, files: Mapping[str, bytes]) -> None:
+        """Write attachments by name."""
+        for name, data in files.items():
+            kind = {"urdf": "application/xml", "stl": "model/stl"}.get(name.rpartition(".")[2], "")
+            self._writer.add_attachment(0, 0, name, kind or "application/octet-stream", data)
+
+    def send(self, topic: str, kind: str, time: int, message: bytes, quality: str = "") -> None:
+        """Write a message.
+
+        Args:
+            topic: `/joint_states`.
+            kind: Its type, `sensor_msgs/JointState`.
+            time: Time of the recording [ns].
+            message: Its CDR bytes.
+            quality: Offered quality of service, as YAML.
+        """
+        if kind not in self._schemas:
+            name = types.full_name(kind)
+            self._schemas[kind] = self._writer.register_schema(name, "ros2msg", types.schema(kind))
+        if topic not in self._channels:
+            about = {"offered_qos_profiles": quality}
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], about)
+        self._writer.add_message(self._channels[topic], log_time=time, publish_time=time, data=message)
+
+
+def packed(pixels: np.ndarray, form: Literal["png", "jpeg"]) -> bytes:
+    """Encode a frame (H, W, 3) uint8 sRGB as PNG or JPEG."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    picture = Image.fromarray(np.ascontiguousarray(pixels))
+    if form == "png":
+        picture.save(buffer, format="PNG", compress_level=3)
+    else:
+        picture.save(buffer, format="JPEG", quality=92, subsampling=0)
+    return buffer.getvalue()

@@ -1,0 +1,93 @@
+"""Third-party USD stages, opened after checks that all layers are inside the input and that prims are limited.
+
+Composition multiplies prims: a few lines of text can define ten references to a prim with ten references.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from dextera_build.formats import bounds, named_files
+
+_MOST_SPECS = 1_000
+"""Maximum number of prim specs that one prim is composed of; each level of two references to prims with two doubles
+it."""
+
+
+def opened(path: Path, folder: Path) -> Any:
+    """The `Usd.Stage` of a file.
+
+    Args:
+        path: The file.
+        folder: Folder with all layers that it names, by sublayers, references and payloads.
+
+    Raises:
+        ValueError: A layer is missing, damaged or outside of `folder`, or a prim has value clips.
+        ArtifactError: It has more than `bounds.MOST_PARTS` prims.
+    """
+    from pxr import Tf, Usd
+
+    try:
+        layers = _layers(path, folder)
+        _check_prims(path, layers[0])
+        return Usd.Stage.Open(layers[0])
+    except Tf.ErrorException as error:
+        raise ValueError(str(error).strip().splitlines()[-1]) from None
+
+
+def outer(name: str) -> str:
+    """Path of the file that contains an asset: the package for an asset in a `.usdz`."""
+    from pxr import Ar
+
+    return str(Ar.SplitPackageRelativePathOuter(name)[0]) if Ar.IsPackageRelativePath(name) else name
+
+
+def _layers(path: Path, folder: Path) -> list[Any]:
+    """All layers of a stage, the root first, opened one by one without composition."""
+    from pxr import Sdf
+
+    if not path.is_file():
+        raise ValueError("there is no such file")
+    layers = [Sdf.Layer.FindOrOpen(str(path.absolute()))]
+    for layer in layers:
+        for name in filter(None, layer.GetCompositionAssetDependencies()):  # empty for the layer itself
+            other = _named(layer, name, folder)
+            if other not in layers:
+                layers.append(other)
+    return layers
+
+
+def _named(layer: Any, name: str, folder: Path) -> Any:
+    """The layer that another one names."""
+    from pxr import Sdf
+
+    bare, arguments = Sdf.Layer.SplitIdentifier(name)
+    whole, beside = Sdf.ComputeAssetPathRelativeToLayer(layer, bare), Path(outer(layer.realPath))
+    if outer(whole) != str(beside):  # not in the same package
+        named_files.found(outer(bare), beside, folder)
+    found = Sdf.Layer.FindOrOpen(whole, arguments)
+    if found is None:
+        raise ValueError(f"`{name}`, which `{beside.name}` names, is no layer")
+    return found
+
+
+def _check_prims(path: Path, root: Any) -> None:
+    """Compose prims one by one; raises for a stage with too many, or with value clips."""
+    from pxr import Pcp, Sdf
+
+    cache = Pcp.Cache(Pcp.LayerStackIdentifier(root), "usd", True)
+    waiting, count = [Sdf.Path("/")], 0
+    while waiting:
+        place = waiting.pop()
+        index, _ = cache.ComputePrimIndex(place)
+        if index.hasAnyPayloads:
+            cache.RequestPayloads([place], [])
+            index, _ = cache.ComputePrimIndex(place)
+        bounds.check(path, "references to one prim", len(index.primStack), _MOST_SPECS)
+        if any(spec.HasInfo("clips") for spec in index.primStack):
+            raise ValueError(f"`{place}` has value clips, which are not read; write one time as a plain file")
+        names, _ = index.ComputePrimChildNames()
+        waiting += map(place.AppendChild, names)
+        count += len(names)
+        bounds.check(path, "prims", count, bounds.MOST_PARTS)

@@ -1,0 +1,1 @@
+"""Values as lines of text, pictures and HTML, for notebooks, messages and reports."""
