@@ -92,7 +92,7 @@ class Views(Artifact):
         pixels = _decoded(name, self.images[name])
         if pixels.shape[:2] != (wanted.height, wanted.width):
             raise ArtifactError(
-                f"`{name}` is not of the size that its camera says",
+                f"`{name}` does not have the size of its camera",
                 code="DXB-A510",
                 facts={
                     "picture": f"{pixels.shape[1]} x {pixels.shape[0]} px",
@@ -297,7 +297,7 @@ def _picture(files: Mapping[str, File], name: str, places: list[str]) -> str:
             f"the picture `{name}` is missing",
             code="DXB-A512",
             facts={"here": listing(path for path in files if path.lower().endswith((".png", ".jpg", ".jpeg")))},
-            hint="keep the pictures beside the file that names them, in the folder `images`",
+            hint="keep the pictures next to the file that names them, in the folder `images`",
         )
     return found
 

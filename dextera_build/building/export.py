@@ -1,4 +1,4 @@
-"""Exports the targets of a build to `<cache>/out/<recipe>/<node>/`; `places` says where exactly."""
+"""Exports the targets of a build to `<cache>/out/<recipe>/<node>/`; `places` has the exact rules."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
     Raises:
         RecipeError: The recipe, or one that it uses, is invalid; with the place.
         UsageError: The request uses an unknown name.
-        MachineError: A package of a rule is not installed; a backend that is missing stands in the plan.
+        MachineError: A package of a rule is not installed; a backend that is missing is noted in the plan.
     """
     planner = _Planner(read, library, project, request or Request())
     recipe = planner.recipe(address, Place("the command line"))

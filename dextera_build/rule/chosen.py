@@ -13,11 +13,11 @@ from dextera_build.errors import RuleError, did_you_mean, listing
 
 
 class Chosen:
-    """A module as `ctx.backend` or `ctx.companion`; what the `Protocol` does not name is the module's own.
+    """A module as `ctx.backend` or `ctx.companion`; names that are not in the `Protocol` are private to the module.
 
     Args:
         module: The module.
-        protocol: What the module defines; None for a rule that does not say.
+        protocol: Interface of the module; None for a rule without one.
         shown: ``backend `umbrella` of factorize.smooth``, for messages.
     """
 

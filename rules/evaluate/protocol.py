@@ -26,7 +26,7 @@ from dextera_build.statistics import Rate
 TOLERANCE = Tolerance(
     {"": ROUNDING, "items": math.inf, "examples": math.inf, "excluded": math.inf}, metrics={"success": 10.0}
 )
-"""Contacts amplify what rounding differs by, so a trial may end otherwise on another processor; most of them do not."""
+"""Contacts amplify rounding differences, so a trial may end differently on another processor; most do not."""
 
 
 def seeds(seed: int, count: int) -> list[int]:
