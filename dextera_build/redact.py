@@ -13,7 +13,7 @@ from typing import Any
 
 _HIDDEN = "***"
 _USER = re.compile(
-    r"(?:(?<=//)|(?<=\w:/)(?!/))(?:"  # an address that was taken for a path has one slash
+    r"(?:(?<=//)|(?<=\w:/)(?!/))(?:"  # an address that was parsed as a path has one slash
     r"[^\s/@:]*:(?!\d+/)(?:(?!\w+://)\S)*@"  # a password may contain an unencoded `/`
     r"|[^\s/]*@)"
 )

@@ -183,7 +183,7 @@ def _told(home: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno is None:  # of a transfer, told by its source
+        if error.errno is None:  # of a transfer, set by its source
             raise
         full = error.errno in disk_full.FULL
         raise MachineError(

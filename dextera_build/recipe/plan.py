@@ -133,7 +133,7 @@ class _Planner:
     def fill(self) -> None:
         """Build every declared call."""
         self.maker.place_settings(self._pending)
-        # First what the request changes, because a wrong setting is the most frequent error.
+        # Changes of the request first, because a wrong setting is the most frequent error.
         made = {address: self._call(address) for address in sorted(self._pending, key=self.maker.is_unset)}
         self._calls = {address: made[address] for address in self._pending}
         members: dict[tuple[str, ...], dict[str, tuple[CallDecl, Scope]]] = {group: {} for group in self._groups}

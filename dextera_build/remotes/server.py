@@ -167,7 +167,7 @@ class _Request(BaseHTTPRequestHandler):
             print(f"{self.address_string()} {said}", file=self.server.log, flush=True)
 
     def _carry_out(self, work: Callable[[str, str], None]) -> None:
-        self.server.allow(self.connection, math.inf)  # its head is here; what follows allows its own time
+        self.server.allow(self.connection, math.inf)  # its head is here; its body has a time limit of its own
         try:
             names = self.server.names
             if "Origin" in self.headers or not (names is None or is_named(self.headers.get("Host", ""), names)):

@@ -48,7 +48,7 @@ class Chosen:
         def call(*inputs: Any, **named: Any) -> Any:
             answer = function(*inputs, **named)
             wanted = _returned(declared)
-            # By name, as stored values are told apart.
+            # By name, which also distinguishes stored values.
             if wanted and wanted not in {kind.__name__ for kind in type(answer).__mro__}:
                 raise RuleError(
                     f"`{function.__name__}` of {self._shown} returned {_kind(answer)}, not {wanted}",

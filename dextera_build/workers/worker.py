@@ -79,7 +79,7 @@ class Worker:
         answer = leftovers.apart(lambda: attempt(lambda: runner(task, self._emit), task["project"]))
         try:
             answer["leaves"] = leftovers.clear()
-        except Exception as error:  # what it calls may be what the task replaced
+        except Exception as error:  # it may call functions that the task replaced
             answer["leaves"] = str(error) or type(error).__name__
         self._flush()
         answer["reply"] = redacted_reply(answer["reply"])

@@ -138,7 +138,7 @@ def _recipe(session: Session) -> Fill:
     """The recipe's task, or else the twin's scene from the parts that the last build made, or as it was written."""
     nodes = _by_type(session)
     for node in nodes.get("TaskBundle", []):
-        # Nodes of other recipes bear their names; what a recipe makes itself is what it is about.
+        # Nodes of other recipes have those recipes' names; the nodes of a recipe itself are its subject.
         if ":" not in node:
             fetch.bring(session, [node, *nodes.get("Asset", [])])
             if isinstance(bundle := session.artifact(node), TaskBundle):
