@@ -37,7 +37,7 @@ class Named:
     at_px: tuple[int, int]
     """Column and row of one of its pixels [px]."""
     bound: str
-    """Who binds the name: `recipe`, `dxb.lock`, or "" for a proposed name."""
+    """Source of the binding: `recipe`, `dxb.lock`, or "" for a proposed name."""
 
 
 @dataclass(frozen=True)
