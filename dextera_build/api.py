@@ -153,7 +153,7 @@ class Project(settings_of.Project):
         return Result(result.ok, built.run, result.nodes, result.targets, paths, result.errors, session)
 
     def plan(self, recipe: str, *targets: str, **request: Unpack[RequestArguments]) -> list[Planned]:
-        """What `build` would do with each node, without running anything; takes the arguments of `build`."""
+        """The effect of `build` on each node, without running anything; takes the arguments of `build`."""
         from dextera_build.engine.dry import plan as dry
 
         session, names = self._with(profile=request.get("profile"))._open(recipe, targets, request)

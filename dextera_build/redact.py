@@ -13,7 +13,7 @@ from typing import Any
 
 _HIDDEN = "***"
 _USER = re.compile(
-    r"(?:(?<=//)|(?<=\w:/)(?!/))(?:"  # an address that was taken for a path has one slash
+    r"(?:(?<=//)|(?<=\w:/)(?!/))(?:"  # an address that was parsed as a path has one slash
     r"[^\s/@:]*:(?!\d+/)(?:(?!\w+://)\S)*@"  # a password may contain an unencoded `/`
     r"|[^\s/]*@)"
 )
@@ -58,7 +58,7 @@ def hide_address(text: str) -> None:
 
 
 def spellings(value: str) -> set[str]:
-    """A secret as texts may hold it: as it is, quoted by Python, by JSON or in a URL, and in base64 at any offset."""
+    """The spellings of a secret in texts: plain, quoted by Python, by JSON or in a URL, and in base64 at any offset."""
     import base64
     import json
     from urllib.parse import quote, quote_plus
@@ -76,12 +76,12 @@ def spellings(value: str) -> set[str]:
 
 
 def hidden() -> dict[str, str]:
-    """Spelling -> name of the secrets that `hide` was told, longest first."""
+    """Spelling -> name of the secrets that `hide` was given, longest first."""
     return dict(_values)
 
 
 def redact_plain(data: Any) -> Any:
-    """Plain data with the secrets that `hide` was told removed from its texts, names and bytes."""
+    """Plain data with the secrets that `hide` was given removed from its texts, names and bytes."""
     if not _values:
         return data
     if isinstance(data, str):
@@ -98,7 +98,7 @@ def redact_plain(data: Any) -> Any:
 
 
 def redact(text: str) -> str:
-    """The text without the user, password and query of every address, and without the secrets that `hide` was told."""
+    """The text without the user, password and query of every address, and without the secrets that `hide` was given."""
     text = str(redact_plain(text))
     if "@" in text:
         text = _BARE_USER.sub(f"{_HIDDEN}@", _USER.sub(f"{_HIDDEN}@", text))

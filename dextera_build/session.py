@@ -31,7 +31,7 @@ NO_BYTES = "its bytes are not in the store"
 warnings: dict[str, None] = {}
 """Warnings from sessions of this process, printed by the command line."""
 notices: dict[str, None] = {}
-"""Lines about what a reading verb answered for, printed by the command line."""
+"""Lines about the request whose results a reading verb uses, printed by the command line."""
 
 
 def reading(project: Project) -> Store:
@@ -119,7 +119,7 @@ class Session:
         return last
 
     def _is_answered_by(self, last: str, own: str) -> bool:
-        """Whether the request built last has what is read, and the own one does not."""
+        """Whether the request built last has the results to read, and the own one does not."""
         for variant in (own, last):
             if self._node and self._node in self._past(variant).all():
                 return variant == last
@@ -156,7 +156,7 @@ class Session:
 
         Args:
             incomplete: Plan also without required inputs that are not given; `Plan.absent` names them.
-            watch: Notes what planning reads.
+            watch: Notes the files that planning reads.
 
         Raises:
             UsageError: There is no such recipe, or a required input is not given.
@@ -218,7 +218,7 @@ class Session:
         return next(filter(None, runs), None)
 
     def past(self, node: str) -> Entry:
-        """The history entry of a node; of one that only recipes which use this one have built, what the store holds.
+        """The history entry of a node; that of the store's result if only recipes that use this one have built it.
 
         Raises:
             UsageError: The node was never built.

@@ -34,7 +34,7 @@ def wilson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float
 def bootstrap(
     values: np.ndarray, draws: int, confidence: float, seed: int, of: Callable[..., Any] = np.mean
 ) -> tuple[float, float]:
-    """Percentile bootstrap interval of the mean, or of what `of` says, of (N,) values, N >= 1."""
+    """Percentile bootstrap interval of the mean, or of the statistic `of`, of (N,) values, N >= 1."""
     picks = np.random.default_rng(seed).integers(0, len(values), size=(draws, len(values)))
     tail = (1.0 - confidence) / 2.0
     low, high = np.quantile(of(values[picks], axis=1), [tail, 1.0 - tail])
@@ -108,7 +108,7 @@ def mmrv(simulated: Sequence[float], measured: Sequence[float]) -> float | None:
         measured: R, rates in the predicted world, in the same order.
 
     Returns:
-        0 if both worlds rank alike; None for fewer than two points.
+        0 if both worlds have the same ranking; None for fewer than two points.
     """
     s, r = np.asarray(simulated, np.float64), np.asarray(measured, np.float64)
     if s.shape != r.shape:

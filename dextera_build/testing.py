@@ -41,9 +41,9 @@ class RuleRunner:
         calls: Answers `ctx.call`: a `Recorder` with a store, or a function that returns a service's answer.
         files: The folder that `ctx.read`, `ctx.glob` and `ctx.exists` search; None for that of `project`.
         weights: Model -> folder with its files, copied to the scratch folder as if they had been installed.
-        gpu_gb: Memory of the GPU that this machine is taken to have [GiB]; a backend that wants one is told `cuda`.
-        made_by: Slot -> path of the rule that made what it carries, `{"checkpoint": "learn.act"}`, for rules that run
-            it; in a build the recipe says so. A `TaskBundle` names its primitive itself.
+        gpu_gb: Memory of this machine's assumed GPU [GiB]; a backend that needs one gets the device `cuda`.
+        made_by: Slot -> path of the rule that made its artifact, `{"checkpoint": "learn.act"}`, for rules that run
+            it; in a build the recipe has this. A `TaskBundle` names its primitive itself.
     """
 
     def __init__(

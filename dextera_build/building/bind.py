@@ -1,4 +1,4 @@
-"""Names of objects in `dxb.lock`: what `dxb bind` and the viewer bind, show and remove.
+"""Names of objects in `dxb.lock`, which `dxb bind` and the viewer bind, show and remove.
 
 A name is tried in a build of the node that gives names before it is written, so everything in the file was recognised.
 """
@@ -33,11 +33,11 @@ class Named:
 
     name: str
     object: str
-    """What parsing calls it."""
+    """Name that parsing proposed."""
     at_px: tuple[int, int]
     """Column and row of one of its pixels [px]."""
     bound: str
-    """Who binds the name: `recipe`, `dxb.lock`, or "" for a proposed name."""
+    """Source of the binding: `recipe`, `dxb.lock`, or "" for a proposed name."""
 
 
 @dataclass(frozen=True)
@@ -100,15 +100,15 @@ class Naming:
         return result
 
     def bind(self, name: str = "", draft: Binding | None = None, *, on: str = "") -> Table:
-        """Bind a name, or all names of the recipe, to what they are recognised as, and write `dxb.lock`.
+        """Bind a name, or all names of the recipe, to the recognised objects, and write `dxb.lock`.
 
         Args:
             name: The name; "" for all.
-            draft: A point or properties; None: what the recipe says.
+            draft: A point or properties; None: those of the recipe.
             on: Digest of the photograph that the point was chosen in, if it was chosen in a picture.
 
         Raises:
-            UsageError: The recipe binds the name itself, says nothing about it, or has another photograph than `on`.
+            UsageError: The recipe binds the name itself, has no such name, or has another photograph than `on`.
             RuleError: A name fits no object or several, or two names fit the same one.
         """
         photograph, objects = self._ready()
@@ -151,7 +151,7 @@ class Naming:
         own = self._call(self._session({})).options["names"].get(name)  # type: ignore[attr-defined]
         if own is None and draft is None and locked is None:
             raise UsageError(
-                f"nothing says what `{name}` is",
+                f"`{name}` has no point and no property",
                 code="DXB-U208",
                 facts={"names": listing(self.names())},
                 hint=f"`dxb bind {self.address} {name} --phrase WORDS`, or `--at COLUMN,ROW`",
@@ -170,7 +170,7 @@ class Naming:
         return Binding(wanted.at_px, this, properties)
 
     def _try(self, names: Names) -> tuple[Mapping[str, Any], Segmentation]:
-        """Build the node with these names: its option `names`, and what it returned."""
+        """Build the node with these names: its option `names`, and its output."""
         session = self._session(names)
         options: Any = self._call(session).options["names"]
         result = run(session, (self.node,), lambda event: None)

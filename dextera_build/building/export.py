@@ -1,4 +1,4 @@
-"""Exports the targets of a build to `<cache>/out/<recipe>/<node>/`; `places` says where exactly."""
+"""Exports the targets of a build to `<cache>/out/<recipe>/<node>/`; `places` has the exact rules."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class Out:
         stale = {node for node in outputs if not self._stands(table.get(node), outputs[node], node)}
         gone = [node for node in gone if node in table]
         if (stale or gone) and not self._may_be_written():
-            # Copied stores and changed permissions leave other times: what counts then is the content.
+            # Copied stores and changed permissions leave other times: then only the content counts.
             table |= self._equal({node: outputs[node] for node in stale}, result)
             stale, gone = {node for node in stale if not self._stands(table.get(node), outputs[node], node)}, []
         try:

@@ -74,7 +74,7 @@ def _paths(folder: Path, place: Path) -> dict[str, Any]:
 
 
 def _write_asset(project: Project, asset: Asset, place: Path) -> None:
-    """Write one folder: under another name first, so that what bears the digest is whole."""
+    """Write one folder: under another name first, so that a folder named by its digest is complete."""
     value = decoded(project, reading(project), _RULES[asset.kind], asset.digest)
     place.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=place.parent, prefix=".part-") as draft:
@@ -96,7 +96,7 @@ def _add_urdf(project: Project, asset: Asset, place: Path) -> None:
 
 
 def _meshes(value: Any, kind: str) -> dict[str, Mesh]:
-    """Textured meshes: the links of an object, or what was seen and what was invented of a background."""
+    """Textured meshes: the links of an object, or the seen and the invented part of a background."""
     if kind == "object":
         return {name: link.mesh for name, link in value.body.links.items()}
     return {"seen": value.mesh} | ({} if value.invented is None else {"invented": value.invented})

@@ -136,7 +136,7 @@ class Locking:
         return f"{self.path.name}: {_told(now, kept, gone)}" if written else ""
 
     def _pins(self) -> Pins | None:
-        """The pins; None if the file does not exist, or has only names, and so asks for no pins."""
+        """The pins; None if the file does not exist, or has only names, so that no pins are kept."""
         lock = self._project.lock()
         return lock.pins if lock is not None and (lock.pins or not lock.names) else None
 

@@ -27,7 +27,7 @@ def write(artifact: Artifact, path: Path) -> list[Path]:
         if found:
             raise _refused(artifact, path, forms, f"it holds {len(found)} parts of that form")
         forms |= dict.fromkeys(form for part in level for form in suffixes(type(part)) if _holders(level, form) == 1)
-        # A part of what has a format of its own, such as a mesh's texture, is in that file.
+        # A part of a type with its own format, such as a mesh's texture, is in that file.
         level = [part for whole in level if not suffixes(type(whole)) for part in _parts(whole)]
     raise _refused(artifact, path, forms, "neither it nor a part of it has that form")
 

@@ -24,14 +24,14 @@ AFTER = ("factorize.name", "factorize.correct")
 
 
 class Found(NamedTuple):
-    """What a build found in a photograph."""
+    """Objects that a build found in a photograph."""
 
     photograph: Photograph
     elements: Elements
     objects: Segmentation
     """Under their final names; the order of the elements stays, and those without a mask are missing."""
     parsed: tuple[str, ...]
-    """What parsing calls each of `objects`."""
+    """Name that parsing proposed for each of `objects`."""
 
 
 class Photographed:
@@ -74,7 +74,7 @@ class Photographed:
         return ".".join(output_of(self._call, "elements").call)
 
     def find(self, listen: Listener) -> Found | None:
-        """Build the objects as far as they are stale; None if a node failed, which `listen` was told."""
+        """Build the objects as far as they are stale; None if a node failed, which `listen` has received."""
         slots = {slot: output_of(self._call, slot) for slot in ("photograph", "elements")}
         nodes = {slot: ".".join(source.call) for slot, source in slots.items()}
         parsed = ".".join(self._segment)

@@ -1,4 +1,4 @@
-"""The text of a `scene.yaml` that says what a build found, for people to edit."""
+"""The text of a `scene.yaml` with the objects that a build found, for people to edit."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dextera_build.geometry.materials import TABLE
 from dextera_build.statistics import Z90
 
 _HEAD = """\
-# What the photograph of {recipe} shows, as it was proposed. Edit it, then build with it:
+# The proposed objects in the photograph of {recipe}. Edit this file, then build with it:
 #   {command}
 # `at_px` is [column, row], `box` is [left, top, right, bottom] in pixels of the photograph. Lines that begin with `#`
 # are assumptions; without the `#` they count as stated. All fields: docs/recipes.md, "The file scene.yaml".
@@ -28,7 +28,7 @@ def text(found: Found, recipe: str, command: str, built: Mapping[str, Sequence[s
         found: Elements and objects.
         recipe: Address of the recipe.
         command: The command line that builds with the file.
-        built: Name of an object -> lines about what was built of it.
+        built: Name of an object -> lines about its results.
     """
     final = dict(zip(found.parsed, found.objects.names, strict=True))
     elements = [element for element in found.elements.elements if element.name in final or element.box]

@@ -48,7 +48,7 @@ def self_test(project: Path, rule: str, backend: str, weights: tuple[str, ...], 
 
 
 def run(project: str, rule: str, backend: str, weights: tuple[str, ...]) -> None:
-    """What the process of `self_test` does."""
+    """Run in the process of `self_test`."""
     found = Library(Path(project)).find(rule).backends[backend]
     for package in found.facts.packages:
         for module in sorted(modules_of(package)):

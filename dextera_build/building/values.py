@@ -1,4 +1,4 @@
-"""Values of single nodes of a recipe, built as far as they are stale: for verbs that ask about a photograph."""
+"""Values of single nodes of a recipe, built as far as they are stale: for verbs about a photograph."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def raise_errors(result: RunResult) -> None:
 
 
 def value(session: Session, result: RunResult, node: str, fields: tuple[str, ...] = ()) -> Any:
-    """What a node returned in a run, or a field of it."""
+    """Output of a node in a run, or a field of it."""
     record = result.nodes[node]
     found: Any = session.decoded(node, record.rule, str(record.output))
     for part in fields:

@@ -91,7 +91,7 @@ def _document(read: Read, address: str, node: Node) -> dict[str, Any]:
     try:
         traces.parts_of(data)
     except (ValueError, TypeError, KeyError):
-        raise ill_formed(what, "it says that the call read what none can read") from None
+        raise ill_formed(what, "it lists a read that no call can make") from None
     return document
 
 

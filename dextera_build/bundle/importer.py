@@ -115,7 +115,7 @@ def _receive(source: Layout, layer: Descriptor, store: Store, sizes: dict[str, i
             sizes[digest] = info.size
             with packed.extractfile(info) as file:  # type: ignore[union-attr]
                 if not store.blobs.receive(digest, info.size, iter(lambda: file.read(_CHUNK), b"")):
-                    raise damaged("a blob", digest, "has other bytes than its name says")
+                    raise damaged("a blob", digest, "has other bytes than its name states")
 
 
 def _publish(contents: Contents, results: Mapping[str, ActionResult], store: Store) -> Taken:

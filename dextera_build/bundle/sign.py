@@ -223,7 +223,7 @@ def judge(bundle: Opened, keys: Sequence[PublicKey]) -> Voucher:
             return Voucher("trusted", f"{key.name} ({key.id})")
         if key.id == signer:
             raise BundleRefused(
-                f"the bundle says that `{key.name}` signed it, but the signature is wrong",
+                f"the bundle claims to be signed by `{key.name}`, but the signature is wrong",
                 code="DXB-S310",
                 facts={"key": key.id},
                 hint="download or copy the bundle again",

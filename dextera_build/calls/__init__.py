@@ -20,18 +20,18 @@ class Response:
 
 @dataclass(frozen=True)
 class JobState:
-    """What a service says about a job."""
+    """State of a job, as reported by its service."""
 
     state: Literal["waits", "runs", "done", "failed"]
     said: str = ""
     """Why it failed, in the service's words."""
     done: float = 0.0
-    """Fraction that is done, if the service tells it."""
+    """Fraction that is done, if the service reports it."""
 
 
 @runtime_checkable
 class Job(Protocol):
-    """The client of a service that works on a request for minutes: submit, ask how far it is, fetch.
+    """The client of a service that works on a request for minutes: submit, poll, fetch.
 
     Each method sends one request, waits at most `timeout_s` [s], and returns its answer, or the `Response` of a service
     that answers with an HTTP status other than 2xx. `OSError`, httpx's transport errors, 429 and 5xx are retried.
@@ -63,9 +63,9 @@ class CallManner(TypedDict, total=False):
     """Kinds of the user's data in the request, such as `mesh`, which are sent only with the user's consent. A picture
     counts as a `photograph`, named or not."""
     repair: Callable[[bytes, str], Callable[[float], bytes | Response]] | None
-    """For `call`: an unusable body, and what is wrong with it -> the sender of a request that asks for a better one."""
+    """For `call`: an unusable body and the reason -> the sender of a request for a better one."""
     repairs: int
-    """Most repairs, 2 unless given. With `repair`, an unusable body is not asked for in any other way."""
+    """Most repairs, 2 unless given. With `repair`, an unusable body is not requested in any other way."""
     timeout_s: float
     """Timeout of each request [s], 60 unless given."""
     tries: int
@@ -74,7 +74,7 @@ class CallManner(TypedDict, total=False):
     """Delay before the second try [s], doubled before each further one, 1 unless given; `Retry-After` takes
     precedence."""
     secrets: tuple[str, ...]
-    """Texts that must not occur in the request or the answer, besides the values of variables such as
+    """Texts that must not occur in the request or the answer, in addition to the values of variables such as
     `SERVICE_API_KEY`."""
 
 
@@ -82,6 +82,6 @@ class JobManner(CallManner, total=False):
     """The keywords of `Context.job`."""
 
     poll_s: float
-    """Interval of the requests how far the job is [s], 5 unless given."""
+    """Interval of polling the state of the job [s], 5 unless given."""
     limit_s: float
-    """Longest wait for the job [s], 3600 unless given. A job that takes longer goes on; the next build waits again."""
+    """Longest wait for the job [s], 3600 unless given. A longer job is not cancelled; the next build waits again."""

@@ -25,7 +25,7 @@ Send: TypeAlias = Callable[[float], bytes | Response]
 """Timeout [s] -> the answer."""
 T = TypeVar("T")
 MOST_RETRY_AFTER_S = 300.0
-"""A service that asks to be left alone for longer is given up [s]."""
+"""A service that requires a longer pause is given up [s]."""
 _NEVER_SENT = {"httpx.ConnectError", "httpx.ConnectTimeout", "httpx.PoolTimeout", "httpx.UnsupportedProtocol"}
 _PATIENCE = 10.0
 """A request whose answer is still coming in after so many timeouts is given up."""
@@ -61,7 +61,7 @@ class Manner:
 
 
 class _AgainError(Exception):
-    """The call is worth a retry, after `after_s` [s] if the service says so."""
+    """The call is worth a retry, after `after_s` [s] if the service states a time."""
 
     def __init__(self, why: str, after_s: float | None = None, *, invalid: bool = False) -> None:
         super().__init__((why.splitlines() or [""])[0][:_SHOWN])
@@ -93,7 +93,7 @@ def ask(asked: Question, send: Send, manner: Manner, log: Callable[[str], None])
 
 
 class _Mending:
-    """The sender of a call, and after an unusable answer the one that says what was wrong."""
+    """The sender of a call, and after an unusable answer the sender that adds the reason."""
 
     def __init__(self, send: Send, manner: Manner, log: Callable[[str], None]) -> None:
         self.send, self._manner, self._log = send, manner, log
@@ -195,7 +195,7 @@ def _unset(error: Exception) -> str | None:
 
 
 def within(timeout_s: float, send: Callable[[float], T]) -> T:
-    """What `send` returns, given its timeout [s]; timeouts of sockets start again with every byte.
+    """The answer of `send`, given its timeout [s]; timeouts of sockets start again with every byte.
 
     Raises:
         TimeoutError: The answer is not complete after ten timeouts.
@@ -295,7 +295,7 @@ def _give_up(asked: Question, fault: _AgainError, tries: int) -> NoReturn:
 
 
 def retry_after(headers: Mapping[str, str]) -> float | None:
-    """What `Retry-After` asks for [s], in either of its forms (RFC 9110, 10.2.3); None without it."""
+    """The pause of `Retry-After` [s], in either of its forms (RFC 9110, 10.2.3); None without it."""
     text = next((value for name, value in headers.items() if name.lower() == "retry-after"), "").strip()
     if text.isdecimal():
         return float(text)

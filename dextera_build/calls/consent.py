@@ -34,7 +34,7 @@ class Consent:
 
     @property
     def what(self) -> tuple[str, str, str]:
-        """What it is about."""
+        """Service, kind of data and project."""
         return self.service, self.data, self.project
 
 
@@ -59,7 +59,7 @@ class Consents:
         return []
 
     def here(self) -> list[tuple[str, str]]:
-        """(service, kind of data) of what may be sent from this project, also by the variable `DXB_CONSENT`.
+        """(service, kind of data) pairs that may be sent from this project, also by the variable `DXB_CONSENT`.
 
         Raises:
             UsageError: The variable has another form than `SERVICE:KIND,...`.
@@ -69,7 +69,7 @@ class Consents:
 
     @staticmethod
     def of_variable() -> list[tuple[str, str]]:
-        """(service, kind of data) of what the variable `DXB_CONSENT` allows; see `here`."""
+        """(service, kind of data) pairs that the variable `DXB_CONSENT` allows; see `here`."""
         return list(_of_variable(os.environ.get(VARIABLE, "")))
 
     def give(self, service: str, kinds: Iterable[str], *, everywhere: bool = False) -> None:
@@ -106,7 +106,7 @@ class Consents:
 
 
 def refuse(asked: Question, given: Iterable[tuple[str, str]]) -> None:
-    """Refuse to send data that nobody agreed to send.
+    """Refuse to send data without the user's consent.
 
     Args:
         asked: The request.
@@ -119,7 +119,7 @@ def refuse(asked: Question, given: Iterable[tuple[str, str]]) -> None:
     for kind in asked.data:
         if not allowed & {(asked.service, kind), (asked.service, EVERY), (EVERY, EVERY)}:
             raise MachineError(
-                f"`{asked.service}` would receive a {kind}, and nobody agreed to that",
+                f"`{asked.service}` would receive a {kind}, without your consent",
                 code="DXB-E365",
                 facts=asked.facts() | {"data": kind},
                 hint=f"`dxb consent give {asked.service} {kind}`; in CI {VARIABLE}={asked.service}:{kind}",
@@ -135,7 +135,7 @@ def _of_variable(text: str) -> Iterator[tuple[str, str]]:
             yield service, kind
         else:
             raise UsageError(
-                f"`{part}` in `{VARIABLE}` does not say what may be sent",
+                f"`{part}` in `{VARIABLE}` is not a service with a kind of data",
                 code="DXB-U181",
                 facts={"form": "SERVICE:KIND,...", "example": "openai-chat:photograph"},
                 hint=f"{VARIABLE}={part}:{EVERY}, or {VARIABLE}=all",

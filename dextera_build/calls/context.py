@@ -1,4 +1,4 @@
-"""What a running rule may ask of services; the base of `rule.Context`."""
+"""Services for a running rule; the base of `rule.Context`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Calling:
 
     Args:
         calls: Executes `call` and `job`; None if no recorder exists.
-        emit: Takes (kind, data) messages as they occur; `secret` with the name of a secret that the rule asked for.
+        emit: Takes (kind, data) messages as they occur; `secret` with the name of a secret that the rule requested.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Calling:
     def secret(self, name: str) -> str:
         """An API key or password: the variable `name`, or else the entry `name` of the service `dxb` in the keyring.
 
-        It is removed from what the node prints, raises and says of its result, also where it is quoted or encoded in
+        It is removed from what the node prints, raises and reports of its result, also where it is quoted or encoded in
         base64. Requests, answers and results that hold it are refused. It must not be passed on in any other way, as
         in a file of `ctx.keep`, which is not searched.
 

@@ -28,10 +28,10 @@ class Gate:
         asked: The call's question.
         terms: The command's terms.
         folder: Where the states of services are.
-        emit: Takes `log` lines, and `paid` with what a request cost.
+        emit: Takes `log` lines, and `paid` with the cost of a request.
 
     Raises:
-        MachineError: The request holds data that nobody agreed to send.
+        MachineError: The request holds data that may not be sent without consent.
     """
 
     def __init__(self, asked: Question, terms: Terms, folder: Path, emit: Emit) -> None:
@@ -40,12 +40,12 @@ class Gate:
         service = terms.services.get(asked.service, Service())
         self.price = service.price_of(asked.model)
         self.paid: float | None = None
-        """What the requests so far cost [USD]; None while none has a price."""
+        """Cost of the requests so far [USD]; None while none has a price."""
         self._limits = Limits(folder, asked.service, service.requests_per_minute, service.concurrent, self._log)
 
     @property
     def cost(self) -> float | None:
-        """What the answer cost [USD]: what was paid here, else its price, if an earlier build submitted the job."""
+        """Cost of the answer [USD]: the amount paid here, else its price, if an earlier build submitted the job."""
         return self.paid if self.paid is not None else self.price.of({})
 
     def slot(self) -> AbstractContextManager[None]:
@@ -53,7 +53,7 @@ class Gate:
         return self._limits.slot()
 
     def charged(self, send: Callable[[float], T], cost: Callable[[T], float | None]) -> Callable[[float], T]:
-        """`send` within the limits of the service and of the costs; `cost` finds what an answer cost [USD]."""
+        """`send` within the limits of the service and of the costs; `cost` returns the cost of an answer [USD]."""
 
         def gated(timeout_s: float) -> T:
             self._limits.wait_for_turn()
@@ -98,7 +98,7 @@ class Gate:
         return replace(manner, repair=lambda body, why: self.call(repair(body, why))) if repair else manner
 
     def job(self, job: Job) -> Job:
-        """The client of a job; its submission is what costs."""
+        """The client of a job; only its submission has a cost."""
         return _GatedJob(job, self)
 
     @contextmanager
@@ -129,7 +129,7 @@ class Gate:
             self._log(f"{self._asked.shown} cost {usd(amount)}, more than its price of {usd(self.price.bound)}")
 
     def _rest(self, answer: object) -> None:
-        """Keep all processes from a service that asks to be left alone."""
+        """Keep all processes from a service that requires a pause."""
         if isinstance(answer, Response) and answer.status in (429, 503):
             after_s = retry_after(answer.headers)
             if after_s is not None and after_s <= MOST_RETRY_AFTER_S:

@@ -114,7 +114,7 @@ class Run:
     def _told(self) -> JobState | None:
         try:
             return step(self._asked, self._poll, self._manner, self._say)
-        except RuleError:  # the service refuses to tell, and would in every further build
+        except RuleError:  # the service refuses to report the state, and would in every further build
             self._forget()
             raise
 

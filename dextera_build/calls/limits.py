@@ -43,7 +43,7 @@ class Limits:
     ) -> None:
         self._place = folder / digests.of_bytes(service.encode())[:16]
         self._told_until = 0.0
-        """Until when the caller was told to rest, and does so by itself."""
+        """End of the pause that the caller was given and keeps by itself."""
         self._service, self._per_minute, self._concurrent, self._log = service, per_minute, concurrent, log
 
     @contextmanager
@@ -59,7 +59,7 @@ class Limits:
             yield
 
     def wait_for_turn(self) -> None:
-        """Wait until one more request is within the rate, and until the service wants to hear again.
+        """Wait until one more request is within the rate, and until the service's pause is over.
 
         Raises:
             StoreError: The store cannot be written.

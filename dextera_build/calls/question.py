@@ -57,7 +57,7 @@ def question(service: str, request: object, secrets: Iterable[str] = (), data: I
     Args:
         service: Names the service, never its host: the same question to another host has the same answer.
         request: Plain data; bytes in it are attachments.
-        secrets: Texts that it must not contain, besides the values of variables such as `SERVICE_API_KEY`.
+        secrets: Texts that it must not contain, in addition to the values of variables such as `SERVICE_API_KEY`.
         data: Kinds of the user's data that it holds. A picture among its attachments counts as a `photograph`, named
             or not.
 

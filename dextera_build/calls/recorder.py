@@ -40,7 +40,7 @@ class _Answered:
     seconds: float
     """Duration of the try that succeeded, or of the job [s]."""
     cost: float | None
-    """What all tries cost [USD]."""
+    """Cost of all tries [USD]."""
 
 
 class Recorder:

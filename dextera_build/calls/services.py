@@ -1,4 +1,4 @@
-"""What the settings say about services, `[services.NAME]`: limits of their use, and prices."""
+"""Settings of services, `[services.NAME]`: limits of their use, and prices."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _MILLION = 1e6
 
 @dataclass(frozen=True)
 class Price:
-    """What one call costs [USD]; None where nothing is stated."""
+    """Price of one call [USD]; None where nothing is stated."""
 
     usd_per_call: float | None = None
     usd_per_million_input_tokens: float | None = None
@@ -43,7 +43,7 @@ class Price:
         return 0.0 if self.is_stated else None
 
     def of(self, amounts: Mapping[str, tuple[float, str]]) -> float | None:
-        """What a call with these `asking.amounts` cost [USD]: as the service says, else by this price."""
+        """Cost of a call with these `asking.amounts` [USD]: as reported by the service, else by this price."""
         if "cost" in amounts:
             return amounts["cost"][0]
         if not self.is_stated:
@@ -53,7 +53,7 @@ class Price:
             (self.usd_per_million_output_tokens, "completion_tokens"),
         )
         if any(usd and name not in amounts for usd, name in tokens):
-            return self.bound  # it does not say how many tokens it counted
+            return self.bound  # it does not report its number of tokens
         by_token = sum((usd or 0.0) * amounts[name][0] / _MILLION for usd, name in tokens if name in amounts)
         return (self.usd_per_call or 0.0) + by_token
 

@@ -1,4 +1,4 @@
-"""What the calls of one command have cost, over all its worker processes, and the most that they may cost."""
+"""Cost of the calls of one command, over all its worker processes, and its limit."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LOOK_S = 0.1
 
 
 class Spending:
-    """A ledger in a file: what was spent, and what requests under way may cost at most.
+    """A ledger in a file: the amount spent, and the maximum cost of requests under way.
 
     Args:
         ledger: The file.
@@ -32,7 +32,7 @@ class Spending:
 
     @contextmanager
     def reserved(self, asked: Question, bound: float | None) -> Iterator[Bill]:
-        """Reserve the most that a request may cost; afterwards, what the bill says was spent.
+        """Reserve the maximum cost of a request; afterwards, record the amount of the bill.
 
         If the block raises before the bill is paid, the request may have been charged, and the whole amount was spent.
 
@@ -57,7 +57,7 @@ class Spending:
                 state["spent"] = _spent(state) + bill.amount
 
     def total(self) -> float:
-        """What was spent, and what requests under way may cost [USD]."""
+        """The amount spent, and the maximum cost of requests under way [USD]."""
         with locked_json(self._ledger) as state:
             return _spent(state) + _under_way(state)
 
@@ -81,7 +81,7 @@ class Spending:
 
 
 class Bill:
-    """What one request cost [USD]; `bound` unless told otherwise."""
+    """Cost of one request [USD]; `bound` until the bill is paid."""
 
     def __init__(self, bound: float) -> None:
         self.amount = bound

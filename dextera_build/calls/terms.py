@@ -1,6 +1,6 @@
 """The terms on which one command calls services: limits, prices, a limit of costs, consents.
 
-Every build writes them for its workers, so this module does not import what sends requests.
+Every build writes them for its workers, so this module does not import the code that sends requests.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Terms:
     spending: Spending | None = None
     """None: no limit of costs."""
     consents: Sequence[tuple[str, str]] = ((EVERY, EVERY),)
-    """(service, kind of data) of what may be sent."""
+    """(service, kind of data) pairs that may be sent."""
 
     @classmethod
     def read(cls, text: str) -> Terms:

@@ -102,7 +102,7 @@ def _run(words: list[str]) -> int:
         if "@" in word or "?" in word:
             from dextera_build.redact import hide_address
 
-            hide_address(word)  # an address that is taken for a path is spelled in other ways later
+            hide_address(word)  # an address that is parsed as a path is spelled in other ways later
     args = parse(words or ["--help"])
     args.words = words
     # The search for pydantic plug-ins reads the metadata of every installed package, and nothing here uses one.

@@ -32,7 +32,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def planned(session: Session, graph: Graph, wanted: Sequence[Address] = ()) -> dict[str, Planned]:
-    """Address -> what a build of `wanted` (default: all nodes) would do with the node, for each node needed."""
+    """Address -> effect of a build of `wanted` (default: all nodes) on the node, for each node needed."""
     from dextera_build.engine.dry import plan
     from dextera_build.engine.graph import Address
 
@@ -41,7 +41,7 @@ def planned(session: Session, graph: Graph, wanted: Sequence[Address] = ()) -> d
 
 
 def row(node: Planned, status: str = "") -> Row:
-    """Address, status, rule, backend, duration of the last run [s], who chose the backend."""
+    """Address, status, rule, backend, duration of the last run [s], origin of the backend."""
     return {
         "node": node.address,
         "status": status or _status(node),

@@ -19,7 +19,7 @@ _CANNOT_WRITE = 1
 _faults: dict[str, OSError] = {}
 """Stream -> the error of a failed write."""
 _OUTLIVE = ("build", "check")
-"""Commands that do their work though nobody reads on."""
+"""Commands that continue when their output is no longer read."""
 _outlives = False
 """Whether this command is one of them."""
 
@@ -97,5 +97,5 @@ def _noting(name: str, call: "Callable[..., int | None]") -> "Callable[..., int 
 
 
 def _silence(name: str) -> None:
-    """Let a stream lead nowhere; what it holds back goes there, too."""
+    """Discard the output of a stream, including its buffer."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), getattr(sys, name).fileno())

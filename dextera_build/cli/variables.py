@@ -32,9 +32,9 @@ SETTINGS = {
 """Variables that override a setting of `dxb.toml`; `dxb show --config` lists those in force."""
 OTHERS = {
     "DXB_ACCEPT_LICENCES": "models whose licences are accepted, separated by commas",
-    "DXB_CONSENT": "what may be sent to services: SERVICE:KIND,... or all",
+    "DXB_CONSENT": "data that may be sent to services: SERVICE:KIND,... or all",
     "DXB_KEY_PASSPHRASE": "opens the private key that `--sign` names",
-    "DXB_SERVE_SECRET": "the password that `dxb cache serve` asks for, of the user `dxb`",
+    "DXB_SERVE_SECRET": "the password of the user `dxb` for `dxb cache serve`",
     "DXB_CALL_TERMS": "limits, prices and costs of services, passed to worker processes",
     "DXB_LEDGER": "the account of costs that several processes share",
     "DXB_NODE_STORE": "the store's folder of a Ray worker",

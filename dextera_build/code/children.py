@@ -10,7 +10,7 @@ _VARIABLE = "DEXTERA_CODE"
 
 
 class Children:
-    """What all later children of this process are told: a file without a name, found by a variable."""
+    """The data for all later children of this process: a file without a name, found by a variable."""
 
     def __init__(self) -> None:
         self._file = os.memfd_create("code")
@@ -26,7 +26,7 @@ class Children:
             self._told = told
 
     def refused(self) -> str:
-        """A module that a child could not import as it was digested, or ""."""
+        """A module that a child could not import in its digested text, or ""."""
         size = len(self._told)
         names = os.pread(self._file, os.fstat(self._file).st_size - size, size).decode().split()
         os.truncate(self._file, size)

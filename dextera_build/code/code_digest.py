@@ -23,7 +23,7 @@ RULES = "rules"
 EXCHANGE = PACKAGE / "formats" / "exchange.py"
 """Forms of values outside; part of the code of every backend with a program."""
 FILE = "<file>"
-"""The one definition of a file that is digested as it is: of a program, or a lock file."""
+"""The one definition of a file that is digested byte by byte: of a program, or a lock file."""
 _SOURCE = ".py"
 _PACKAGE = "__init__.py"
 

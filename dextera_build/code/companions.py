@@ -1,8 +1,8 @@
 """Companions: files whose code runs an artifact or a call, although no rule imports them.
 
-They lie beside the rule that made the artifact, such as `policy.py` for a checkpoint, or in a folder that an option
-names, such as `primitives/lift/`; the file of a rule may itself be one, such as that of an observation term. An edit of
-one makes stale what runs it, and nothing else.
+They are next to the rule that made the artifact, such as `policy.py` for a checkpoint, or in a folder that an option
+names, such as `primitives/lift/`; the file of a rule may itself be one, such as that of an observation term. An edit
+of one makes the nodes stale that run it, and no others.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Companion:
     """A companion as found on disk."""
 
     of: str
-    """Path of a rule beside it, `learn.act`, or its folder, `primitives/lift`."""
+    """Path of the rule in its folder, `learn.act`, or its folder, `primitives/lift`."""
     file: Path
     root: Root | None
     """None for a folder of dxb."""

@@ -42,7 +42,7 @@ class Importer:
         self.takes_dxb = False
         """Whether dxb's own modules are compiled from source as well."""
         self.children: Children | None = None
-        """Of a worker: what the processes that it starts are told."""
+        """Of a worker: the data for the processes that it starts."""
         self._wanted: dict[str, str] = {}
         self._loaded: dict[str, str] = {}
         """Module -> digest of its source; "" for one that has none: missing, or a package without `__init__.py`."""

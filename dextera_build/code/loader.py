@@ -53,7 +53,7 @@ class Root:
 
     Args:
         path: The folder.
-        base: Where environments and lock files of its programs lie; None: beside the folder.
+        base: Folder of environments and lock files of its programs; None: the parent folder.
     """
 
     def __init__(self, path: Path, base: Path | None = None) -> None:
@@ -122,7 +122,7 @@ class RuleFile:
 
     @cached_property
     def candidates(self) -> list[tuple[Root, Path]]:
-        """Files that are backends if they define `BACKEND`: beside the rule, or in its stage in an earlier root."""
+        """Files that are backends if they define `BACKEND`: next to the rule, or in its stage in an earlier root."""
         pattern, stage = f"{self.file.stem}_*.py", self.path.partition(".")[0]
         found = [
             (root, file)
@@ -173,7 +173,7 @@ class BackendFile:
 
     @cached_property
     def program(self) -> Program | None:
-        """The program that it asks, if it declares one."""
+        """Its program, if it declares one."""
         facts = self.facts
         if not facts.command:
             return None
@@ -197,7 +197,7 @@ class BackendFile:
         return [name for name in self.facts.packages if version_of(name) is None]
 
     def lacks(self, machine: Machine) -> dict[str, str]:
-        """What it needs and the machine does not have -> the next step; see `Machine.lacks`."""
+        """Requirements that the machine lacks -> the next step; see `Machine.lacks`."""
         return machine.lacks(self.facts, self.missing()) | (self.program.lacking() if self.program else {})
 
 
@@ -270,7 +270,7 @@ class Library:
                     yield self.find(path)
 
     def packages(self, found: RuleFile, code: Code, declared: Iterable[str]) -> dict[str, str | None]:
-        """Distribution -> version (None: not installed) of what a rule imports or declares, and of `RUNTIME`.
+        """Distribution -> version (None: not installed) of the imports and declarations of a rule, and of `RUNTIME`.
 
         A module that no distribution is known to have is added to `warnings`: its version is in no key.
 

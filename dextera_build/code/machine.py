@@ -1,4 +1,4 @@
-"""What the machine that plans a build has for backends."""
+"""Resources for backends on the machine that plans a build."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class Machine:
 
     models: Models = field(default_factory=_none)
     gpu_gb: Callable[[], float] = lambda: 0.0
-    """Memory of the largest GPU [GiB]: 0 for none, infinity if unknown. Called only for backends that want one."""
+    """Memory of the largest GPU [GiB]: 0 for none, infinity if unknown. Called only for backends that need one."""
 
     def lacks(self, facts: Backend, absent: list[str]) -> dict[str, str]:
-        """What a backend needs and this machine does not have -> the next step.
+        """Requirements of a backend that this machine lacks -> the next step.
 
         Args:
-            facts: What the backend says of itself.
+            facts: The backend's declaration.
             absent: Distributions that it needs and that are not installed.
 
         Raises:

@@ -16,7 +16,7 @@ _NAMELESS = frozenset({ast.Expr, ast.Assign, ast.Return, ast.If, ast.For, ast.Au
 
 
 class Names:
-    """Resolves names to what they were imported from; the module is searched on first use.
+    """Resolves names to the modules from which they were imported; the module is searched on first use.
 
     Args:
         module: The syntax tree of the module.

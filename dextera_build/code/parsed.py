@@ -1,7 +1,7 @@
 """Digested sources of earlier commands, so that a file whose bytes are known is not parsed again.
 
-Parsing takes half of the time of a plan. A row of `state.db` holds what `syntax.source` says of a file, with the digest
-of the bytes that it says it of; a lost or foreign row costs one parse.
+Parsing takes half of the time of a plan. A row of `state.db` holds the result of `syntax.source` for a file, with the
+digest of the parsed bytes; a lost or foreign row costs one parse.
 """
 
 from __future__ import annotations

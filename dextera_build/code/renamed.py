@@ -55,7 +55,7 @@ RENAMED = {
     "evaluate.yields": "benchmark.yields",
     "simulate.reference": "reference.task",
 }
-"""Former address -> what a recipe writes after `rule:` today: the address, with options if the rule needs them."""
+"""Former address -> the current text after `rule:` in a recipe: the address, with options if the rule needs them."""
 
 
 def renamed(path: str, where: Place | None) -> RecipeError | None:

@@ -1,4 +1,4 @@
-"""What a lost unit means for those that wait for it: most are blocked, lenient collections go on without it."""
+"""Effect of a lost unit on those that wait for it: most are blocked, lenient collections continue without it."""
 
 from __future__ import annotations
 

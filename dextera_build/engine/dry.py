@@ -1,4 +1,4 @@
-"""What a build would do, without running anything."""
+"""Effect of a build, without running anything."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dextera_build.store.store import Store
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """What a build would do with one node."""
+    """Effect of a build on one node."""
 
     address: str
     """`body[mug].mesh`; `body.mesh` for copies that are not known yet."""
@@ -65,7 +65,7 @@ def survey(
 def plan(
     graph: Graph, targets: Sequence[Address | tuple[str, ...]], store: Store, *, history: History | None = None
 ) -> list[Planned]:
-    """What a build of `targets` would do with each node they need, in recipe order; see `survey`."""
+    """Effect of a build of `targets` on each node they need, in recipe order; see `survey`."""
     wanted = [target if isinstance(target, Address) else Address(target) for target in targets]
     scheduler, calls = survey(graph, wanted, store)
     nodes: dict[Path, list[Node]] = {}

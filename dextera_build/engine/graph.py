@@ -112,15 +112,15 @@ class RuleFacts:
     program: Mapping[str, str] = field(default_factory=dict)
     """File of the backend's program, or lock file of its environment -> digest of its bytes; `code` holds them, too."""
     companions: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    """Slot -> files that run its artifact: `learn.act/policy` beside the rule that made it, `primitives/lift/script` in
-    a folder that the maker's option names; option -> files in the folder that it names. `code` holds them."""
+    """Slot -> files that run its artifact: `learn.act/policy` next to the rule that made it, `primitives/lift/script`
+    in a folder that the maker's option names; option -> files in the folder that it names. `code` holds them."""
 
     chosen: str = ""
-    """Who chose the backend, and what was passed over; not part of the key, like the rest below."""
+    """Origin of the backend, and skipped backends; not part of the key, like the rest below."""
     passed: tuple[str, ...] = ()
     """Preferred backends that this machine cannot run."""
     missing: tuple[str, ...] = ()
-    """What this machine lacks to run the backend."""
+    """Requirements of the backend that this machine lacks."""
     hint: str | None = None
     """The next step if something is missing."""
 

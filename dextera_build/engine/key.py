@@ -146,7 +146,7 @@ def _code(document: Document) -> dict[str, str]:
 
 
 def _orders(old: Document, new: Document) -> Iterator[Change]:
-    """Changed orders of statements that are the same in both; new and changed ones are told by their names."""
+    """Changed orders of statements that are the same in both; new and changed ones are found by their names."""
     for file in sorted(old["code"].keys() & new["code"].keys()):
         before, after = old["code"][file], new["code"][file]
         if ORDER in before and ORDER in after:

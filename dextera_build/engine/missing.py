@@ -31,7 +31,7 @@ def refuse(rules: Iterable[RuleFacts]) -> None:
 
 
 def refuse_incomplete(absent: Sequence[UsageError], rules: Iterable[RuleFacts]) -> None:
-    """Refuse a plan without required inputs; backends that are missing too stand in the same message.
+    """Refuse a plan without required inputs; missing backends are listed in the same message.
 
     Args:
         absent: An error for each input.
@@ -59,5 +59,5 @@ def _lacking(rules: Iterable[RuleFacts]) -> list[RuleFacts]:
 
 
 def _facts(lacking: Iterable[RuleFacts]) -> dict[str, str]:
-    """`factorize.mesh: trellis2` -> what its backend needs, and the next step."""
+    """`factorize.mesh: trellis2` -> missing requirements of its backend, and the next step."""
     return {f"{rule.path}: {rule.backend}": f"needs {', '.join(rule.missing)}\nnext: {rule.hint}" for rule in lacking}

@@ -1,4 +1,4 @@
-"""A plan as JSON and back, so that a later command can use it. What many calls share is written once."""
+"""A plan as JSON and back, so that a later command can use it. Parts that many calls share are written once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the asset library tells of one object or background."""
+"""The asset library's facts about one object or background."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Asset:
 
 
 def facts(value: Any, kind: str) -> dict[str, Any]:
-    """Fields of an asset that follow from what was built: an `Asset` of the simulator, or a `Background`."""
+    """Fields of an asset that follow from its artifact: an `Asset` of the simulator, or a `Background`."""
     return _of_object(value) if kind == "object" else _of_background(value)
 
 

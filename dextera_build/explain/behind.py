@@ -18,7 +18,7 @@ def behind(session: Session, node: str) -> Iterator[tuple[str, Event]]:
 
 
 def found(session: Session, node: str, kind: type[Artifact]) -> Iterator[tuple[str, Artifact]]:
-    """Address and artifact of the results of one type, nearest first; what the store lost is left out."""
+    """Address and artifact of the results of one type, nearest first; results that the store lost are left out."""
     for name, event in behind(session, node):
         if name == kind.name():
             try:

@@ -46,7 +46,7 @@ def assets(project: Project, *, old: bool = False) -> list[Asset]:
 
 
 def notes(session: Session) -> dict[str, list[str]]:
-    """Object -> what the last build of a request made of it, in words."""
+    """Object -> the results of the last build of a request for it, in words."""
     found: dict[str, list[str]] = {}
     for node, entry in session.history.items():
         _, bracket, rest = node.partition("[")
@@ -113,7 +113,7 @@ def _asset(project: Project, store: Store, output: str, made: _Made, urdf: Mappi
 
 
 def decoded(project: Project, store: Store, rule: str, output: str) -> Any:
-    """What a rule returned, by its digest."""
+    """Output of a rule, by its digest."""
     from dextera_build.artifacts.core.forms import type_among
     from dextera_build.store import headers
 

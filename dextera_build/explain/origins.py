@@ -49,7 +49,7 @@ class Origins:
         self._headers: dict[str, dict[str, Any]] = {}
 
     def event(self, key: str, run: str = "") -> Event | None:
-        """Final event of the node with this key in `run`, else in the newest run that has it; its `run` says which."""
+        """Final event of the node with this key in `run`, else in the newest run that has it; `run` names that run."""
         known = log.runs(self._store)
         for name in dict.fromkeys([*([run] if run in known else []), *reversed(known)]):
             for event in self._nodes(name).values():

@@ -74,7 +74,7 @@ def read(text: str) -> HandEye:
         raise ValueError("its `parameters` hold no mapping")
     in_hand = parameters.get("eye_on_hand", _TYPES.get(str(parameters.get("calibration_type"))))
     if not isinstance(in_hand, bool):
-        raise ValueError("it says neither `eye_on_hand: true|false` nor `calibration_type: eye_in_hand|eye_on_base`")
+        raise ValueError("it has neither `eye_on_hand: true|false` nor `calibration_type: eye_in_hand|eye_on_base`")
     frames = {ours: str(parameters.get(theirs) or ours) for ours, theirs in _KEYS.items()}
     known = {"parameters", "transformation", "transform", "eye_on_hand", "calibration_type", *_KEYS.values()}
     more = {str(name): value for name, value in facts.items() if name not in known}

@@ -359,7 +359,7 @@ def _is(kind: Any, wanted: Any) -> bool:
 
 def _wrong(name: str, why: str, file: str = "") -> ArtifactError:
     return ArtifactError(
-        f"`{name}` is not what it should be: {why}",
+        f"`{name}` is invalid: {why}",
         code="DXB-B376",
         facts={"file": file} if file else {},
         hint="docs/outside.md describes the form of every value",

@@ -53,11 +53,11 @@ def unwritable(kind: str, form: str, why: object) -> ArtifactError:
     Args:
         kind: Name of the artifact type.
         form: Name of the format: `TUM`.
-        why: What it has no place for.
+        why: The fields that it cannot hold.
     """
     return ArtifactError(
         f"this {kind} cannot be written as {form}",
         code="DXB-A507",
         facts={"why": why},
-        hint="choose another format by the suffix, or leave out what it has no place for",
+        hint="choose another format by the suffix, or leave out the fields that it cannot hold",
     )

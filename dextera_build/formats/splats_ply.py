@@ -77,7 +77,7 @@ def _gaussians(columns: dict[str, np.ndarray]) -> Gaussians:
     if missing:
         raise ValueError(f"it has no property `{missing[0]}`")
     if further := columns.keys() - {*known} - _UNUSED:
-        raise ValueError(f"property `{min(further)}` would be lost; it may change what the others mean")
+        raise ValueError(f"property `{min(further)}` would be lost; it may change the meaning of the others")
     if len(rest) % 3 or len(rest) // 3 + 1 not in COUNTS:
         raise ValueError(f"{len(rest)} properties `f_rest_...` are no degree: 0, 9, 24 or 45 are")
 

@@ -201,7 +201,7 @@ def _picture(files: Mapping[str, File], name: str, places: list[str]) -> str:
             f"the picture `{name}` is missing",
             code="DXB-A512",
             facts={"here": listing(path for path in files if path.lower().endswith((".png", ".jpg", ".jpeg")))},
-            hint="keep the pictures beside the file that names them, in the folder `images`",
+            hint="keep the pictures next to the file that names them, in the folder `images`",
         )
     return found
 

@@ -1,4 +1,4 @@
-"""Chooses what a collection removes: a pure function of the inventory, the roots and the limits."""
+"""Chooses the files that a collection removes: a pure function of the inventory, the roots and the limits."""
 
 from __future__ import annotations
 

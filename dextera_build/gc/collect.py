@@ -53,7 +53,7 @@ class Row:
 
 @dataclass
 class Collection:
-    """What a collection removed, or would remove."""
+    """Items that a collection removed, or would remove."""
 
     gone: list[Row] = field(default_factory=list)
     stays: list[Row] = field(default_factory=list)

@@ -16,7 +16,7 @@ from dextera_build.store.blobs import listing
 from dextera_build.store.store import Store
 
 _DEPTH = 2
-"""Unfinished files lie in the store's folder and in those up to so many levels below it."""
+"""Number of levels below the store's folder at which unfinished files may be."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ def leftovers(store: Store) -> Iterator[tuple[str, int, float]]:
 
 
 def refuse_links(store: Store) -> None:
-    """Refuse a store in which a link is in the place of a folder or a file: what it leads to is not the store's.
+    """Refuse a store in which a link is in the place of a folder or a file: its target is not part of the store.
 
     Raises:
         StoreError: There is such a link.

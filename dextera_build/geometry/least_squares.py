@@ -1,6 +1,6 @@
-"""Nonlinear least squares: Gauss-Newton and Levenberg-Marquardt searches, of vectors as of poses.
+"""Nonlinear least squares: Gauss-Newton and Levenberg-Marquardt searches of vectors and of poses.
 
-A search knows neither pairs nor poses. Its caller linearises at an estimate and retracts the estimate along a step
+A search depends on neither pairs nor poses. Its caller linearises at an estimate and retracts the estimate along a step
 (poses by `geometry.lie`); robust losses are reweighted at every step.
 """
 
@@ -37,7 +37,7 @@ class Normal:
         return np.asarray(np.linalg.solve(self.matrix, self.right))
 
     def shortest(self, least: float) -> np.ndarray:
-        """The shortest step (K,), with singular values below the fraction `least` of the largest taken as zero."""
+        """The shortest step (K,), with singular values below the fraction `least` of the largest replaced by zero."""
         return np.asarray(np.linalg.lstsq(self.matrix, self.right, rcond=least)[0])
 
 
@@ -45,8 +45,8 @@ def normal(rows: np.ndarray, off: np.ndarray, weight: np.ndarray) -> Normal:
     """Normal equations of residuals.
 
     Args:
-        rows: (N, K) derivatives of what a step changes.
-        off: (N,) what the step is to change it by.
+        rows: (N, K) derivatives of N quantities by the step.
+        off: (N,) desired change of these quantities.
         weight: (N,) inverse of the variances, times robust weights.
     """
     return Normal((rows * weight[:, None]).T @ rows, rows.T @ (weight * off))
@@ -109,7 +109,7 @@ class Local:
 
 
 class Objective(Protocol[X, Seen]):
-    """What `levenberg_marquardt` minimises."""
+    """An objective of `levenberg_marquardt`."""
 
     def at(self, estimate: X) -> Seen:
         """Residuals or terms at an estimate."""

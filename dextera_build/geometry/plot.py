@@ -32,7 +32,7 @@ def plot(lines: Sequence[Line], x: str, y: str, *, equal: bool = False) -> np.nd
     """Lines over labelled axes, (240, 320, 3) uint8.
 
     Args:
-        lines: What to draw, the last on top.
+        lines: The curves, the last on top.
         x: Label of the horizontal axis, `x [m]`.
         y: Label of the vertical axis, which points up.
         equal: One scale for both axes.

@@ -37,7 +37,7 @@ class Pairs:
 def drawn(
     poses: Sequence[Mapping[str, Surface]], names: list[str], points: int, balanced: bool, draw: np.random.Generator
 ) -> Pairs:
-    """Random points of the model's surfaces: so many of each component over all poses, or of both without balance.
+    """Random points of the model's surfaces: a fixed number per component over all poses, or of both without balance.
 
     Raises:
         ValueError: A component has fewer than 20 points, or no component is visible.

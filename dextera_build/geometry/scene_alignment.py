@@ -122,7 +122,7 @@ Seen = TypeVar("Seen")
 
 @dataclass(frozen=True)
 class _Eq1(Generic[Seen]):
-    """The objective, for steps in theta; `at` gives its terms, and whatever was rendered for them."""
+    """The objective, for steps in theta; `at` gives its terms, and the renderings for them."""
 
     at: Callable[[ScenePose], tuple[Terms, Seen]]
     unit: float

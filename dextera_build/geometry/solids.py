@@ -142,7 +142,7 @@ def manifold(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
     """A closed surface as a solid of manifold3d; an empty one if it is not closed.
 
     Args:
-        vertices: (V, 3) [m]; in single precision, manifold3d merges what is within that precision.
+        vertices: (V, 3) [m]; in single precision, manifold3d merges vertices within that precision.
         faces: (F, 3) int.
     """
     import manifold3d as m3

@@ -75,9 +75,9 @@ def prepare(
         bundle: The task.
         episodes: Its demonstrations.
         film: Their pictures, for the input `rgb`.
-        selection: What to learn from.
+        selection: Inputs to learn from.
         algorithm: Name of the algorithm, for the contract.
-        settings: What the algorithm needs to run the policy, for the contract.
+        settings: Settings that the algorithm needs to run the policy, for the contract.
 
     Raises:
         RuleError: The data do not fit the task or the selection.

@@ -16,7 +16,7 @@ from dextera_build.learning import weights
 
 @dataclass
 class Kept:
-    """Training state besides weights and moments."""
+    """Training state in addition to weights and moments."""
 
     of: str
     """Digest of data and options; a state with another digest is ignored."""

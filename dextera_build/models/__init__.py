@@ -1,1 +1,1 @@
-"""Weights of pretrained models: what is described, what is installed, and under which licence."""
+"""Weights of pretrained models: descriptions, installed versions, licences."""

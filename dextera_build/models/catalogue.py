@@ -1,4 +1,4 @@
-"""The models that backends can ask for: their descriptions, what is installed, what is missing."""
+"""The models that backends can use: their descriptions, installed and missing versions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Models:
     Args:
         describe: Returns the description of a name, or raises a `RecipeError`.
         folders: Where they lie.
-        licences: What the user has accepted.
+        licences: Accepted licences of the user.
     """
 
     def __init__(self, describe: Callable[[str], Model], folders: ModelFolders, licences: Licences) -> None:
@@ -31,7 +31,7 @@ class Models:
         self._asked: set[str] = set()
 
     def lacking(self, names: Iterable[str]) -> dict[str, str]:
-        """What stands between this machine and the use of models -> the next step.
+        """Obstacles to the use of models on this machine -> the next step.
 
         Raises:
             RecipeError: A model is not described.

@@ -66,7 +66,7 @@ class ModelFolders:
             yield from map(str, (folder, folder / name, *sorted((folder / name).glob(f"*{_LIST}"))))
 
     def install(self, name: str, fill: Callable[[Path], str], progress: Progress | None = None) -> Installed:
-        """Install what `fill` writes into a folder.
+        """Install the files that `fill` writes into a folder.
 
         Args:
             name: The model's name.
@@ -179,11 +179,11 @@ def _alone(home: Path) -> Iterator[None]:
 
 @contextmanager
 def _told(home: Path) -> Iterator[None]:
-    """Turn a failed write into an error that says what would help."""
+    """Turn a failed write into an error with a remedy."""
     try:
         yield
     except OSError as error:
-        if error.errno is None:  # of a transfer, told by its source
+        if error.errno is None:  # of a transfer, set by its source
             raise
         full = error.errno in disk_full.FULL
         raise MachineError(

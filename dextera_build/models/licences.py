@@ -25,7 +25,7 @@ class Licences:
         self.path = path
 
     def is_open(self, model: Model) -> bool:
-        """Whether a model may be used: it forbids nothing, or what it forbids was accepted as it stands now."""
+        """Whether a model may be used: it forbids nothing, or its current restrictions were accepted."""
         if not model.forbids or model.name in os.environ.get(VARIABLE, "").split(","):
             return True
         return self._accepted().get(model.name, {}).get("terms") == _terms(model)

@@ -12,7 +12,7 @@ from dextera_build.errors import Place
 
 @dataclass(frozen=True)
 class Model:
-    """What `recipes/model/NAME.yaml` says of a model."""
+    """The description of a model in `recipes/model/NAME.yaml`."""
 
     name: str
     """`grounding_dino`."""

@@ -43,7 +43,9 @@ def fetch(model: Model, folder: Path, progress: Progress) -> str:
     }
     if kind not in take:
         raise MachineError(
-            f"nobody may hand on the weights of `{model.name}`" if model.source else f"`{model.name}` has no source",
+            f"the weights of `{model.name}` may not be redistributed"
+            if model.source
+            else f"`{model.name}` has no source",
             code="DXB-E383",
             where=model.place,
             facts={"licence": model.licence},
@@ -117,7 +119,7 @@ def _web(model: Model, rest: str, folder: Path, progress: Progress) -> str:
     except (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError) as error:
         raise _unreachable(model, str(getattr(error, "reason", error))) from error
     if total and done != total:
-        raise _unreachable(model, f"{done} of {total} bytes came; the next call goes on from there")
+        raise _unreachable(model, f"{done} of {total} bytes were received; the next call resumes there")
     part.rename(target)
     return model.source
 

@@ -1,1 +1,1 @@
-"""Backends in processes of their own: the protocol they speak, where they run, and what ends them."""
+"""Backends in processes of their own: their protocol, environments and limits."""

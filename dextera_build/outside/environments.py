@@ -18,7 +18,7 @@ PYTHON = "{python}"
 
 @dataclass(frozen=True)
 class Start:
-    """What a container is told besides the command; the other environments see all files and devices."""
+    """Settings of a container in addition to the command; the other environments see all files and devices."""
 
     command: tuple[str, ...]
     here: Path
@@ -40,11 +40,11 @@ class Environment(Protocol):
     """Whether its content is stated by a lock file."""
 
     def lacking(self, lock: str) -> dict[str, str]:
-        """What this machine does not have -> the next step; `lock` is the lock file, if there is one."""
+        """Requirements that this machine lacks -> the next step; `lock` is the lock file, if there is one."""
         ...
 
     def freeze(self) -> str:
-        """The command that prints what it holds."""
+        """The command that prints its content."""
         ...
 
     def argv(self, start: Start) -> list[str]:
@@ -52,7 +52,7 @@ class Environment(Protocol):
         ...
 
     def last(self, root: Path) -> list[str]:
-        """A command that ends what is not a child process, or nothing."""
+        """A command that ends processes that are not children, or nothing."""
         ...
 
 
@@ -93,7 +93,7 @@ class Venv:
 
     @property
     def python(self) -> Path:
-        """Its interpreter; a link on purpose, because its place tells Python the environment."""
+        """Its interpreter; a link on purpose, because Python finds the environment by its place."""
         return self.base / Path(self.folder).expanduser() / "bin" / "python"
 
     def lacking(self, lock: str) -> dict[str, str]:
@@ -177,7 +177,7 @@ class Container:
 
     tool: str
     image: str
-    locked = False  # the digest says it all
+    locked = False  # the digest identifies it
 
     def lacking(self, lock: str) -> dict[str, str]:
         """The tool and the image."""
@@ -223,7 +223,7 @@ def named(text: str, base: Path) -> Environment:
         base: The folder that relative folders begin at.
 
     Raises:
-        ValueError: It names none; the message says why.
+        ValueError: It names none; the message has the reason.
     """
     scheme, _, rest = text.partition(":")
     if not text:

@@ -45,7 +45,7 @@ _PROGRESS_S = 0.05
 
 Spec = dict[str, Any]
 """`argv`, `cwd`, `env`, `root` (its temporary folder), `server`, `memory` and `disk` [bytes], `log` [bytes], `idle_s`,
-`last` (a command that removes what is not a child process, a container)."""
+`last` (a command that removes processes that are not children, such as a container)."""
 
 
 class Guard:
@@ -200,7 +200,7 @@ class Guard:
         return _size(self._spec["root"], without="request") + _unnamed_below(os.getpid())
 
     def _end(self, why: str, **facts: Any) -> bool:
-        """Report the end of the task; True if the program goes on."""
+        """Report the end of the task; True if the program continues."""
         goes_on = why == "done"
         self._over = not goes_on
         if not goes_on:
@@ -219,7 +219,7 @@ class Guard:
 
 
 class Output:
-    """What a program prints: lines for dxb, progress, and a log of bounded length.
+    """The output of a program: lines for dxb, progress, and a log of bounded length.
 
     Args:
         say: Takes messages for the worker.
@@ -240,7 +240,7 @@ class Output:
         self._last_progress = 0.0
 
     def read(self, descriptor: int) -> bool:
-        """Take what can be read now, one piece at most; False at the end of the output."""
+        """Take the available output, at most one piece; False at the end of the output."""
         try:
             part = os.read(descriptor, _PIECE)
         except BlockingIOError:

@@ -1,4 +1,4 @@
-"""Modules beside a program that its sources import, declared or not."""
+"""Modules in the folder of a program that its sources import, declared or not."""
 
 from __future__ import annotations
 

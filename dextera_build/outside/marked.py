@@ -1,4 +1,4 @@
-"""Processes that are known by a variable of their environment, which children inherit wherever they go."""
+"""Processes that are identified by a variable of their environment, which all their children inherit."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class _Message(BaseModel):
 
 
 class Request(_Message):
-    """What a program is asked."""
+    """Request to a program."""
 
     protocol: Literal[1]
     """Version of the protocol."""
@@ -35,7 +35,7 @@ class Request(_Message):
     backend: str
     """`trellis`."""
     function: str
-    """Function of the backend that asks; a program may answer several."""
+    """Function of the calling backend; a program may implement several."""
     inputs: dict[str, Any]
     """Name -> value."""
     options: dict[str, Any] = {}
@@ -49,7 +49,7 @@ class Request(_Message):
 
 
 class Ok(_Message):
-    """An answer."""
+    """The output of a call that succeeded."""
 
     protocol: Literal[1]
     """Version of the protocol."""
@@ -69,13 +69,13 @@ class Refused(_Message):
     """Version of the protocol."""
     status: Literal["refused"]
     message: str = Field(min_length=1, max_length=1000)
-    """One sentence: what is wrong."""
+    """The fault in one sentence."""
     hint: str = Field("", max_length=1000)
     """The next step."""
 
 
 class Response(BaseModel):
-    """What a program answers."""
+    """Response of a program."""
 
     root: Annotated[Ok | Refused, Field(discriminator="status")]
 
@@ -139,5 +139,5 @@ def _malformed(why: str) -> RuleError:
         f"the program's `{RESPONSE}.json` is no response of protocol {PROTOCOL}",
         code="DXB-B375",
         facts={"why": why},
-        hint="write it with `dxb_backend`, which is on the program's search path; a copy beside the program hides it",
+        hint="write it with `dxb_backend`, which is on the program's search path; a copy next to the program hides it",
     )

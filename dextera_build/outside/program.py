@@ -32,9 +32,9 @@ class Program:
         command: Words of the command; `{python}` is the interpreter of the environment.
         files: Patterns of further files of the program, from the folder of the backend's file.
         environment: See `environments.named`.
-        lock: File that states what the environment holds, from `base`.
+        lock: File that lists the content of the environment, from `base`.
         server: Whether it stays for further calls.
-        limits: What it may use.
+        limits: Its limits.
     """
 
     backend: str
@@ -65,7 +65,7 @@ class Program:
             raise self._wrong(str(error), "`environment`") from None
 
     def lacking(self) -> dict[str, str]:
-        """What it needs and this machine does not have -> the next step.
+        """Requirements that this machine lacks -> the next step.
 
         Raises:
             RecipeError: The declaration is wrong.
@@ -75,7 +75,7 @@ class Program:
         if self.place.locked and not self.lock:
             raise self._wrong("an environment is named without its lock file", "`lock`")
         if self.lock and not has_lock:
-            found[f"the lock file `{self.lock}`"] = f"write what the environment holds: `{self._freeze()}`"
+            found[f"the lock file `{self.lock}`"] = f"list the content of the environment: `{self._freeze()}`"
         for pattern in self._patterns:
             if not self._matches(pattern):
                 found[f"the file `{pattern}` of the program"] = f"put it into `{self.here}`"
@@ -89,7 +89,7 @@ class Program:
     def parts(self) -> dict[str, Path]:
         """Name -> each file that makes up the program, and the lock file; their contents enter the key.
 
-        Modules beside the program that it imports are among them, whether declared or not.
+        Modules in the program's folder that it imports are among them, whether declared or not.
         """
         found = {SIDE} | self._imported()[0] | {path for pattern in self._patterns for path in self._matches(pattern)}
         if self.lock and (self.base / self.lock).is_file():
@@ -101,7 +101,7 @@ class Program:
         return {name: digest.of_bytes(path.read_bytes()) for name, path in self.parts().items()}
 
     def looked_at(self) -> set[str]:
-        """Files and folders, including missing ones, on which the key and what is lacking depend."""
+        """Files and folders, including missing ones, on which the key and missing requirements depend."""
         found = {str(path) for path in self.parts().values()}
         found |= set(map(str, self._imported()[1]))
         found |= {str(self.here / pattern) for pattern in self._patterns if not set(pattern) & set("*?[")}

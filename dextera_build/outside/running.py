@@ -1,4 +1,4 @@
-"""The worker's side of a program: asks it through a guard, passes on what it prints, and explains how it ended."""
+"""The worker's side of a program: sends requests through a guard, passes on its output, and explains how it ended."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _GIB = 1 << 30
 
 @dataclass(frozen=True)
 class Limits:
-    """What a program may use."""
+    """Limits of a program."""
 
     timeout_s: float
     """Duration of a call [s]."""
@@ -51,9 +51,9 @@ class Running:
     Args:
         argv: Its command, for a command without the folder of the request; takes the root of its exchanges.
         here: The folder it starts in.
-        limits: What it may use.
+        limits: Its limits.
         environment: Variables in addition to those of this process.
-        last: Takes the root; a command that ends what is not a child process, or nothing.
+        last: Takes the root; a command that ends processes that are not children, or nothing.
         server: Whether it answers several requests.
     """
 
@@ -113,7 +113,7 @@ class Running:
 
     @property
     def is_alive(self) -> bool:
-        """Whether it can take a request: it is not about to end because nobody asked for long."""
+        """Whether it can take a request: it is not about to end after a long time without a request."""
         idle_s = time.monotonic() - self._used
         return self._guard.poll() is None and idle_s < self.limits.idle_s - _SPARE_S
 
@@ -217,7 +217,7 @@ class Running:
                 f"the program took longer than {limits.timeout_s:g} s",
                 code="DXB-B371",
                 facts=facts,
-                hint="raise `timeout_s` of the backend, or find in `dxb log` what it waited for",
+                hint="raise `timeout_s` of the backend, or find the cause in `dxb log`",
             )
         if why == "memory":
             return RuleError(
@@ -274,7 +274,7 @@ def _signal(number: int) -> str:
 
 
 def _inherited() -> dict[str, str]:
-    """This process's environment without what would lead another Python to the modules of this one."""
+    """This process's environment without the variables that lead another Python to the modules of this one."""
     own = ("PYTHONPATH", "PYTHONHOME", "PYTHONSAFEPATH", "VIRTUAL_ENV", "DEXTERA_CODE")
     kept = {name: value for name, value in os.environ.items() if name not in own}
     return {**kept, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"}

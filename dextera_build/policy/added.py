@@ -16,7 +16,7 @@ from dextera_build.policy.seen import Embodied, Seen
 
 
 class TermCode(Protocol):
-    """What the file of a term defines beside the rule that declares it."""
+    """Interface of the file of a term, in addition to the rule that declares it."""
 
     def measure(self, worlds: Seen) -> np.ndarray:
         """Values of the term in N worlds (N, rows, parts), or (N, rows) if a row is one number."""

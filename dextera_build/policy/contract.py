@@ -18,7 +18,7 @@ VECTORS = tuple(term.name for term in DECLARED if term.is_vector)
 CHANNELS = (*VECTORS, "rgb")
 """All channels of dxb that a policy may use, none of them privileged."""
 MISSPELLED = 0.8
-"""Similarity of an unknown name to a channel of dxb, 0..1, above which it is taken for a misspelling."""
+"""Similarity of an unknown name to a channel of dxb, 0..1, above which it counts as a misspelling."""
 
 
 def check_inputs(names: tuple[str, ...], known: tuple[str, ...] = CHANNELS) -> None:

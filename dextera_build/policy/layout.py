@@ -134,7 +134,7 @@ def of_bundle(
 
 
 def of_episodes(episodes: Episodes, goal: tuple[str, ...], film: Film | None = None) -> Layout:
-    """The layout of a data set; only the task knows the components of its goal, `goal`."""
+    """The layout of a data set; only the task has the components of its goal, `goal`."""
     return Layout(
         task=episodes.task,
         embodiment=episodes.embodiment,

@@ -20,7 +20,7 @@ as (1, H, W, 3) uint8, the others as `Reader` gives them."""
 
 
 class Runner(Protocol):
-    """What `policy.py` of an algorithm defines: `rules/learn/act/policy.py` for the checkpoints of `learn.act`."""
+    """Interface of `policy.py` of an algorithm: `rules/learn/act/policy.py` for the checkpoints of `learn.act`."""
 
     def predict(self, checkpoint: Checkpoint, bundle: TaskBundle) -> Predict:
         """The network of a checkpoint, ready to run in a task bundle; its contract was found to fit.

@@ -1,4 +1,4 @@
-"""What policies may see of worlds: measurements with a leading axis of worlds, and the functions of dxb's own terms.
+"""Observations of policies: measurements with a leading axis of worlds, and the functions of dxb's own terms.
 
 Every function takes the measurements of N worlds and returns an array (N, ...); a single world is N = 1.
 """
@@ -16,7 +16,7 @@ from dextera_build.policy.declared import DECLARED
 
 @dataclass(frozen=True)
 class Embodied:
-    """What a task knows of its robot and objects besides the measurements."""
+    """Constants of a task's robot and objects, in addition to the measurements."""
 
     target: int
     """Row of the task's object among the objects."""

@@ -13,7 +13,7 @@ The file is sorted TOML with one block per target; branches that pin different t
     mug = { phrase = "blue mug", at_px = [412, 233], photograph = "ab12..." }
 
 A block's name is the profile and the node's address. `size` counts all blobs of the output [bytes]. Blocks of `names`
-hold what `dxb bind` bound, for all profiles.
+hold the bindings of `dxb bind`, for all profiles.
 """
 
 from __future__ import annotations

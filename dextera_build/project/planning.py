@@ -75,7 +75,7 @@ class Planning:
         return found or self.resolve(incomplete=incomplete, watch=watch)
 
     def resolve(self, *, incomplete: bool = False, watch: Watch | None = None) -> Kept:
-        """The plan, resolved anew and kept for later commands."""
+        """The plan, resolved again and kept for later commands."""
         from dextera_build.code.distributions import note_packages
         from dextera_build.recipe import settings
         from dextera_build.recipe.kept import Kept, is_lasting
@@ -118,7 +118,7 @@ class Planning:
 
 
 def _note(watch: Watch, plan: Plan, looked_at: Iterable[str]) -> None:
-    """Add what planning read: recipes, code, configuration, and folders in which new files may appear."""
+    """Add the files that planning read: recipes, code, configuration, and folders in which new files may appear."""
     from dextera_build.code.modules import was_read
     from dextera_build.recipe.kept import note_absent
 

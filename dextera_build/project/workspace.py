@@ -1,7 +1,7 @@
-"""Workspaces: the projects that build with a store, told apart even if they share it and name recipes alike.
+"""Workspaces: the projects that build with a store, kept apart even if they share it and have recipes of equal names.
 
-A store belongs to a project if it lies in its folder. Everywhere else, other projects, users and machines may use it,
-too; there a workspace is a project folder on one machine, and its files in `out/` lie below a folder of its own.
+A store belongs to a project if it is in its folder. Everywhere else, other projects, users and machines may use it,
+too; there a workspace is a project folder on one machine, and its files in `out/` are below a folder of its own.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _LONGEST = 40
 
 
 def owns_store(project: Project) -> bool:
-    """Whether the project's store lies in its folder, and in no other project's folder inside it."""
+    """Whether the project's store is in its folder, and in no other project's folder inside it."""
     root, store = (Path(os.path.realpath(path)) for path in (project.root, project.cache))
     if not project.declared or not store.is_relative_to(root):
         return False

@@ -27,9 +27,9 @@ class Choice:
 
     backend: BackendFile
     why: str
-    """`profile cpu`, `recipe`; with what was passed over: `profile gpu; sam3 is missing: needs transformers`."""
+    """`profile cpu`, `recipe`; with the skipped backends: `profile gpu; sam3 is missing: needs transformers`."""
     missing: tuple[str, ...] = ()
-    """What this machine lacks for it; empty if it can run."""
+    """Its requirements that this machine lacks; empty if it can run."""
     hint: str | None = None
     """The next step if something is missing."""
     passed: tuple[str, ...] = ()
@@ -92,7 +92,7 @@ def with_used(found: RuleFile, backend: BackendFile) -> list[BackendFile]:
 
 
 def lacks_of(found: RuleFile, backend: BackendFile, machine: Machine) -> dict[str, str]:
-    """What a backend, or one that it uses, needs and the machine does not have -> the next step.
+    """Requirements of a backend, or of one that it uses, that the machine lacks -> the next step.
 
     Raises:
         RecipeError: The rule has no backend of a name in `uses`.
@@ -101,7 +101,7 @@ def lacks_of(found: RuleFile, backend: BackendFile, machine: Machine) -> dict[st
 
 
 def backend_of(found: RuleFile, name: str, origin: str, where: Place) -> BackendFile:
-    """The backend of this name; `origin` says who named it.
+    """The backend of this name; `origin` is the source of the name.
 
     Raises:
         RecipeError: The rule has no such backend.

@@ -14,19 +14,19 @@ if TYPE_CHECKING:  # a no-op build reads `dxb.lock`, but no recipe
 RULE = "factorize.name"
 """The rule with an option `names`."""
 PROPERTIES = ("phrase", "category", "material", "colour")
-"""Options of a name that tell objects apart on any photograph."""
+"""Options of a name that distinguish objects on any photograph."""
 
 
 @dataclass(frozen=True)
 class Binding:
-    """What a name was bound to."""
+    """The binding of a name."""
 
     at_px: tuple[int, int] | None = None
     """Column and row of a pixel of the object [px]; None: only in drafts that `dxb bind` tries."""
     photograph: str = ""
     """Digest of the pixels of the photograph that the point is on, see `geometry.pictures.digest_of`."""
     properties: Mapping[str, str] = field(default_factory=dict)
-    """What the object was recognised by, of PROPERTIES; empty if by the point alone."""
+    """Properties that recognised the object, of PROPERTIES; empty if only the point did."""
 
     def options(self) -> dict[str, object]:
         """The binding as `factorize.name` takes it."""
@@ -35,14 +35,14 @@ class Binding:
 
 
 Names = Mapping[str, Binding]
-"""Name -> what it was bound to."""
+"""Name -> its binding."""
 
 
 def fill(decl: CallDecl, names: Names, where: Place) -> CallDecl:
     """The declaration with the bindings of `dxb.lock` added; `where` is that file.
 
     The recipe goes first: a name that it recognises by other properties than at the time of the binding, or by a point
-    of its own, keeps what the recipe says.
+    of its own, keeps the recipe's binding.
     """
     if decl.rule != RULE or not names:
         return decl

@@ -65,7 +65,7 @@ class CallMaker:
         """Whether a profile's next backend may take the place of a missing one."""
         self._facts: dict[tuple[str, ...], RuleFacts] = {}
         self._chosen: dict[int, tuple[RuleFile, Choice | None, Companions]] = {}
-        """Identity of facts -> what they are of."""
+        """Identity of facts -> their owner."""
         for rule in backends:
             library.find(rule)
 

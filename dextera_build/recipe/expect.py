@@ -23,7 +23,7 @@ _COMPARE: Mapping[str, Callable[[float, float], bool]] = {
 }
 _EVERY = "*"
 STAND_INS = "stub"
-"""Profile whose results are stand-ins, which no bound is meant for."""
+"""Profile whose results are stand-ins, to which no bound applies."""
 
 Metrics = Mapping[str, tuple[float, str]]
 """Name -> (value, unit), as `ctx.metric` records them."""

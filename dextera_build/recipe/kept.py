@@ -42,7 +42,7 @@ class Plans:
 
     Args:
         state: The store's state.
-        request: Everything that a plan depends on besides files and the environment.
+        request: Everything that a plan depends on except files and the environment.
     """
 
     def __init__(self, state: State, request: object) -> None:
@@ -55,8 +55,8 @@ class Plans:
         """The plan of the request if planning would give it again.
 
         Args:
-            watch: Notes what planning read.
-            reads: Read the sources, too, because workers may need them as they are now.
+            watch: Notes the files that planning read.
+            reads: Read the sources, too, because workers may need their current text.
         """
         with suppress(ValueError, IndexError, TypeError, KeyError, AttributeError):  # none, or malformed
             rows = (self._state.get(_KIND, self._name) or b"").decode(errors="surrogateescape").split(seen.MARK)
@@ -76,11 +76,11 @@ class Plans:
         return None
 
     def keep(self, kept: Kept, watch: Watch) -> None:
-        """Keep a plan, unless what was read may have changed meanwhile.
+        """Keep a plan, unless the files that were read may have changed meanwhile.
 
         Args:
             kept: The plan, and the warnings of planning.
-            watch: What planning read; its `started_ns` is before the first read.
+            watch: The files that planning read; its `started_ns` is before the first read.
         """
         rows = seen.texts(watch, time.time_ns())
         if watch.settled() and not any(seen.MARK in text for text in rows):
@@ -90,7 +90,7 @@ class Plans:
 
 
 def is_lasting(plan: Plan) -> bool:
-    """Whether a plan depends only on files and the environment, not on devices, images and what is missing here."""
+    """Whether a plan depends only on files and the environment, not on devices, images and missing requirements."""
     rules = plan.rules
     return not plan.absent and not any(
         rule.missing or rule.passed or rule.program or rule.gpus or rule.gpu_gb for rule in rules

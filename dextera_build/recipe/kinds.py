@@ -1,4 +1,4 @@
-"""Artifact types in a recipe: what fits where, and the types of fields.
+"""Artifact types in a recipe: compatible types, and the types of fields.
 
 A type may be a union. `Any` is the type of an input that was not given: it fits everywhere and has every field.
 """

@@ -1,4 +1,4 @@
-"""Check the options of a call against what its rule or its backend declares."""
+"""Check the options of a call against the declaration of its rule or its backend."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def plan(address: str, read: Read, library: Library, project: Path, request: Req
     Raises:
         RecipeError: The recipe, or one that it uses, is invalid; with the place.
         UsageError: The request uses an unknown name.
-        MachineError: A package of a rule is not installed; a backend that is missing stands in the plan.
+        MachineError: A package of a rule is not installed; a backend that is missing is noted in the plan.
     """
     planner = _Planner(read, library, project, request or Request())
     recipe = planner.recipe(address, Place("the command line"))
@@ -133,7 +133,7 @@ class _Planner:
     def fill(self) -> None:
         """Build every declared call."""
         self.maker.place_settings(self._pending)
-        # First what the request changes, because a wrong setting is the most frequent error.
+        # Changes of the request first, because a wrong setting is the most frequent error.
         made = {address: self._call(address) for address in sorted(self._pending, key=self.maker.is_unset)}
         self._calls = {address: made[address] for address in self._pending}
         members: dict[tuple[str, ...], dict[str, tuple[CallDecl, Scope]]] = {group: {} for group in self._groups}

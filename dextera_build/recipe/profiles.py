@@ -27,12 +27,12 @@ class Profile:
     lists: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Rule -> its backends, in order of preference."""
     extended: Profile | None = None
-    """The profile that decides where this one says nothing."""
+    """The profile that decides for rules that this one does not list."""
     files: tuple[Path, ...] = ()
     """Files, existing or not, that determine it."""
 
     def preferred(self, found: RuleFile) -> tuple[tuple[str, ...], str]:
-        """The backends of a rule in order of preference, and the profile that says so; none if no profile does."""
+        """The backends of a rule in order of preference, and the profile that lists them; none if no profile does."""
         profile: Profile | None = self
         while profile is not None:
             declared = tuple(name for name, backend in found.backends.items() if profile.name in backend.facts.profiles)

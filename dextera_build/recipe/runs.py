@@ -34,7 +34,7 @@ def joined(graph: Graph, library: Library, join: Callable[[RuleFacts, Companions
         join: Adds companions to the facts of a rule.
 
     Raises:
-        RecipeError: What made such an input has no companion, or two folders with one have the same name.
+        RecipeError: The rule that made such an input has no companion, or two folders with one have the same name.
     """
     trace = _Trace(graph, library)
 
@@ -78,17 +78,17 @@ class _Trace:
                 known = named.setdefault((each.name, each.file.name), each)
                 if known.file != each.file:
                     raise RecipeError(
-                        f"two folders called `{each.name}` hold what runs the inputs of `{call.rule.path}`",
+                        f"two folders called `{each.name}` hold companions of the inputs of `{call.rule.path}`",
                         code="DXB-R215",
                         where=call.where,
                         facts={"files": listing(sorted(map(str, (known.file, each.file))))},
-                        hint="rename one of the folders, and what its rules name after it",
+                        hint="rename one of the folders, and the names that its rules take from it",
                     )
                 found.setdefault(slot, []).append(known)
         return found
 
     def _run(self, path: Names, call: Call, label: str | None, slot: str, stems: Sequence[str]) -> list[Companion]:
-        """The companions of what a slot may carry, by path."""
+        """The companions of the artifacts that a slot may carry, by path."""
         kind = self._library.find(call.rule.path).rule.slots[slot].annotation
         kind = (*parameters(kind), kind)[0]
         found: dict[str, Companion] = {}
@@ -112,7 +112,7 @@ class _Trace:
         return [found[name] for name in sorted(found)]
 
     def _of_maker(self, rule: RuleFile, maker: Call, stem: str) -> Companion:
-        """The companion in the folder that an option of the maker names, or beside its rule."""
+        """The companion in the folder that an option of the maker names, or in the folder of its rule."""
         for option, folder in rule.rule.folders.items():
             return in_folder(self._library, f"{folder}/{maker.options[option]}", stem)
         return beside(rule, stem)
@@ -141,9 +141,9 @@ def holds(kind: Any, wanted: Any, seen: set[Any] | None = None) -> bool:
 
 
 def _nothing_runs(call: Call, slot: str, maker: str, companion: Companion) -> RecipeError:
-    where = "beside it" if companion.of == maker else f"in `{companion.of}`"
+    where = "next to it" if companion.of == maker else f"in `{companion.of}`"
     return RecipeError(
-        f"`{call.rule.path}` runs what `{maker}` makes, which has no `{companion.file.name}` {where}",
+        f"`{call.rule.path}` runs the result of `{maker}`, which has no `{companion.file.name}` {where}",
         code="DXB-R216",
         where=call.where,
         facts={"input": slot, "looked for": str(companion.file)},

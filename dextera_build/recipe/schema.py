@@ -17,7 +17,7 @@ _MOST_BYTES = 64 << 20
 """Maximum size of a recipe file; 100,000 nodes take about 10 MB."""
 _DEEPEST = 100
 ON_FAILURE = ("stop", "leave_out")
-"""What a failed copy of a group means: the build fails, or collections do without the copy."""
+"""Effect of a failed copy of a group: the build fails, or collections do without the copy."""
 _NAME = "abcdefghijklmnopqrstuvwxyz0123456789_"
 
 

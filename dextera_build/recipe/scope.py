@@ -41,7 +41,7 @@ class Absent(Bound):
     readers: list[tuple[str, Any]] = field(default_factory=list)
     """Slot, as errors name it, and its type, for each slot it is given to."""
     parts: dict[tuple[str, ...], Absent] = field(default_factory=dict)
-    """Fields -> the same for what they lead to."""
+    """Fields -> the same for their targets."""
 
     def follow(self, fields: tuple[str, ...], where: Place) -> Bound:
         """The input itself, or an unknown of its own for each path of fields."""

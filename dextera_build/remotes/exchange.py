@@ -133,7 +133,7 @@ class Exchange:
             time.sleep(_TICK_S)
 
     def close(self) -> list[Upload]:
-        """Close connections, and return what was uploaded; unfinished uploads are abandoned."""
+        """Close connections, and return the finished uploads; unfinished ones are abandoned."""
         with self._guard:
             for remote, key in self._to_send:
                 self._leave(remote, key, remote.reasons.get("write", "the build ended before"))

@@ -60,7 +60,7 @@ class RemoteFault(Exception):  # noqa: N818 - says what happened, as `MissingBlo
 
     Args:
         address: The remote.
-        reason: What happened, for users; both are shown without secrets.
+        reason: The fault, for users; both are shown without secrets.
         refused: The remote works and rejected the request (no permission, no such method): a retry does not help.
     """
 
@@ -95,7 +95,7 @@ class Remote:
         raise NotImplementedError
 
     def fetch(self, digest: Digest, take: Callable[[Iterator[bytes]], bool]) -> bool | None:
-        """Hand `take` the bytes of a blob in pieces, and return what it returns; None if the remote lacks the blob.
+        """Hand `take` the bytes of a blob in pieces, and return its result; None if the remote lacks the blob.
 
         `take` checks size and bytes, and may stop before the last piece. Its errors pass through.
         """

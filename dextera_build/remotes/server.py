@@ -46,7 +46,7 @@ class CacheServer(ThreadingHTTPServer):
     """Serves one store, a thread for each connection; use it as a context manager.
 
     Args:
-        store: What to serve.
+        store: The store to serve.
         address: Host and port to listen on; port 0: any free port.
         read_only: Accept no uploads.
         most_bytes: Largest blob that is accepted [bytes].
@@ -100,7 +100,7 @@ class CacheServer(ThreadingHTTPServer):
         return f"{self._scheme}://[{shown}]:{port}" if ":" in shown else f"{self._scheme}://{shown}:{port}"
 
     def allow(self, connection: socket.socket, seconds: float) -> None:
-        """Close a connection unless `allow` is called again within so many seconds."""
+        """Close a connection unless `allow` is called again within a number of seconds."""
         self._until[connection] = time.monotonic() + seconds
 
     def service_actions(self) -> None:
@@ -167,7 +167,7 @@ class _Request(BaseHTTPRequestHandler):
             print(f"{self.address_string()} {said}", file=self.server.log, flush=True)
 
     def _carry_out(self, work: Callable[[str, str], None]) -> None:
-        self.server.allow(self.connection, math.inf)  # its head is here; what follows allows its own time
+        self.server.allow(self.connection, math.inf)  # its head is here; its body has a time limit of its own
         try:
             names = self.server.names
             if "Origin" in self.headers or not (names is None or is_named(self.headers.get("Host", ""), names)):

@@ -47,7 +47,7 @@ class Spec:
     """Further options for the object store's library: `endpoint`, `region`, ..."""
 
     def __post_init__(self) -> None:
-        # Its passwords may be in what a rule prints, or in the error of a library.
+        # Its passwords may be in the output of a rule, or in the error of a library.
         for name, value in {"": self.address, **self.options}.items():
             filled = _VARIABLE.sub(lambda match: secrets.variable(match[1]) or "", value)
             hide_address(filled)

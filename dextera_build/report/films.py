@@ -1,4 +1,4 @@
-"""Films of episodes as H.264 in a data URI; what encodes them is an extra, and without it the report shows pictures."""
+"""Films of episodes as H.264 in a data URI; the encoder is an extra, and without it the report shows pictures."""
 
 from __future__ import annotations
 

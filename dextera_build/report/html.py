@@ -10,7 +10,7 @@ _VOID = frozenset({"br", "col", "hr", "img", "input", "link", "meta"})
 
 
 class Html(str):
-    """Markup that is safe to insert as it is."""
+    """Markup that is safe to insert unchanged."""
 
     __slots__ = ()
 

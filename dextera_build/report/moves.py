@@ -8,7 +8,7 @@ from dextera_build.artifacts.comparison.motion import Motion
 from dextera_build.report.html import Html, join, tag
 
 _ROW, _HEAD, _NAME, _BAR, _VALUE = 30, 64, 330, 230, 130
-"""Height of a row and of the head, width of the names, of a bar at its longest, and of the number beside it [px]."""
+"""Height of a row and of the head, width of the names, of a bar at its longest, and of the number next to it [px]."""
 _STYLE = """
 svg { font: 12px system-ui, 'DejaVu Sans', sans-serif; background: #fff }
 .title { font-size: 15px; font-weight: 600; fill: #1b1e23 } .axis { font-weight: 600; fill: #3d4a5c }

@@ -108,7 +108,7 @@ class Run:
     chosen: dict[str, str] = field(default_factory=dict)
     """`factorize.mesh: primitives` -> who chose it."""
     costs: Costs = field(default_factory=Costs)
-    """What requests to services cost."""
+    """Cost of requests to services."""
 
     def by_address(self) -> dict[str, Node]:
         """Address -> node."""

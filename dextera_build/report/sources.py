@@ -1,4 +1,4 @@
-"""The report's sources besides events: results and artifact headers as plain JSON, without knowing any type."""
+"""The report's sources in addition to events: results and artifact headers as plain JSON, without knowing any type."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The task gallery: one card per task with its picture and film, what is to be done, and how often it was done."""
+"""The task gallery: one card per task with its picture and film, its goal, and its success rates."""
 
 from __future__ import annotations
 

@@ -103,6 +103,6 @@ def _magnitude(value: float) -> int:
 
 
 def parted(line: str) -> tuple[str, list[str]]:
-    """What a rule said about its result, and its warnings, from the one line that holds both; see `Outcome.told`."""
+    """The summary of a result and its warnings, from the one line that holds both; see `Outcome.told`."""
     said, *warnings = f"; {line}".split("; warning: ")
     return said.removeprefix("; "), warnings

@@ -1,4 +1,4 @@
-"""What a backend says of itself."""
+"""Declaration of a backend."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ class Backend:
     weights: tuple[str, ...] = ()
     """Models described by `recipes/model/NAME.yaml`; digests of their weights enter the key. See `Context.weights`."""
     uses: tuple[str, ...] = ()
-    """Other backends of the rule that it asks by `Context.other`; their code and packages enter the key."""
+    """Other backends of the rule that it calls by `Context.other`; their code and packages enter the key."""
     command: tuple[str, ...] = ()
     """The program that answers `Context.outside`, see docs/outside.md; `{python}` is the Python of `environment`."""
     server: bool = False
     """Whether the program stays for the next calls of its worker."""
     files: tuple[str, ...] = ()
-    """Patterns of the program's files, from the folder of this file, besides those in `command`; they enter the key."""
+    """Patterns of the program's files other than those in `command`, from this file's folder; they enter the key."""
     environment: str = ""
     """`venv:FOLDER`, `conda:NAME`, `docker:IMAGE@sha256:...` or `podman:...`; left out, the Python of dxb."""
     lock: str = ""
-    """File that states what the environment holds, from the project's folder; it enters the key."""
+    """File that lists the content of the environment, from the project's folder; it enters the key."""
     timeout_s: float = 3600.0
     """Longest duration of a call of the program [s]."""
     memory_gb: float = 0.0

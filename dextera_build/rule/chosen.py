@@ -13,11 +13,11 @@ from dextera_build.errors import RuleError, did_you_mean, listing
 
 
 class Chosen:
-    """A module as `ctx.backend` or `ctx.companion`; what the `Protocol` does not name is the module's own.
+    """A module as `ctx.backend` or `ctx.companion`; names that are not in the `Protocol` are private to the module.
 
     Args:
         module: The module.
-        protocol: What the module defines; None for a rule that does not say.
+        protocol: Interface of the module; None for a rule without one.
         shown: ``backend `umbrella` of factorize.smooth``, for messages.
     """
 
@@ -48,7 +48,7 @@ class Chosen:
         def call(*inputs: Any, **named: Any) -> Any:
             answer = function(*inputs, **named)
             wanted = _returned(declared)
-            # By name, as stored values are told apart.
+            # By name, which also distinguishes stored values.
             if wanted and wanted not in {kind.__name__ for kind in type(answer).__mro__}:
                 raise RuleError(
                     f"`{function.__name__}` of {self._shown} returned {_kind(answer)}, not {wanted}",

@@ -1,4 +1,4 @@
-"""What a running rule is given: its backend, folders, the project's files, services, the report."""
+"""The context of a running rule: its backend, folders, the project's files, services, the report."""
 
 from __future__ import annotations
 
@@ -169,11 +169,11 @@ class Context(Calling, Generic[B]):
         return _Other(self, *others(name))
 
     def companion(self, slot: str, name: str, protocol: type[Any]) -> Any:
-        """The module that runs the artifact in a slot: that of `@rule(runs={slot: ...})`, beside the rule that made it.
+        """The module that runs the artifact in a slot, of `@rule(runs={slot: ...})`: next to the rule that made it.
 
         Args:
             slot: An input.
-            name: Folder of the rule that made the artifact, as the artifact says: `act` of `rules/learn/act/`; with
+            name: Folder of the rule that made the artifact, from the artifact: `act` of `rules/learn/act/`; with
                 `@rule(runs={slot: ""})` the name of the rule itself.
             protocol: The `Protocol` that the module follows.
 
@@ -217,12 +217,12 @@ class Context(Calling, Generic[B]):
 
         Raises:
             RuleError: The backend declares no program, or it refused, failed, or exceeded a limit.
-            MachineError: This machine does not have what the program needs.
+            MachineError: This machine lacks a requirement of the program.
         """
         program = self._pretrained.program
         if program is None:
             raise RuleError(
-                "a backend that declares no program asks one",
+                "the backend declares no program",
                 code="DXB-B380",
                 facts={"function": function, "inputs": listing(inputs)},
                 hint='`BACKEND = Backend(..., command=("{python}", "program.py"))`',
@@ -302,7 +302,7 @@ class Context(Calling, Generic[B]):
     def warn(self, text: str) -> None:
         """Add a warning about the result, which the build log and the report show below its line.
 
-        The rule returns its result all the same: what must not be used is refused by `fail` or `check`.
+        The rule returns its result all the same: unusable results are refused by `fail` or `check`.
         """
         self.outcome.warnings.append(" ".join(text.split()))
 

@@ -163,7 +163,7 @@ def rule(  # noqa: PLR0913 - one argument per declaration
         tolerance: Differences between results that `dxb check` accepts; None for none. Builds do not use it: the first
             result of a key stays.
         discovers: Whether calls discover the project files they read, with `ctx.read`, `ctx.glob`, `ctx.exists`.
-        runs: Inputs that are run by code beside the rules that made them, `{"checkpoint": "policy"}` for `policy.py`,
+        runs: Inputs that are run by code next to the rules that made them, `{"checkpoint": "policy"}` for `policy.py`,
             `{"terms": ""}` for the files of these rules, or in the folder that an option of these rules names;
             `ctx.companion` gives it. It is part of the key.
         folders: Options that name a folder of code, `{"primitive": "primitives"}`: `primitive: lift` is the folder

@@ -1,4 +1,4 @@
-"""Options: what a recipe may set of a rule, and of a backend."""
+"""Options of a rule or a backend, which a recipe may set."""
 
 from __future__ import annotations
 

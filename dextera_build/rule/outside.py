@@ -1,4 +1,4 @@
-"""What `ctx.outside` does: writes a request, lets the backend's program answer it, and reads the response."""
+"""Implements `ctx.outside`: writes a request, runs the backend's program on it, and reads the response."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Outside:
     """The program of a call's backend.
 
     Args:
-        program: What the backend declares.
+        program: Declaration of the backend.
         rule: `factorize.mesh`.
         backend: `trellis`.
         key: Digest of each of its files, as in the key of the call.
-        protocol: What the backends of the rule define.
+        protocol: Interface of the rule's backends.
         environment: Variables for the program.
     """
 
@@ -94,7 +94,7 @@ class Outside:
         return answer
 
     def _declared(self, function: str) -> Any:
-        """What the rule's `Protocol` says that a function returns."""
+        """Return type of a function in the rule's `Protocol`."""
         found = getattr(self.protocol, function, None)
         if found is None:
             raise RuleError(

@@ -53,7 +53,7 @@ class Pretrained:
         weights: `name@digest` of the models that the backend declares.
         find: Returns the folder of a `name@digest`; raises a `MachineError` if this machine does not have it.
         device: `cuda` is the GPU granted to the call, the only visible one.
-        program: What `Context.outside` asks; None for a backend without a program.
+        program: Program of `Context.outside`; None for a backend without a program.
         others: Returns the module of a backend that this one uses, with that backend's default options.
     """
 
@@ -116,7 +116,7 @@ def unload(but: tuple[str, ...] = ()) -> None:
 
 
 def out_of_memory(error: BaseException, device: Device) -> MachineError | None:
-    """The error to show for one that says that memory ran out; None for any other.
+    """The error to show for an exception of exhausted memory; None for any other.
 
     numpy and Python raise `MemoryError`, torch an `OutOfMemoryError` for a GPU and a `RuntimeError` for the CPU.
     """
@@ -125,7 +125,7 @@ def out_of_memory(error: BaseException, device: Device) -> MachineError | None:
     if not gpu and not isinstance(error, MemoryError) and "DefaultCPUAllocator" not in text:
         return None
     return MachineError(
-        "the memory of the GPU does not hold what the backend needs" if gpu else "the machine's memory is used up",
+        "the GPU has too little memory for the backend" if gpu else "the machine's memory is used up",
         code="DXB-E389",
         facts={"device": device, "it says": text},
         hint=_MORE_GPU if gpu else _MORE_MEMORY,

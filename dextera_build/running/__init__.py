@@ -1,1 +1,1 @@
-"""Runs one node in a worker: decodes its inputs, calls its rule, stores what it returns."""
+"""Runs one node in a worker: decodes its inputs, calls its rule, stores its result."""

@@ -16,7 +16,7 @@ from dextera_build.rule.chosen import Chosen
 
 
 def as_called(found: RuleFile, backend: str | None) -> Chosen | None:
-    """What a rule is given as `ctx.backend`."""
+    """The value of `ctx.backend`."""
     if not backend:
         return None
     return Chosen(found.backends[backend].module, found.rule.protocol, f"backend `{backend}` of {found.path}")
@@ -48,9 +48,9 @@ def running(companions: Companions) -> Callable[[str, str, type[Any]], Any]:
     def companion(slot: str, name: str, protocol: type[Any]) -> Any:
         named = {each.name: each for each in companions.get(slot, ())}
         if name not in named:
-            said = f"the rule must name what it makes after its folder or file: {listing(named)}" if named else None
+            said = f"the rule must name its result after its folder or file: {listing(named)}" if named else None
             raise RuleError(
-                f"what runs `{name}` of the input `{slot}` is not beside a rule that made it",
+                f"no rule that made the input `{slot}` has a companion `{name}`",
                 code="DXB-B385",
                 facts={each.name: str(each) for each in named.values()},
                 hint=did_you_mean(name, named) or said or f"`@rule(runs={{{slot!r}: ...}})`; `RuleRunner(made_by=...)`",

@@ -125,7 +125,7 @@ def parted(found: RuleFile, backend: str | None, given: Mapping[str, Any]) -> tu
 
 
 def pretrained(task: Mapping[str, Any], found: RuleFile | None = None) -> Pretrained:
-    """What the backend of a task has: weights, device and, if its rule is given, its program and the backends it uses.
+    """Resources of a task's backend: weights, device and, if its rule is given, its program and the backends it uses.
 
     Models of other weights, which the process keeps, are freed.
     """
@@ -155,7 +155,7 @@ def _end_server() -> None:
 
 @contextmanager
 def _memory_told(ctx: Context) -> Iterator[None]:
-    """Turn the errors of libraries that ran out of memory into one that says what would help."""
+    """Turn the errors of libraries that ran out of memory into one with a remedy."""
     try:
         yield
     except (MemoryError, RuntimeError) as error:
@@ -175,7 +175,7 @@ def _warn_of_unnamed(ctx: Context, files: set[str], task: Mapping[str, Any], rea
 
 @contextmanager
 def _umask_kept() -> Iterator[None]:
-    """Store results as readable as before, whatever mask a rule sets for its own files."""
+    """Store results with the usual permissions, even if a rule changes the file mask."""
     mask = os.umask(0o077)
     os.umask(mask)
     try:
@@ -341,7 +341,7 @@ def _stored(store: Store, found: RuleFile, wanted: Any, result: Any, ctx: Contex
 
 
 def _careful(put: Callable[[bytes], str]) -> Callable[[bytes], str]:
-    """`put`, refusing the secrets that rules asked for in this process."""
+    """`put`, refusing the secrets that rules requested in this process."""
 
     def checked(data: bytes) -> str:
         for value, name in hidden().items():

@@ -14,7 +14,7 @@ from dextera_build.code.modules import PACKAGE
 
 _CODE = (".py", ".pyc", ".so")
 _OF_DXB = {"dxb.toml", "dxb.lock", "pyproject.toml", "recipes"}
-"""What dxb itself reads in a project."""
+"""Files that dxb itself reads in a project."""
 _listening: list[set[str]] = []
 _on_import: dict[str, set[str]] = {}
 """Rule -> files that were opened when it was imported, once per process."""
@@ -45,7 +45,7 @@ def unnamed(files: set[str], project: Path, store: Path, asked: Container[str] =
         files: Absolute paths.
         project: The project's folder.
         store: The store's folder.
-        asked: Paths in the project that the call asked its context for.
+        asked: Paths in the project that the call requested from its context.
     """
     weights = filter(None, os.environ.get("DXB_MODELS", "").split(os.pathsep))  # the key holds their digests
     temporary = tempfile.gettempdir()

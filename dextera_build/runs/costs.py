@@ -1,4 +1,4 @@
-"""What the calls of a run cost, added up from its events."""
+"""Cost of the calls of a run, summed over its events."""
 
 from __future__ import annotations
 

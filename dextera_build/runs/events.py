@@ -52,7 +52,7 @@ class RunStarted(Event):
     workspace: str = ""
     """Distinguishes the project from others that share the store; see `workspaces.mark`."""
     backends: Mapping[str, str] = field(default_factory=dict)
-    """`factorize.mesh: primitives` -> who chose it, and what was passed over."""
+    """`factorize.mesh: primitives` -> its origin, and the skipped backends."""
     instead: list[str] = field(default_factory=list)
     """Lines about backends that are taken because preferred ones are missing."""
 
@@ -121,7 +121,7 @@ class NodePaid(Event):
     service: str
     model: str
     usd: float
-    """What it cost [USD], as the service says or by its stated price."""
+    """Its cost [USD], as reported by the service or by its stated price."""
     sure: bool = True
     """False: the answer was lost, and the service may not have charged it."""
 

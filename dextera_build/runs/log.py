@@ -156,7 +156,7 @@ def those(store: Store, recipe: str | None = None, variant: str | None = None, *
 
 
 def _succeeded(store: Store, run: str) -> bool:
-    """Whether a run's final event, on the last line of its log, says so."""
+    """Whether the last line of a run's log, its final event, says so."""
     with suppress(OSError, ValueError), (store.root / "runs" / run / _FILE).open("rb") as file:
         file.seek(max(0, file.seek(0, os.SEEK_END) - _TAIL))
         last = digests.plain(file.read().rstrip(b"\n").rpartition(b"\n")[2])

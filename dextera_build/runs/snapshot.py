@@ -26,7 +26,7 @@ _MOST = 64
 _BOOT = "/proc/sys/kernel/random/boot_id"
 """Changes with every boot; after a power cut, files may be truncated."""
 _PLACES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
-"""Variables besides `DXB_*` that locate files."""
+"""Variables other than `DXB_*` that locate files."""
 
 
 class Recipe:

@@ -24,12 +24,12 @@ def folder(workspace: str) -> str:
 
 
 def is_here(workspace: str) -> bool:
-    """Whether a workspace is on this machine, as far as its name says."""
+    """Whether a workspace is on this machine, according to its name."""
     return folder(workspace) == workspace or workspace.startswith(f"{_machine()}:")
 
 
 def mark(workspace: str) -> str:
-    """The name in logs, which are shared and must not tell the path; "" in a project's own store."""
+    """The name in logs, which are shared and must not reveal the path; "" in a project's own store."""
     return "" if folder(workspace) == workspace else digests.of_value(workspace)[:16]
 
 

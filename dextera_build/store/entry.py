@@ -179,7 +179,7 @@ def _file(row: Any) -> File:
         has_size = type(size) is int and 0 <= size < _MOST_BYTES
         if role in _ROLES and is_digest(digest) and (has_size or (size is None and role not in HEADERS)):
             return File(role, digest, size)
-    raise ValueError("it names what cannot be a blob")
+    raise ValueError("it names something that cannot be a blob")
 
 
 def _pairs(rows: object, first: Callable[[object], S], second: Callable[[object], T]) -> tuple[tuple[S, T], ...]:

@@ -210,7 +210,7 @@ def settle(folder: str) -> bool:
 
 
 def file_system(path: str) -> str:
-    """Type of the file system of a path, as the system calls it: `nfs4`; "" if it does not say."""
+    """Type of the file system of a path, as the system calls it: `nfs4`; "" if unknown."""
     with suppress(OSError, ValueError, IndexError):
         device = os.stat(path).st_dev
         return next((kind for mounted, kind, _, _ in signature.mounts() if mounted == device), "")

@@ -21,7 +21,7 @@ _PROBE = 1 << 61
 """An offset that no key has."""
 
 _NONE = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP}
-"""What systems say where a file system has no locks."""
+"""Error numbers of systems on which a file system has no locks."""
 
 _MOST_OPEN = 64
 """Number of open lock files from which unlocked ones are closed."""

@@ -18,7 +18,7 @@ class Keep:
     """Folders by key below one folder.
 
     Args:
-        root: The folder; created when a call first asks for its own.
+        root: The folder; created when a call first requests its own.
     """
 
     def __init__(self, root: Path) -> None:

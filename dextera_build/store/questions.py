@@ -1,4 +1,4 @@
-"""Answers questions about a project's folder, never about paths outside it, and records what a call asked.
+"""Answers questions about a project's folder, never about paths outside it, and records the questions of a call.
 
 Patterns: `*`, `?` and `[...]` match within one name, `**` alone between slashes any number of folders. A name with a
 leading dot matches only a pattern with a leading dot. Links to files count as files; `**` does not follow links.

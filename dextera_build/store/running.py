@@ -62,7 +62,7 @@ class Running:
     def starts(self) -> list[float]:
         """Start times of the running builds (seconds since the epoch); announcements of dead builds are removed."""
         found = []
-        # A link leads to files that are no announcements, whose locks nobody holds.
+        # A link leads to files that are no announcements, whose locks no process holds.
         for path in () if self._folder.is_symlink() else self._folder.glob("[!.]*"):
             with suppress(OSError):
                 began = path.lstat().st_mtime

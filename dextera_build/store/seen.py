@@ -1,4 +1,4 @@
-"""What a command read, as rows of text: whether a later command would read the same.
+"""Files that a command read, as rows of text: whether a later command would read the same.
 
 The rows hold the signature of every file, including missing files that were looked for, and the names in folders.
 Python takes longer to start than to stat a thousand files, so this module imports almost nothing.

@@ -3,7 +3,7 @@
 All of it can be recomputed. A damaged file is therefore moved aside, and nothing is saved if the disk is full, the file
 cannot be written, or another build locks it for too long. No other module uses SQL.
 
-On a file system without locks, builds at once may damage the file, which costs what it holds and no more.
+On a file system without locks, builds at once may damage the file, which costs only its content.
 """
 
 import os

@@ -97,7 +97,7 @@ def checked(rows: Any) -> Steps:
             raise ValueError("a step has a kind, a name and an answer")
         kind, name, answer = step
         if kind not in _ANSWERS or not is_plain(name) or not _ANSWERS[kind](answer):
-            raise ValueError("a step says what cannot be")
+            raise ValueError("a step is impossible")
     return found
 
 

@@ -80,7 +80,7 @@ def places(
 
     Args:
         model: The object, for its size.
-        frame: What is seen.
+        frame: The current frame.
         colours: Colour model of the object and its surroundings.
         number: Number of the object, as in `Frame.owner`.
         mask: (H, W) bool, given mask of the object; None if there is none.

@@ -72,7 +72,7 @@ def fit(
 
     Args:
         model: The object.
-        frame: What is seen.
+        frame: The current frame.
         start: The prediction, to which undetermined motions are pulled.
         colours: Colour model of the object and its surroundings.
         look: A stored view of its texture.
@@ -94,7 +94,7 @@ def fit(
 
 @dataclass(frozen=True)
 class _Now:
-    """A state, and what the step to it was made from."""
+    """A state, and the normal equations of the step to it."""
 
     state: State
     rows: Sequence[terms.Rows] = ()

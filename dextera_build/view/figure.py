@@ -19,7 +19,7 @@ STILL = 1e-6
 
 @dataclass(frozen=True)
 class Fact:
-    """What a label says of an object besides its name."""
+    """Text of a label after the object's name."""
 
     mass_kg: float
     """Mass of the whole object [kg]."""
@@ -51,7 +51,7 @@ class Figure:
         name: Scene node of the whole.
         model: The compiled model.
         data: Its state; positions of bodies are up to date.
-        facts: Root body -> what its label says.
+        facts: Root body -> text of its label.
     """
 
     def __init__(self, server: Any, name: str, model: Any, data: Any, facts: Mapping[str, Fact]) -> None:
@@ -75,7 +75,7 @@ class Figure:
         self.update(data)
 
     def update(self, data: Any) -> None:
-        """Move what has moved since the last call."""
+        """Move the bodies that have moved since the last call."""
         now = np.concatenate([data.xpos, data.xquat], axis=1)
         moved = ~(np.abs(now - self._sent) < STILL).all(axis=1)
         with self._server.atomic():
@@ -127,7 +127,7 @@ class Figure:
 
 
 def facts_of(model: Any, roots: Iterable[str], known: Mapping[str, Fact]) -> dict[str, Fact]:
-    """Facts of root bodies: those that are `known`, and of the others what the model has."""
+    """Facts of root bodies: those in `known`, and those of the model for the others."""
     found = {}
     for root in roots:
         body = int(model.body(root).id)
@@ -182,7 +182,7 @@ def mass(kilograms: float) -> str:
 
 
 def about(server: Any, figure: Figure, facts: Mapping[str, Fact]) -> None:
-    """A text in the panel that tells the facts of the object that was clicked last."""
+    """A text in the panel with the facts of the object that was clicked last."""
     words = server.gui.add_markdown("Click an object for its mass, material and friction.")
 
     def tell(root: str) -> None:

@@ -10,7 +10,7 @@ from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.geometry import quaternions, transforms
 
 DEPTH_M = 0.05
-"""Distance from the camera at which the photograph hangs: nearer than anything that it shows [m]."""
+"""Distance of the photograph from the camera: nearer than anything that it shows [m]."""
 MARGIN = 1.05
 """Field of view of "look from the camera" over that of the photograph."""
 WAYS = ("Wipe", "Blend")
@@ -31,7 +31,7 @@ class Comparison:
         self, server: Any, name: str, camera: Camera, world_from_camera: np.ndarray, pixels: np.ndarray
     ) -> None:
         self.aside: list[Any] = []
-        """Scene nodes that are hidden once somebody looks from the camera: its frustum."""
+        """Scene nodes that are hidden in the view from the camera: its frustum."""
         self._server, self._camera, self._pose, self._pixels = server, camera, world_from_camera, pixels
         # An image of viser has x right, y down, and is seen from both sides.
         self.picture = server.scene.add_image(
@@ -52,7 +52,7 @@ class Comparison:
         look.on_click(lambda event: self.look(event.client))
 
     def update(self) -> None:
-        """Show what the controls say."""
+        """Apply the values of the controls."""
         share = float(self._share.value) / 100.0
         self.picture.visible = share > 0
         if share == 0:

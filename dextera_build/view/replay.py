@@ -23,7 +23,7 @@ class ReplayView:
         server: From `view.server.start`.
         name: Scene node of the whole.
         bundle: The task of the episodes.
-        episodes: What is replayed, successes before failures.
+        episodes: Replayed episodes, successes before failures.
         materials: Root body -> row of the material table, where known.
 
     Raises:
@@ -100,7 +100,7 @@ class ReplayView:
         return " · ".join(parts)
 
     def _seek(self) -> None:
-        # While it plays, the slider tells the time and calls back, too: under the lock both are of one step.
+        # While it plays, the slider shows the time and calls back, too: under the lock both are of one step.
         with self.transport.lock:
             at = round(self._slider.value * self.rate_hz)
             if at != self.at:

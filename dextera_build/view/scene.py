@@ -43,7 +43,7 @@ def show_scene(
         camera: Intrinsics of the photograph [px].
         photo: The photograph, shown in the camera's frustum.
         addresses: Label -> node address, which then names the scene node; the label itself if left out.
-        bind: Gives the object of a label a name, and says what came of it; None: names cannot be given.
+        bind: Gives the object of a label a name, and returns a message about it; None: names cannot be given.
     """
     add_frame(server, "/world", np.eye(4), axes=0.1)
     server.scene.add_grid("/grid", width=2.0, height=2.0, cell_size=0.1, section_size=0.5, position=(0.0, 0.0, -0.002))
@@ -139,7 +139,7 @@ def _chosen(server: Any, assets: Mapping[str, Asset], bind: Callable[[str, str],
     name = button = None
     if bind is not None:
         name = server.gui.add_text("Name", "", visible=False)
-        button = server.gui.add_button("Bind", visible=False, hint="Keep this name in dxb.lock, whatever parsing says")
+        button = server.gui.add_button("Bind", visible=False, hint="Keep this name in dxb.lock, independent of parsing")
 
     def choose(label: str) -> None:
         chosen[0] = label

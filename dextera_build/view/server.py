@@ -18,7 +18,7 @@ def start(port: int = 8080, host: str = "127.0.0.1", origins: Sequence[str] = ()
     Args:
         port: Wanted TCP port.
         host: Address to listen on; the default is this machine alone.
-        origins: Origins whose pages may connect besides the viewer's own: those of a proxy or a tunnel.
+        origins: Origins whose pages may connect in addition to the viewer's own: those of a proxy or a tunnel.
 
     Raises:
         UsageError: One of `origins` is not an origin, or `host` is not an address of this machine.

@@ -66,7 +66,7 @@ def _(shape: Shape, server: Any, name: str) -> Any:
 
 @show.register
 def _(body: Body, server: Any, name: str) -> Any:
-    """An articulated object as it was seen."""
+    """An articulated object in its photographed pose."""
     frame = add_frame(server, name, _place(body.pose))
     for link, pose in kinematics.link_poses(body).items():
         add_frame(server, f"{name}/{link}", pose)
@@ -86,7 +86,7 @@ def _(collision: Collision, server: Any, name: str) -> Any:
 
 @show.register
 def _(asset: Asset, server: Any, name: str) -> Any:
-    """A placed object as it was seen."""
+    """A placed object in its photographed pose."""
     return show(asset.body.model_copy(update={"pose": asset.pose}), server, name)
 
 

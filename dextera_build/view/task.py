@@ -21,7 +21,7 @@ SPEEDS = ("0.1", "0.25", "0.5", "1", "2")
 
 
 def facts_of_task(bundle: TaskBundle, model: Any, materials: Mapping[str, str]) -> dict[str, Fact]:
-    """What is known of the task's objects.
+    """Facts about the task's objects.
 
     Args:
         bundle: The task.
@@ -37,7 +37,7 @@ def facts_of_task(bundle: TaskBundle, model: Any, materials: Mapping[str, str]) 
 
 
 class TaskView:
-    """Shows a task and steps its physics on demand. The robot holds the joint targets that the sliders say.
+    """Shows a task and steps its physics on demand. The robot holds the joint targets of the sliders.
 
     Args:
         server: From `view.server.start`.
@@ -77,7 +77,7 @@ class TaskView:
         return bool(np.isfinite(self.environment.data.qpos).all())
 
     def show(self) -> None:
-        """Move the bodies and say what time it is."""
+        """Move the bodies and show the time."""
         self.figure.update(self.environment.data)
         seconds = self.environment.steps * self.environment.period_s
         rate = f" · {self.transport.reached:.2f}x" if self.transport.playing else ""
@@ -145,7 +145,7 @@ def _running(bundle: TaskBundle) -> Environment:
         return Environment(bundle)
     except KeyError as error:
         raise RuleError(
-            "the task's model lacks what its robot and objects name, and cannot run",
+            "the task's model lacks names of its robot or objects, and cannot run",
             code="DXB-B232",
             facts={"MuJoCo": str(error.args[0]).partition(" Valid")[0]},
             hint="stub backends write no robot into it: build with `--profile cpu`",

@@ -24,7 +24,7 @@ class Transport:
         self.lock = threading.RLock()
         """Lock of the state: hold it to step, or to change the state from another thread."""
         self.speed = 1.0
-        """Simulated time per real time that is asked for."""
+        """Requested simulated time per real time."""
         self.reached = 0.0
         """Simulated time per real time of late."""
         self._playing, self._ended = threading.Event(), threading.Event()

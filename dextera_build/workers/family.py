@@ -16,7 +16,7 @@ _PROGRAM = f"{guard.MARKER}=".encode()
 
 
 def end(pid: int, mark: str) -> None:
-    """Kill a worker and what it started; the caller waits for the worker.
+    """Kill a worker and the processes that it started; the caller waits for the worker.
 
     Args:
         pid: The worker; its id is reserved, and it leads its process group.

@@ -1,6 +1,6 @@
-"""What a task leaves in its worker: undone where that is sound; otherwise the worker must end after the task.
+"""State that a task leaves in its worker: undone if that is sound; otherwise the worker must end after the task.
 
-The next task then finds what it would find in a new worker, so that no result depends on what ran before it. State
+The next task then finds the state of a new worker, so that no result depends on what ran before it. State
 inside of libraries, such as the number of threads that torch uses, is not looked at.
 """
 
@@ -69,7 +69,7 @@ class Leftovers:
             return contextvars.copy_context().run(call)
 
     def clear(self) -> str:
-        """Undo what can be undone; returns what is left, or ""."""
+        """Undo reversible changes; returns the remaining one, or ""."""
         left = [name for name, value in self._facts() if self._lasting[name] != value]
         left += [name for name in _READ_ONCE if os.environ.get(name) != self._variables.get(name)]
         left += filter(None, (self._patched(), _settled(self._thread), _settled(_process), self._restore()))
@@ -151,7 +151,7 @@ def _process() -> str:
 
 
 def _settled(look: Callable[[], str]) -> str:
-    """What a look finds, unless it vanishes soon."""
+    """Result of `look`, unless it becomes empty within a short time."""
     deadline = time.monotonic() + _PATIENCE_S
     while (found := look()) and time.monotonic() < deadline:
         time.sleep(0.005)

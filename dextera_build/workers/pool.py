@@ -152,7 +152,7 @@ class LocalExecutor:
             for line in lines:
                 reports += process.understand(line)
         except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
-            process.fault, ended = "sent what is no message", True
+            process.fault, ended = "sent an invalid message", True
         if ended or process.leaves:
             return reports + self._bury(process)
         if process.is_ready and process.task is None and (task := self._next(process)) is not None:
@@ -211,11 +211,11 @@ class Process:
         self.leaves = False
         """Whether its last task left something behind that the next one must not find."""
         self.fault = ""
-        """What was wrong with its last message."""
+        """Fault of its last message."""
         self.began = time.monotonic()
         """Start of its task or of loading, by `time.monotonic`."""
         self.secrets: set[str] = set()
-        """Names of secrets that its tasks asked for; a dead worker's log is read without its help."""
+        """Names of secrets that its tasks requested; a dead worker's log is read without its help."""
         self.grace_s = _GRACE_S
         """How long it may take to clean up when a build is cut short [s]."""
         self.peak = 0
@@ -280,7 +280,7 @@ class Process:
         self._send(json.dumps(task.message()).encode())
 
     def rest(self) -> None:
-        """Note the end of its task, and what it keeps in memory."""
+        """Note the end of its task, and the weights that it keeps in memory."""
         assert self.task is not None
         self.idle_since = time.monotonic()
         if self.task.weights:
@@ -385,7 +385,7 @@ class Process:
 
 
 def _search_path() -> str:
-    """PYTHONPATH of workers; first the folder of the `sitecustomize` that keeps byte code from deciding what runs."""
+    """PYTHONPATH of workers; first the folder of the `sitecustomize` that keeps stale byte code from running."""
     inherited = os.environ.get("PYTHONPATH")
     entries = map(os.path.abspath, inherited.split(os.pathsep)) if inherited else ()
     return os.pathsep.join([_SIDE, str(_ROOT), *entries])

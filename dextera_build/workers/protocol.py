@@ -16,7 +16,7 @@ from dextera_build.workers.capacity import Capacity, Needs
 
 _LITTLE = Needs()
 _OWN = ("ticket", "needs")
-"""Fields of a task that its runner is not told."""
+"""Fields of a task that are not sent to its runner."""
 _LOG_MOST = 1 << 20
 """Only this much of the end of a log is kept [bytes]."""
 _TOLD = ("line", "previews", "metrics")
@@ -93,7 +93,7 @@ Report: TypeAlias = Said | Ended
 
 
 def redacted(report: Report) -> Report:
-    """A report without the secrets that this process knows; all that a node says of itself passes here."""
+    """A report without the secrets that this process knows; all output of a node passes here."""
     if isinstance(report, Said):
         return report if report.kind == "read" else replace(report, data=redact_plain(dict(report.data)))
     return replace(report, log=redact_plain(report.log), reply=redacted_reply(report.reply))

@@ -1,9 +1,9 @@
 """Models that stay loaded on a Ray cluster: an actor for each, which serves the calls that use its weights.
 
 Ray would give a call to any process, which then frees the model that it held, and would not count the memory of idle
-ones. An actor keeps its GPU and memory reserved. It ends after a while without a call, and earlier where another call
-would not fit beside it; the sums are those of the whole cluster, so a call that fits only on a node where idle actors
-are left waits for their end.
+ones. An actor keeps its GPU and memory reserved. It ends after a while without a call, and earlier
+if another call would not fit next to it; the sums are those of the whole cluster, so a call that fits only on a node
+where idle actors are left waits for their end.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Models:
     def make_room(
         self, task: Task, reserved: Amounts, running: Collection[Amounts], nodes: Collection[Amounts]
     ) -> None:
-        """End idle actors beside which a call does not fit, the least recently used first.
+        """End idle actors that leave no room for a call, the least recently used first.
 
         Args:
             task: The call.
@@ -87,7 +87,7 @@ class Models:
             self._end(holder)
 
     def _idle_for(self, task: Task, reserved: Amounts) -> _Holder | None:
-        """The idle actor that holds the weights of a call and reserves what it needs."""
+        """The idle actor that holds the weights of a call and reserves the resources for it."""
         return next((h for h in self._idle() if (h.weights, h.reserved) == (task.weights, reserved)), None)
 
     def _idle(self) -> list[_Holder]:

@@ -98,7 +98,7 @@ def carry_out(setup: Setup, task: Task) -> Iterator[Report]:
 
 
 class Holder:
-    """An actor: its process runs call after call and keeps what they loaded."""
+    """An actor: its process runs call after call and keeps loaded weights."""
 
     def carry_out(self, setup: Setup, task: Task) -> Iterator[Report]:
         """See `carry_out`."""

@@ -21,7 +21,7 @@ class Retries:
     most: int = 0
     """Maximum number of retries."""
     on: tuple[str, ...] = ()
-    """Exceptions to retry, as named by `name_of`, besides a dead worker and a `MachineError`."""
+    """Exceptions to retry, as named by `name_of`, in addition to a dead worker and a `MachineError`."""
     wait_s: float = 1.0
     """Delay before the second try [s]; doubled before each further one."""
 

@@ -19,7 +19,7 @@ IDLE_S = 60.0
 
 
 class Worker(Protocol):
-    """What is known of a worker."""
+    """State of a worker."""
 
     devices: tuple[str, ...]
     task: Task | None

@@ -4,8 +4,8 @@
 
 Standard output and error belong to the running node; the pool provides a file for them and reads it when a worker has
 died. The first line on the socket is the pool's module search path, each further line a task. The runner's reply is
-passed on, with what the task leaves in the process: the worker does not publish results. It exits when the socket
-closes or its parent dies.
+passed on, with the state that the task leaves in the process: the worker does not publish results. It exits when the
+socket closes or its parent dies.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Worker:
         answer = leftovers.apart(lambda: attempt(lambda: runner(task, self._emit), task["project"]))
         try:
             answer["leaves"] = leftovers.clear()
-        except Exception as error:  # what it calls may be what the task replaced
+        except Exception as error:  # it may call functions that the task replaced
             answer["leaves"] = str(error) or type(error).__name__
         self._flush()
         answer["reply"] = redacted_reply(answer["reply"])

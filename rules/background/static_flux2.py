@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .static import StaticOptions
 
 BACKEND = Backend(
-    summary="FLUX.2 [klein] paints what objects hid, `planes` does the rest",
+    summary="FLUX.2 [klein] inpaints the areas hidden by objects, `planes` does the rest",
     packages=("diffusers", "pillow", "torch", "transformers"),
     extra="models",
     uses=("planes",),

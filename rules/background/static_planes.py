@@ -83,7 +83,7 @@ def clean(
     if (taken & layers.behind).any():
         image = _fill_support(image, layers, own, photograph.camera, support, options)
     pixels = np.clip(np.round(image), 0, 255).astype(np.uint8)
-    # The support's outline is known to a few pixels only: its colour must not bleed into what is behind it.
+    # The support's outline is known to a few pixels only: its colour must not bleed into the surfaces behind it.
     rim = np.ones((2 * max(1, round(0.01 * taken.shape[1])) + 1,) * 2, np.uint8)
     near = cv2.dilate(layers.behind.astype(np.uint8), rim) > 0
     pixels = _inpaint(pixels, taken & ~layers.behind, near)

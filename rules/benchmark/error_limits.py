@@ -83,9 +83,9 @@ def error_limits(
         rows=tuple(rows),
         notes=(
             f"low, high: {options.confidence:.0%} percentile bootstrap interval of the median, {options.draws} draws",
-            "expected: drawn scenes, or objects that count (`evaluate.visible`); what failed or was not found lacks in "
+            "expected: drawn scenes, or objects that count (`evaluate.visible`); failed or missed ones are not in "
             "`count`, and objects that do not count may be in it",
-            "in region: truths inside the stated 95 % region, of so many that were stated; reached: by the median",
+            "in region: truths inside the stated 95 % region, of the number of stated ones; reached: by the median",
             *notes,
         ),
     )

@@ -153,7 +153,7 @@ def _reading(ctx: Context) -> Iterator[None]:
         ctx.fail(
             "the bag cannot be read",
             reader=str(error) or type(error).__name__,
-            hint="`ros2 bag info BAG` or `rosbag info BAG` says what is wrong; `ros2 bag reindex` and `rosbag reindex` "
+            hint="`ros2 bag info BAG` or `rosbag info BAG` shows the fault; `ros2 bag reindex` and `rosbag reindex` "
             "repair a bag that was not closed",
         )
     finally:

@@ -108,7 +108,7 @@ def _finite(value: object) -> float | None:
 def _check_view(ctx: Context, camera: Camera) -> None:
     if not (0 <= camera.cx <= camera.width and 0 <= camera.cy <= camera.height):
         ctx.fail(
-            "the intrinsics do not match the image size: the principal point lies outside the image",
+            "the intrinsics do not match the image size: the principal point is outside the image",
             principal_point=f"{camera.cx:g}, {camera.cy:g} px",
             image=f"{camera.width} x {camera.height} px",
             hint="scale fx, fy, cx and cy by the factor that the image was resized by",

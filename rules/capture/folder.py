@@ -40,7 +40,7 @@ def folder(ctx: Context, folder: Folder, *, options: FolderOptions) -> Capture:
     found, turned = take(ctx, folder, facts, Lenses(ctx, folder, facts), (picture, name), options)
     camera = found.photograph.camera
     ctx.preview(found.photograph.rgb.pixels, "photograph")
-    how = f"{camera.width} x {camera.height} px" + (", turned as its EXIF says" if turned else "")
+    how = f"{camera.width} x {camera.height} px" + (", rotated by its EXIF orientation" if turned else "")
     if found.measured is None:
         ctx.say(f"{how}, no depth")
         return found

@@ -58,7 +58,7 @@ Read = (
     | Video
     | Views
 )
-"""What can be read."""
+"""Types that can be read."""
 
 AHEAD = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """T_world_camera of a camera that looks along x with z up."""

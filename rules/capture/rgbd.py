@@ -63,7 +63,9 @@ def rgbd(ctx: Context, source: Folder | Stream, *, options: RgbdOptions | None =
 def _of_folder(ctx: Context, folder: Folder, options: RgbdOptions) -> RgbdVideo:
     if NAME not in folder.files:
         ctx.fail(
-            f"`{NAME}` is missing", here=listing(folder.files), hint="write camera and views as docs/tracking.md says"
+            f"`{NAME}` is missing",
+            here=listing(folder.files),
+            hint="write camera and views as described in docs/tracking.md",
         )
     try:
         said = json.loads(folder.files[NAME])

@@ -123,8 +123,8 @@ def _orientation(ctx: Context, lens: Camera | Lens, tags: exif.Exif, picture: st
             hint="write the intrinsics of this resolution; fx, fy, cx and cy scale with the image",
         )
     ctx.warn(
-        f"`{picture}` has EXIF orientation {tags.orientation}, but the intrinsics are those of the picture as it is "
-        "stored, so it was not turned"
+        f"`{picture}` has EXIF orientation {tags.orientation}, but the intrinsics are those of the stored picture, "
+        "so it was not rotated"
     )
     return 1
 

@@ -45,7 +45,7 @@ class McapBackend(Protocol):
         ...
 
 
-# Numbers in its files are rounded otherwise on another processor, and bytes say not by how much.
+# Numbers in its files are rounded differently on another processor, and bytes have no difference to bound.
 @rule(version=2, packages=("numpy",), tolerance=Tolerance({"files": math.inf}, metrics={"size": 0.1}))
 def mcap(
     ctx: Context[McapBackend],

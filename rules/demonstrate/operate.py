@@ -57,7 +57,7 @@ class OperateBackend(Protocol):
         ...
 
 
-# Contacts amplify what rounding differs by, and an attempt may end otherwise on another processor.
+# Contacts amplify rounding differences, and an attempt may end differently on another processor.
 @rule(
     version=2,
     tolerance=Tolerance({"items": math.inf, "failures": math.inf, "attempts": math.inf}, metrics={"success": 20.0}),

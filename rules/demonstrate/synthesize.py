@@ -60,7 +60,7 @@ class SynthesizeBackend(Protocol):
         ...
 
 
-# Contacts amplify what rounding differs by, and an attempt may end otherwise on another processor.
+# Contacts amplify rounding differences, and an attempt may end differently on another processor.
 @rule(
     version=1,
     tolerance=Tolerance({"items": math.inf, "failures": math.inf, "attempts": math.inf}, metrics={"yield": 0.2}),

@@ -58,7 +58,7 @@ class PosedViews:
                 frames=listing([str(frame) for frame in self.poses]),
             )
         if len(self.poses) < 2:
-            ctx.fail(f"`{NAME}` holds no view besides the capture's", frames=len(self.poses))
+            ctx.fail(f"`{NAME}` holds no view other than the capture's", frames=len(self.poses))
 
     def others(self) -> Iterator[PosedView]:
         """All views but the capture's own, in the order of their frames."""
@@ -88,7 +88,7 @@ class PosedViews:
             self._ctx.fail(f"`{name}` is no readable picture", decoder=str(error))
         if pixels.shape[:2] != (self.camera.height, self.camera.width) or pixels.ndim != (3 if mode else 2):
             self._ctx.fail(
-                f"`{name}` is not of the size that `{NAME}` says",
+                f"`{name}` does not have the size in `{NAME}`",
                 picture=" x ".join(str(n) for n in pixels.shape),
                 camera=f"{self.camera.width} x {self.camera.height} px",
             )

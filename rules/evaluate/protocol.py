@@ -26,7 +26,7 @@ from dextera_build.statistics import Rate
 TOLERANCE = Tolerance(
     {"": ROUNDING, "items": math.inf, "examples": math.inf, "excluded": math.inf}, metrics={"success": 10.0}
 )
-"""Contacts amplify what rounding differs by, so a trial may end otherwise on another processor; most of them do not."""
+"""Contacts amplify rounding differences, so a trial may end differently on another processor; most do not."""
 
 
 def seeds(seed: int, count: int) -> list[int]:
@@ -148,8 +148,8 @@ def _tell(ctx: Context, trials: Sequence[tuple[bool, Sighting]]) -> None:
     ctx.metric("frames tracked", sum(sighting.tracked for sighting in sightings) / max(frames, 1), "fraction")
     judged = [(true, sighting.success) for true, sighting in trials if sighting.success is not None]
     if judged:
-        ctx.metric("judged alike by what was measured", sum(true == seen for true, seen in judged), f"of {len(judged)}")
-        ctx.metric("taken for done, but not done", sum(seen and not true for true, seen in judged), f"of {len(judged)}")
+        ctx.metric("same verdict from measurements", sum(true == seen for true, seen in judged), f"of {len(judged)}")
+        ctx.metric("false positives", sum(seen and not true for true, seen in judged), f"of {len(judged)}")
     for field_name, (what, unit, factor) in ERRORS.items():
         errors = factor * np.array([error for sighting in sightings for error in getattr(sighting, field_name)])
         if len(errors):

@@ -44,7 +44,7 @@ def room(ctx: Context[RoomBackend], photograph: Photograph, scene: Scene, room: 
     shot = np.asarray(Pillow.fromarray(photograph.rgb.pixels).resize((camera.width, camera.height), Resampling.BOX))
     ctx.check(room.splats.frame == "world", "the room is not in the frame of the scene", frame=room.splats.frame)
     pixels: np.ndarray = ctx.backend.render(ctx, scene, room, camera, scene.camera_pose.matrix, ctx.backend_options)
-    ctx.check(pixels.shape == shot.shape, "the render has another size than the camera says")
+    ctx.check(pixels.shape == shot.shape, "the render does not have the size of the camera")
     likeness = metrics.psnr(shot, pixels, np.ones(shot.shape[:2], bool))
     if likeness is not None:
         ctx.metric("likeness", likeness, "dB")

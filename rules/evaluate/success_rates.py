@@ -62,8 +62,8 @@ def success_rates(ctx: Context, trials: Collection[Trials], *, options: SuccessR
         notes=(
             "low, high: 95 % Wilson interval",
             "mean time: of the successes, from the start to the verdict, the time that success must hold included",
-            "judged alike: trials with a tracker in which the same predicate said of what was measured what it says of"
-            " the truth, which is what counts",
+            "judged alike: trials with a tracker in which the predicate gives the same verdict on the measurements as"
+            " on the truth, whose verdict counts",
             "left out: starts that brought no trial, because no start without collisions was found, or because nothing"
             " succeeded in the twin that could be replayed; they are no failures and do not enter the rate",
         ),

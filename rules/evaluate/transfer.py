@@ -45,7 +45,7 @@ class Match:
 def transfer(ctx: Context, trials: Collection[Trials], *, options: TransferOptions) -> table.Table:
     """Return Pearson's correlation and MMRV of success in the twin and in other worlds, over cells and over policies.
 
-    A cell is one policy in one task of one world; replays are excluded, as they are selected by success in the twin.
+    A cell is one policy in one task of one world; replays are excluded: they are selected by success in the twin.
     """
     series = Series(ctx, trials, options.robots)
     matches = _matches(series)

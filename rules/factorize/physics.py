@@ -25,7 +25,7 @@ class PhysicsOptions(Options):
     """Options of factorize.physics."""
 
     material: str = ""
-    """Key of the material table, taken as certain; empty uses the material proposed by parsing."""
+    """Key of the material table, assumed certain; empty uses the material proposed by parsing."""
     material_confidence: Fraction = 0.9
     """Probability of the material proposed by parsing, if parsing states none."""
     mass_kg: PositiveFloat | None = None

@@ -46,7 +46,7 @@ def pixels_as_splats(
     depth, k = capture.measured.depth.depth.astype(np.float64), capture.photograph.camera.matrix()
     apart = maximum_filter(depth, 3) - minimum_filter(np.where(depth > 0, depth, np.inf), 3)
     kept = (depth > 0) & (apart < options.edge_fraction * depth)
-    ctx.check(bool(kept.any()), "no pixel has depth beside pixels of the same surface")
+    ctx.check(bool(kept.any()), "no pixel has a neighbour with depth on the same surface")
     across = options.spread * factor * depth[kept] / k[0, 0]
     means = factor * cameras.backproject(depth, k)[kept]
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(means), 1))

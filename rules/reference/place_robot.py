@@ -40,7 +40,7 @@ def place_robot(
     ctx.check(
         world.stand is None,
         "this world has a robot already",
-        hint="leave option `robot` of `reference.world` out, or take the world as it is",
+        hint="leave option `robot` of `reference.world` out, or take the world without this rule",
     )
     ctx.check(
         (base.parent, base.child) == ("world", "base"),
@@ -56,7 +56,7 @@ def place_robot(
     stand = RobotStand(position=tuple(place.tolist()), yaw=yaw, joints=joints)
     off = transforms.invert(chosen) @ stand.pose().matrix
     distance, angle = 1000 * float(np.linalg.norm(off[:3, 3])), float(np.degrees(transforms.angle(off[:3, :3])))
-    ctx.metric("beside the chosen place", distance, "mm")
-    ctx.metric("turned from the chosen place", angle, "deg")
-    ctx.say(f"the robot stands {distance:.1f} mm and {angle:.2f} deg from the chosen place; simulated")
+    ctx.metric("distance from the chosen place", distance, "mm")
+    ctx.metric("rotation from the chosen place", angle, "deg")
+    ctx.say(f"the robot is {distance:.1f} mm and {angle:.2f} deg from the chosen place; simulated")
     return world.model_copy(update={"stand": stand, "fixtures": world.fixtures | pedestal(world, stand)})

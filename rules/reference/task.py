@@ -49,7 +49,7 @@ class TaskBackend(Protocol):
         ...
 
 
-# The files hold numbers as text, and text says not by how much it differs.
+# The files hold numbers as text, and text has no difference to bound.
 @rule(
     version=1, packages=("numpy", "scipy", "manifold3d"), tolerance=Tolerance({"": ROUNDING, "model.files": math.inf})
 )

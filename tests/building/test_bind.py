@@ -204,7 +204,7 @@ def test_a_point_of_another_view_is_refused(project):
         ("cup", Binding((1, 1)), "no object is at the point"),
         ("cup", Binding(properties={"phrase": "thing"}), "2 objects fit the name `cup`"),
         ("Cup", LEFT, "`Cup` is not a name"),
-        ("cup", None, "nothing says what `cup` is"),
+        ("cup", None, "`cup` has no point and no property"),
         ("plate", LEFT, "the recipe binds `plate` in another way"),
         ("dish", Binding(properties={"phrase": "mug"}), "the recipe binds `dish` in another way"),
         ("pot", LEFT, "`cup` and `pot` are bound to the same object|`plate` and `pot` are bound"),

@@ -1,4 +1,4 @@
-"""The proposed `scene.yaml`: whatever parsing says, factorize.parse can read it."""
+"""The proposed `scene.yaml`: factorize.parse can read it for any result of parsing."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def test_pictures_count_named_or_not(request_, data, kinds):
 def test_without_consent_nothing_is_sent(tmp_path):
     store = Store(tmp_path / "store")
     terms = Terms.read(written({}, None, "", [("other", "photograph"), ("forge", "mesh")]))
-    with pytest.raises(MachineError, match="`forge` would receive a photograph, and nobody agreed to that") as caught:
+    with pytest.raises(MachineError, match="`forge` would receive a photograph, without your consent") as caught:
         Recorder(store, "record", terms=terms)("forge", {"p": PNG}, lambda seconds: pytest.fail("it was sent"))
     error = caught.value
     assert error.code == "DXB-E365"
@@ -113,7 +113,7 @@ def test_the_variable_of_ci(consents, monkeypatch, variable, passes):
 
 def test_a_variable_of_another_form_is_refused(consents, monkeypatch):
     monkeypatch.setenv("DXB_CONSENT", "forge")
-    with pytest.raises(UsageError, match="`forge` in `DXB_CONSENT` does not say what may be sent") as caught:
+    with pytest.raises(UsageError, match="`forge` in `DXB_CONSENT` is not a service with a kind of data") as caught:
         consents.here()
     assert caught.value.code == "DXB-U181"
     assert caught.value.hint == "DXB_CONSENT=forge:*, or DXB_CONSENT=all"

@@ -53,7 +53,7 @@ def test_gc_keeps_what_the_workspace_built_last(built: Space) -> None:
     rows = [line.split("\t") for line in said.out.splitlines()]
     assert {row[0] for row in rows} == {"drop", "keep"}
     assert [row[4] for row in rows if row[:2] == ["keep", "results"]] == [f"built last by {built.root}"]
-    assert "that is above 1 B: the lines `keep` say why the rest stays" in said.err
+    assert "that is above 1 B: the lines `keep` give the reasons" in said.err
     assert 0 < results(built) < before
     again = built.build("say/words")
     assert (again.code, again.nodes("ran")) == (0, set())

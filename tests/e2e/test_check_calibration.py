@@ -15,7 +15,7 @@ from tests.geometry.hand_eyes import Errors
 from tests.rules.align.calibration import boards
 
 RECIPE = """\
-summary: a camera beside a robot
+summary: a camera next to a robot
 inputs:
   before: {default: before}
   after: {default: after}
@@ -79,5 +79,5 @@ def test_the_exit_code_says_whether_the_camera_moved(space: Space) -> None:
 def test_a_node_of_another_rule_is_refused(space: Space) -> None:
     answer = space.dxb("check", "calibration", "cell:views")
     assert answer.code == 2
-    assert "says nothing of a motion" in answer.err
+    assert "detects no motion" in answer.err
     assert space.dxb("check", "calibration").code == 2

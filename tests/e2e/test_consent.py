@@ -72,7 +72,7 @@ def test_without_a_terminal_it_is_an_error_with_the_next_step(looking: Space) ->
     answer = looking.dxb("build", "say/look:one")
     assert answer.code == 1
     assert "error[DXB-E365]" in answer.err
-    assert "`seer` would receive a photograph, and nobody agreed to that" in answer.err
+    assert "`seer` would receive a photograph, without your consent" in answer.err
     assert "hint: `dxb consent give seer photograph`; in CI DXB_CONSENT=seer:photograph" in answer.err
     assert looking.dxb("consent", "give", "seer", "photograph").code == 0
     assert looking.dxb("build", "say/look:one").code == 0

@@ -137,7 +137,7 @@ def test_easy_handeye_knows_all_parameters_that_are_written():
     [
         ("[", "it is not YAML"),
         ("parameters: 3", "`parameters` hold no mapping"),
-        (FIRST.replace("eye_on_hand: true", "eye_on_hand: maybe"), "says neither `eye_on_hand"),
+        (FIRST.replace("eye_on_hand: true", "eye_on_hand: maybe"), "has neither `eye_on_hand"),
         (FIRST.replace("transformation", "other"), "neither `transformation` nor `transform`"),
         (FIRST.replace("x: 0.00117", "x: far"), "no finite number"),
         (FIRST.replace("qw: 0.49991", "qw: 1.5"), "its quaternion has length"),

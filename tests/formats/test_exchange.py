@@ -129,7 +129,7 @@ def array(folder: Path, name: str, value: np.ndarray, **how: Any) -> dict[str, s
 
 
 REFUSED = {
-    '`output` is not what it should be: {"type": "Mesh"': {"type": "Image", "file": "a.npy"},
+    '`output` is invalid: {"type": "Mesh"': {"type": "Image", "file": "a.npy"},
     "there is no such file": {"type": "Mesh", "file": "none.glb"},
     "leads out": {"type": "Mesh", "file": "linked.glb"},
     "no plain file": {"type": "Mesh", "file": "pipe.glb"},
@@ -175,7 +175,7 @@ def test_an_array_that_claims_more_than_its_file_holds_is_refused(tmp_path):
     [("a", int), (1.5, int), (True, float), ([1], tuple[int, int]), ({"a": 1}, dict[str, int]), (1, list[int])],
 )
 def test_plain_values_are_strict(tmp_path, raw, hint):
-    with pytest.raises(ArtifactError, match="`output` is not what it should be"):
+    with pytest.raises(ArtifactError, match="`output` is invalid"):
         exchange.read(raw, hint, tmp_path)
 
 

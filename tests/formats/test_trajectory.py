@@ -36,7 +36,7 @@ def test_it_is_interpolated_as_scipy_does(stamp):
 
 
 def test_it_is_not_extrapolated():
-    with pytest.raises(ArtifactError, match=r"says nothing about 12.1 s") as caught:
+    with pytest.raises(ArtifactError, match=r"does not cover 12.1 s") as caught:
         turning().at(12.1)
     assert caught.value.code == "DXB-A504"
     assert caught.value.facts == {"from": "10.0 s", "to": "12.0 s"}

@@ -81,7 +81,7 @@ def test_a_file_from_a_web_address_goes_on_where_it_broke_off(tmp_path: Path) ->
         for _ in range(3):
             with pytest.raises(MachineError, match="cannot be fetched") as caught:
                 sources.fetch(model, tmp_path, quiet)
-            assert "bytes came" in str(caught.value.facts["why"])
+            assert "bytes were received" in str(caught.value.facts["why"])
             assert not (tmp_path / "weights.bin").exists()
         told: list[tuple[str, int, int]] = []
         assert sources.fetch(model, tmp_path, lambda *said: told.append(said)) == model.source

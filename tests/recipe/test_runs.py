@@ -209,7 +209,7 @@ def test_every_place_of_a_companion_is_looked_at(songs: Space) -> None:
 
 def test_a_rule_without_a_companion_is_refused(songs: Space) -> None:
     (songs.root / "rules/songs/low/sing.py").unlink()
-    with pytest.raises(RecipeError, match=r"`songs\.perform` runs what `songs\.low` makes, which has no") as caught:
+    with pytest.raises(RecipeError, match=r"`songs\.perform` runs the result of `songs\.low`, which has no") as caught:
         planned(songs)
     assert caught.value.code == "DXB-R216"
     assert "plain.yaml" in str(caught.value.where)
@@ -226,7 +226,7 @@ def test_two_folders_of_one_name_are_refused(songs: Space) -> None:
         "nodes:\n  a: {rule: songs.low}\n  b: {rule: hymns.calm}\n"
         "  c: {rule: songs.pick, songs: {a: $a, b: $b}}\n  d: {rule: songs.perform, song: $c}\n",
     )
-    with pytest.raises(RecipeError, match="two folders called `low` hold what runs the inputs") as caught:
+    with pytest.raises(RecipeError, match="two folders called `low` hold companions of the inputs") as caught:
         planned(songs, "sung/two")
     assert caught.value.code == "DXB-R215"
 
@@ -251,13 +251,11 @@ def run(space: Space, made_by: str | None, **options: Any) -> Any:
 
 def test_a_name_that_no_maker_has_is_one_clear_error(songs: Space) -> None:
     assert run(songs, "songs.high").data == b"high!"
-    with pytest.raises(
-        RuleError, match="what runs `hihg` of the input `song` is not beside a rule that made it"
-    ) as wrong:
+    with pytest.raises(RuleError, match="no rule that made the input `song` has a companion `hihg`") as wrong:
         run(songs, "songs.high", name="hihg")
     assert (wrong.value.code, wrong.value.facts) == ("DXB-B385", {"high": "`sing.py` of songs.high"})
     assert "high" in str(wrong.value.hint)
-    with pytest.raises(RuleError, match="is not beside a rule that made it"):
+    with pytest.raises(RuleError, match="no rule that made the input `song` has a companion"):
         run(songs, None)
 
 
@@ -269,9 +267,9 @@ def test_a_rule_may_be_its_own_companion(songs: Space) -> None:
     before = calls(songs)
     assert before["one"].rule.companions == {"song": ["songs.high/high"]}
     assert run(songs, "songs.high").data == b"high!"
-    with pytest.raises(RuleError, match="is not beside a rule that made it") as wrong:
+    with pytest.raises(RuleError, match="no rule that made the input `song` has a companion") as wrong:
         run(songs, "songs.high", name="low")
-    assert wrong.value.hint == "the rule must name what it makes after its folder or file: high"
+    assert wrong.value.hint == "the rule must name its result after its folder or file: high"
     songs.edit("rules/songs/high/high.py", "song.singer.encode()", "song.singer.upper().encode()")
     after = calls(songs)
     assert {name for name in before if before[name].rule.code != after[name].rule.code} == {"high", "one"}

@@ -89,6 +89,6 @@ def test_each_librarys_way_to_say_that_memory_ran_out_is_known() -> None:
         assert "--jobs 1" in str(told.hint)
     told = out_of_memory(torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 2 GiB"), "cuda")
     assert told is not None
-    assert told.message == "the memory of the GPU does not hold what the backend needs"
+    assert told.message == "the GPU has too little memory for the backend"
     assert told.facts == {"device": "cuda", "it says": "CUDA out of memory. Tried to allocate 2 GiB"}
     assert out_of_memory(RuntimeError("anything else"), "cpu") is None

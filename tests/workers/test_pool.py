@@ -240,7 +240,7 @@ def test_a_worker_that_sends_what_is_no_message_fails_its_node_only(
     result, _ = run(plan, store, pool, keep_going=True)
     error = result.nodes["bad"].error
     assert error is not None
-    assert (error.code, error.message) == ("DXB-B301", "worker died (sent what is no message)")
+    assert (error.code, error.message) == ("DXB-B301", "worker died (sent an invalid message)")
     assert result.nodes["good"].status == "ran"
 
 

@@ -117,6 +117,6 @@ class Capture(Artifact):
 def _check_size(name: str, shape: tuple[int, ...], camera: Camera) -> None:
     if shape != (camera.height, camera.width):
         raise ArtifactError(
-            f"{name} is {shape[1]} x {shape[0]} px, but the intrinsics say {camera.width} x {camera.height} px",
+            f"{name} is {shape[1]} x {shape[0]} px, but the intrinsics are for {camera.width} x {camera.height} px",
             code="DXB-A203",
         )

@@ -185,7 +185,7 @@ def _check_size(number: int, camera: Camera, frame: RgbdFrame) -> None:
     if frame.rgb.shape[:2] != size or frame.depth.shape != size:
         colour, depth = (" x ".join(map(str, each.shape[1::-1])) for each in (frame.rgb, frame.depth))
         raise ArtifactError(
-            f"frame {number} of an RgbdVideo is not of the size that its camera says",
+            f"frame {number} of an RgbdVideo does not have the size of its camera",
             code="DXB-A547",
             facts={"colour": f"{colour} px", "depth": f"{depth} px", "camera": f"{camera.width} x {camera.height} px"},
             hint="register the depth to the colour camera, and write the intrinsics of this resolution",

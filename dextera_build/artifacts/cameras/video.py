@@ -57,7 +57,7 @@ class Video(Artifact):
         return cls(file=file, width=size[0], height=size[1], stamps=stamps, is_key=is_key)
 
     def frames(self, numbers: Sequence[int]) -> np.ndarray:
-        """Frames by number, (len(numbers), H, W, 3) uint8 sRGB, in the order asked for.
+        """Frames by number, (len(numbers), H, W, 3) uint8 sRGB, in the requested order.
 
         At most the frames from the key frame before each are decoded.
 

@@ -80,7 +80,7 @@ class Views(Artifact):
         pixels = decoded(name, self.images[name])
         if pixels.shape[:2] != (wanted.height, wanted.width):
             raise ArtifactError(
-                f"`{name}` is not of the size that its camera says",
+                f"`{name}` does not have the size of its camera",
                 code="DXB-A510",
                 facts={
                     "picture": f"{pixels.shape[1]} x {pixels.shape[0]} px",

@@ -97,7 +97,7 @@ def _motion(old: Any, new: Any, get: Get) -> Motion | None:
 
 _POSES = ("Pose", "Similarity")
 _MOVED = ("matrix", "covariance")
-"""Fields of poses that a motion tells of."""
+"""Fields of poses that a motion summarises."""
 _GONE = object()
 _Triples: TypeAlias = list[tuple[str, Any, Any]]
 

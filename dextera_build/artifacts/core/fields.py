@@ -34,7 +34,7 @@ def check(place: str, name: str, value: Any, form: Form, axes: dict[str, tuple[s
         place: The field as shown in messages.
         name: The field.
         value: Its value.
-        form: What the field may hold.
+        form: Form of the field.
         axes: See `check_array`.
 
     Raises:

@@ -10,7 +10,7 @@ from dextera_build.errors import ArtifactError
 _LONGEST, _LONGEST_PATH = 255, 2000
 """Maximum length of a file name and of a path on all common file systems [bytes]."""
 _ROOM = 55
-"""Length reserved for what exported files add to the label: the node's name and a suffix [bytes]."""
+"""Length reserved for the node's name and the suffix that exported files add to the label [bytes]."""
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 """Control characters, line separators and text direction overrides."""
 

@@ -62,7 +62,7 @@ class RobotViews(Artifact):
             raise ArtifactError(
                 "RobotViews: neither joint positions nor poses of the effector are known",
                 code="DXB-A527",
-                hint="record `/joint_states`, or write the controller's T_base_ee beside each picture",
+                hint="record `/joint_states`, or write the controller's T_base_ee with each picture",
             )
         count = len(self.captures)
         rows = {

@@ -45,7 +45,7 @@ class Trajectory(Artifact):
         first, last = float(self.stamps[0]), float(self.stamps[-1])
         if not first <= stamp <= last:
             raise ArtifactError(
-                f"the trajectory of `{self.child}` says nothing about {stamp} s",
+                f"the trajectory of `{self.child}` does not cover {stamp} s",
                 code="DXB-A504",
                 facts={"from": f"{first} s", "to": f"{last} s"},
                 hint="ask for a time within it; both clocks must be the same",

@@ -13,7 +13,7 @@ ROWS = ("joints", "objects", "displacement", "goal", "tips", "limbs")
 
 
 class TermSpec(Artifact):
-    """A term that policies may see; the function `measure` beside its declaration computes it."""
+    """A term that policies may see; the function `measure` in the file of its declaration computes it."""
 
     term: str
     """Its name, which is also that of its rule: `palm_to_object` of `rules/terms/palm_to_object.py`."""

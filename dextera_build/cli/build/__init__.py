@@ -1,1 +1,1 @@
-"""Verbs that build, or show what a build would do."""
+"""Verbs that build, or show the effect of a build."""

@@ -26,7 +26,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write names to `dxb.lock`, and print every object: name, what parsing calls it, a point, who binds the name."""
+    """Write names to `dxb.lock`, and print every object: name, proposed name, a point, source of the binding."""
     from dextera_build.building import bind
     from dextera_build.cli.consoles import console
     from dextera_build.recipe.bindings import PROPERTIES, Binding

@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def built(session: Session, order: Order, locking: Locking, watch: Watch | None, *, verbose: bool) -> Built:
-    """Build, and go on once the user has agreed to send what the build was not allowed to send."""
+    """Build, and build again once the user has consented to send the refused data."""
     from dextera_build.cli.build.consent import agreed
 
     while True:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 CALIBRATION = "calibration"
-"""The first target that asks whether a camera has moved."""
+"""The first target that detects whether a camera has moved."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,7 +85,7 @@ def _give(rows: Sequence[dict[str, Any]], *, as_json: bool) -> None:
 
 
 def _compare(session: Session, graph: Graph, row: dict[str, Any], *, needs_all: bool) -> None:
-    """Note the bounds of a recipe, compared with what is built, in its row; see `expected.refuse`."""
+    """Note the bounds of a recipe, compared with its results, in its row; see `expected.refuse`."""
     recipe = session.project.recipe(session.recipe)
     if recipe is None or not recipe.expect:
         return

@@ -1,4 +1,4 @@
-"""`dxb check calibration`: build a node of `align.camera_motion`, and say by the exit code whether the camera moved."""
+"""`dxb check calibration`: build a node of `align.camera_motion`; the exit code is whether the camera moved."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace, targets: list[str], project: Project) -> int:
             finished = done.result.nodes[node]
             if finished.rule != RULE:
                 raise UsageError(
-                    f"`{recipe}:{node}` is of rule {finished.rule}, which says nothing of a motion",
+                    f"`{recipe}:{node}` is of rule {finished.rule}, which detects no motion",
                     code="DXB-U152",
                     hint=f"name a node of rule `{RULE}`",
                 )

@@ -1,4 +1,4 @@
-"""The bounds that a recipe states, compared with what is built."""
+"""The bounds of a recipe, compared with its results."""
 
 from __future__ import annotations
 

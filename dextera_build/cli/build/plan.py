@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _give(rows: Sequence[Row], rules: Sequence[RuleFacts], *, as_json: bool) -> int:
-    """Print the rows; in JSON with what is missing for the backend, and the next step."""
+    """Print the rows; in JSON with the missing requirements of the backend, and the next step."""
     full = [{**row, "needs": list(rule.missing), "next": rule.hint} for row, rule in zip(rows, rules, strict=True)]
     return table.give(full, as_json=as_json, cells=rows)
 

@@ -1,4 +1,4 @@
-"""Output of verbs that build, besides that of the console: placed files, notices and warnings."""
+"""Output of verbs that build, in addition to that of the console: placed files, notices and warnings."""
 
 from __future__ import annotations
 

@@ -164,7 +164,7 @@ def _build(args: argparse.Namespace, recipe: str, targets: Sequence[str], watch:
 
     project = None
     try:
-        # Opened anew for each recipe, because an error leaves a project half loaded.
+        # Opened again for each recipe, because an error leaves a project half loaded.
         project, added = options.project(args), options.added(args)
         session = Session(project, recipe, added, makes=True)
         locking = Locking(project, lock=False, locked=False, added=added)

@@ -1,1 +1,1 @@
-"""Verbs that show what was built."""
+"""Verbs that show results."""

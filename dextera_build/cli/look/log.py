@@ -54,13 +54,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _line(finished: Mapping[str, Any]) -> str:
-    """What a node said of its result, or its error."""
+    """Summary of a node's result, or its error."""
     error = finished.get("error")
     return f"{error.get('code', '')}: {error.get('message', '')}".partition("\n")[0] if error else finished["line"]
 
 
 def _tell_costs(events: Iterable[Mapping[str, Any]]) -> None:
-    """Print on standard error what the calls of a run cost, if anything."""
+    """Print the cost of the calls of a run on standard error, if there is any."""
     from dextera_build.runs.costs import Costs
 
     costs = Costs()

@@ -138,7 +138,7 @@ def _targets(session: Session, target: str) -> list[str]:
 
 
 def _recipe(session: Session, *, as_json: bool) -> int:
-    """Print the last build of each node of a recipe: time, run, result; what stub backends made is marked."""
+    """Print the last build of each node of a recipe: time, run, result; results of stub backends are marked."""
     if session.project.recipe(session.recipe) is None:
         session.plan()  # raises the error that lists the recipes
     rows = {

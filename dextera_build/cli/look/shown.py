@@ -1,4 +1,4 @@
-"""What `dxb view` shows of a recipe or a node: the scene, the task, the episodes, or one artifact."""
+"""Content of `dxb view` for a recipe or a node: the scene, the task, the episodes, or one artifact."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PARTS = ("Background", "Support", "Capture")
 
 
 def of(session: Session, node: str, episode: str | None = None) -> Fill:
-    """What to show of a node, or of a recipe if `node` is empty.
+    """The values to show of a node, or of a recipe if `node` is empty.
 
     Args:
         session: The recipe.
@@ -138,7 +138,7 @@ def _recipe(session: Session) -> Fill:
     """The recipe's task, or else the twin's scene from the parts that the last build made, or as it was written."""
     nodes = _by_type(session)
     for node in nodes.get("TaskBundle", []):
-        # Nodes of other recipes bear their names; what a recipe makes itself is what it is about.
+        # Nodes of other recipes have those recipes' names; the nodes of a recipe itself are its subject.
         if ":" not in node:
             fetch.bring(session, [node, *nodes.get("Asset", [])])
             if isinstance(bundle := session.artifact(node), TaskBundle):
@@ -197,7 +197,7 @@ def _scene(session: Session, nodes: dict[str, list[str]]) -> Fill:
 
 
 def _binder(session: Session, nodes: dict[str, list[str]], photograph: Photograph) -> Callable[[str, str], str] | None:
-    """What binds a name to an object by its innermost pixel, as `dxb bind` does; None without segmented objects."""
+    """Binds a name to an object by its innermost pixel, as `dxb bind` does; None without segmented objects."""
     if "Segmentation" not in nodes:
         return None
     objects: Any = session.artifact(nodes["Segmentation"][-1])

@@ -63,5 +63,5 @@ def _withdraw(project: Project, args: argparse.Namespace) -> int:
             facts={"services with consent": listing({one.service for one in found.all()})},
             hint="`dxb consent ls` lists all of them",
         )
-    print(f"withdrawn; what `{args.service}` has received stays there", file=sys.stderr)
+    print(f"withdrawn; data that `{args.service}` has received stay there", file=sys.stderr)
     return 0

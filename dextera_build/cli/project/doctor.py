@@ -72,7 +72,7 @@ def _libraries() -> Iterator[Finding]:
 
 
 def _backends(project: Project, tested: list[str] | None) -> Iterator[Finding]:
-    """The backend that the profile prefers for each rule: what it is bound to, what is missing, its self-test."""
+    """The backend that the profile prefers for each rule: its weights, missing requirements, its self-test."""
     profile = project.preferences
     wanted = [_named(project, text) for text in tested or ()]
     for found in project.library.rules():
@@ -84,7 +84,7 @@ def _backends(project: Project, tested: list[str] | None) -> Iterator[Finding]:
 
 
 def _named(project: Project, text: str) -> tuple[str, str]:
-    """`RULE` or `RULE=BACKEND` of `--self-test`; refuses what does not exist."""
+    """`RULE` or `RULE=BACKEND` of `--self-test`; refuses unknown names."""
     path, _, name = text.partition("=")
     found = project.library.find(path)
     if name:

@@ -18,7 +18,7 @@ from dextera_build.project.project import Project
 from dextera_build.report import wording
 
 _ACTIONS = {
-    "ls": "list described models: what is installed, its licence, what takes it",
+    "ls": "list described models: installed versions, licences, and the backends that use them",
     "get": "fetch weights, or complete damaged ones",
     "add": "install weights from a file or folder",
     "verify": "read every file of installed weights and report damage",

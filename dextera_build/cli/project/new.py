@@ -1,4 +1,4 @@
-"""`dxb new`: a recipe, rule, backend, capture, robot or tasks to start from; what is in a photograph; a board."""
+"""`dxb new`: a recipe, rule, backend, capture, robot or tasks to start from; the objects of a photograph; a board."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _made_elsewhere(args: argparse.Namespace) -> Callable[[argparse.Namespace], int] | None:
-    """What writes files of this kind, if it is none of `_NAMES`; wrong arguments are refused."""
+    """The function that writes files of this kind, if it is none of `_NAMES`; wrong arguments are refused."""
     if args.kind != "board" and new_board.given(args):
         raise UsageError(
             f"a {args.kind} has no paper and no squares", code="DXB-U217", hint="only `dxb new board` takes them"
@@ -131,7 +131,7 @@ def _made_elsewhere(args: argparse.Namespace) -> Callable[[argparse.Namespace], 
 
 
 def _files(project: Project, kind: str, named: str, backend_kind: str | None) -> tuple[dict[Path, str], str]:
-    """Path -> text of each file, and what they lack."""
+    """Path -> text of each file, and the missing parts."""
     if backend_kind is not None and kind != "backend":
         raise UsageError(f"a {kind} has no kind", code="DXB-U197", hint=f"`dxb new {kind} {named}`")
     if kind == "recipe":

@@ -1,4 +1,4 @@
-"""The files that `dxb new backend` writes: a backend that answers as another one does, its program, and its test."""
+"""The files of `dxb new backend`: a backend that returns the result of another one, its program, and its test."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def _send(request: dict[str, Any], timeout_s: float) -> bytes:
     with urllib.request.urlopen(asked, timeout=timeout_s) as answer:
         return bytes(answer.read())
 '''
-_OUTSIDE = """    # What the program is sent and what it returns is up to you; it begins by returning `example`.
+_OUTSIDE = """    # Send the values that the program needs, and return its result; at first it returns `example`.
     example = ctx.other("{other}").{name}({arguments})
     return ctx.outside("{name}", example=example{inputs})"""
 _PROGRAM = '''"""The program of backend `{backend}` of {path}: runs in an environment of its own, without dxb."""
@@ -88,13 +88,13 @@ def test_{backend}_answers_and_passes_the_checks_of_the_rule(tmp_path: Path) -> 
     inputs, options = runner.example("{path}")
     assert runner.run("{path}", backend="{backend}", options=options, **inputs) is not None
 '''
-_ANSWER_OF_SERVICE = 'ANSWER = b"{}"  # what the service says to this request, in place of the service\n'
+_ANSWER_OF_SERVICE = 'ANSWER = b"{}"  # an answer to this request, in place of the service\n'
 _CALLS = ", calls=lambda service, request, send, **manner: ANSWER"
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is to be written.
+    """The files to write.
 
     Args:
         found: The rule.
@@ -102,7 +102,7 @@ class Wanted:
         kind: One of `KINDS`.
         file: The file of the backend.
         shown: The same, as messages show it.
-        beside: Whether it lies beside the rule, so that it can import what the rule's file defines.
+        beside: Whether it is in the rule's folder, so that it can import the definitions of the rule's file.
     """
 
     found: RuleFile
@@ -119,9 +119,9 @@ class Wanted:
 
     @property
     def other(self) -> str | None:
-        """The backend that it begins as: the stub, else one that needs neither a program nor another backend.
+        """The backend whose result it returns at first: the stub, else one without program and other backends.
 
-        A stub begins as none, because it needs no package of another one.
+        A new stub has none, because a stub needs no package of another backend.
         """
         if self.backend == "stub":
             return None
@@ -141,10 +141,10 @@ class Wanted:
 
 
 def note(wanted: Wanted) -> str:
-    """What the files lack, and why; empty if they lack nothing."""
+    """Missing parts of the files, and the reason; empty if they lack nothing."""
     path, name = wanted.found.path, wanted.backend
     if not wanted.methods:
-        return f"{path} takes no `ctx: Context[PROTOCOL]`, which says what a backend defines: no function, no test"
+        return f"{path} takes no `ctx: Context[PROTOCOL]`, which lists the functions of a backend: no function, no test"
     if wanted.other is None:
         first = "" if name == "stub" else f"; with a backend `stub` (`dxb new backend {path}=stub`), others begin as it"
         return f"backend `{name}` has none to begin as: fill in its functions; no program, no test{first}"

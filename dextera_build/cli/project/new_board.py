@@ -20,7 +20,7 @@ _COUNTS = {"charuco": (7, 5), "chessboard": (9, 6), "aruco": (1, 1), "apriltag":
 """Pattern -> columns and rows; two sides that differ leave no doubt which way is up."""
 _FAMILIES = {"charuco": "DICT_5X5_100", "aruco": "DICT_4X4_50", "apriltag": "36h11", "chessboard": ""}
 MARKER, GAP = 0.75, 0.25
-"""Sides of a marker in its ChArUco square, and of a gap beside a marker."""
+"""Sides of a marker in its ChArUco square, and of a gap next to a marker."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +42,7 @@ def given(args: argparse.Namespace) -> bool:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the sheet, print its path, and what `capture.json` says about it."""
+    """Write the sheet, and print its path and its part of `capture.json`."""
     from dextera_build.formats import board_sheet
 
     pattern = args.name or "charuco"

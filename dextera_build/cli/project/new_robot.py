@@ -38,12 +38,12 @@ def run(args: argparse.Namespace) -> int:
         out.write_text(_text(project, name, file, folder, source, root))
     print(project.shown(out.absolute()))
     given = "" if _inside(project, folder) else f" --input files={folder}"
-    print(f"  check what is marked as a guess, then: dxb build robot/{name}{given}", file=sys.stderr)
+    print(f"  check every marked guess, then: dxb build robot/{name}{given}", file=sys.stderr)
     return 0
 
 
 def _read(file: Path, project: Project) -> tuple[Path, Source, str]:
-    """The folder that holds the file and its meshes, what was read, and the root link."""
+    """The folder that holds the file and its meshes, the parsed description, and the root link."""
     from dextera_build.errors import RuleError
     from dextera_build.sim.model.imported import mjcf, urdf
 
@@ -70,7 +70,7 @@ def _read(file: Path, project: Project) -> tuple[Path, Source, str]:
 
 
 class _Lazy(dict[str, bytes]):
-    """Path -> content of the files of a folder, read when asked for."""
+    """Path -> content of the files of a folder, read on demand."""
 
     def __init__(self, folder: Path) -> None:
         files = (each for each in folder.rglob("*") if each.is_file())
@@ -116,7 +116,7 @@ def _text(project: Project, name: str, file: Path, folder: Path, source: Source,
 
 
 def _numbers(source: Source) -> list[str]:
-    """Homes, and what the file does not state."""
+    """Homes, and properties that the file does not state."""
     joints = {joint.name: joint for joint in source.spec.joints if joint.name not in source.mimics}
     lines = []
     if set(joints) - set(source.speeds):

@@ -1,4 +1,4 @@
-"""`dxb new scene` and `dxb new mask`: what was found in a photograph, as files to edit."""
+"""`dxb new scene` and `dxb new mask`: the objects found in a photograph, as files to edit."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ KINDS = ("scene", "mask")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Build what is stale, write the file, and print its path."""
+    """Build the stale nodes, write the file, and print its path."""
     if (args.kind == "mask") != bool(args.object):
         raise UsageError(
             "a mask is that of one object" if args.kind == "mask" else "a scene is that of a whole photograph",
@@ -59,7 +59,7 @@ def _refuse_existing(out: Path) -> None:
         raise UsageError(
             f"`{out}` exists already, and nothing of it was changed",
             code="DXB-U191",
-            hint="`-o FILE` writes to another file; move or remove this one to have it written anew",
+            hint="`-o FILE` writes to another file; move or remove this one to have it written again",
         )
 
 

@@ -17,7 +17,7 @@ _ASSET = re.compile(r"body\[(.+)\]\.asset")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Build what is stale of the twin, write the recipe, and print its path."""
+    """Build the stale nodes of the twin, write the recipe, and print its path."""
     if not args.name:
         raise UsageError(
             "a task takes the recipe of its twin", code="DXB-U217", hint="`dxb new task twin/laptop_scene`"
@@ -55,5 +55,5 @@ def run(args: argparse.Namespace) -> int:
     print(session.project.shown(out.absolute()))
     for task in task_file.tasks(library, assets):
         print(f"  {task.proposal.name}: {task.primitive} `{task.object}`")
-    print("  keep what you want, and check what is marked as a guess", file=sys.stderr)
+    print("  keep the tasks that you want, and check every marked guess", file=sys.stderr)
     return 0

@@ -100,7 +100,7 @@ def _explain(said: Collection, limit: int | None, *, dry: bool) -> None:
     else:
         told.append(f"the store shrank from {before} to {after}")
     if limit is not None and said.after > limit:
-        told.append(f"that is above {wording.size(limit)}: the lines `keep` say why the rest stays")
+        told.append(f"that is above {wording.size(limit)}: the lines `keep` give the reasons")
     print("\n".join(told), file=sys.stderr)
 
 

@@ -39,7 +39,7 @@ def check(stream: IO[bytes], name: str, index: Sequence[Any]) -> None:
     changes: list[tuple[int, int, int]] = []
     for each in index:
         if _size(stream, each.chunk_start_offset) > each.uncompressed_size:
-            raise ValueError("a chunk is larger than the index says; `mcap recover FILE -o FIXED`")
+            raise ValueError("a chunk is larger than its size in the index; `mcap recover FILE -o FIXED`")
         changes.append((each.message_start_time, 0, each.uncompressed_size))
         changes.append((each.message_end_time, 1, -each.uncompressed_size))
     at_once = 0

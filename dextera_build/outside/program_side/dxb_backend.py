@@ -1,4 +1,4 @@
-"""The program's side of dxb backend protocol 1: copy this one file beside your program.
+"""The program's side of dxb backend protocol 1: copy this one file into the folder of your program.
 
     import dxb_backend
 
@@ -11,7 +11,7 @@
 
     dxb_backend.serve(complete=complete)
 
-It needs Python 3.8 or newer and nothing else. What the program prints goes to the log of the node.
+It needs Python 3.8 or newer and nothing else. The output of the program goes to the log of the node.
 """
 
 from __future__ import annotations
@@ -72,10 +72,10 @@ def items(parts: Mapping[str, Any]) -> Value:
 
 
 class Request:
-    """What dxb asks.
+    """A request of dxb.
 
     Attributes:
-        function, rule, backend: What is asked, and for which backend.
+        function, rule, backend: The function to run, its rule and its backend.
         inputs: Name -> plain value or `Value`.
         options, weights, device, seed: See docs/outside.md.
     """

@@ -1,8 +1,8 @@
 """Compiles code of the project from source in programs, and in the Python processes that workers start.
 
-Python imports it when it starts, because its folder is the first on PYTHONPATH. Byte code beside a source may be that
-of an earlier text of the same size and time. A process that a worker started also runs the texts that the build
-digested.
+Python imports it when it starts, because its folder is the first on PYTHONPATH. Byte code of a source
+may be that of an earlier text of the same size and time. A process that a worker started also runs the texts that the
+build digested.
 
 It needs Python 3.8 or newer and nothing else; packages of the environment are imported as ever.
 """

@@ -1,4 +1,4 @@
-"""What scripts of primitives share: candidates from geometry, and their order by the arm's comfort."""
+"""Shared code of scripts of primitives: candidates from geometry, and their order by the arm's comfort."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ class _Assembly:
         above = place.parent.name
         parent = self._spec.worldbody if above == "world" else self.bodies.get(above)
         if parent is None:
-            raise RuleError(f"`{part.root}` hangs on `{above}`, which no part before it has", code="DXB-B214")
+            raise RuleError(f"`{part.root}` is attached to `{above}`, which no part before it has", code="DXB-B214")
         colours = {material.name: material.rgba for material in source.materials}
         self._add_body(parent, source.body(part.root), place, part, colours)
 

@@ -1,1 +1,1 @@
-"""Task primitives: a folder each, what they share, the common judge, and grasp estimation."""
+"""Task primitives: a folder each, shared code, the common judge, and grasp estimation."""

@@ -59,7 +59,7 @@ class Refused:
 
     def _hint(self, cause: str) -> str:
         if cause == DONE:
-            return "choose a goal farther from where the object stands in the photograph"
+            return "choose a goal farther from the photographed place of the object"
         if cause == CRASH and ROBOT in self._pairs.most_common(1)[0][0]:
             return "move the robot with `position_m` of `align.base`, or make the ranges of `reset` smaller"
         return "make the ranges of `reset` smaller"

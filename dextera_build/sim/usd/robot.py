@@ -2,7 +2,7 @@
 
     /World/<robot>              articulation root, labelled `robot`
       <link>                    rigid body with mass at its place in the home position
-        Visuals, Collisions     geometry; what only touches is a guide
+        Visuals, Collisions     geometry; pieces that only collide are guides
         Frames/<role>           tool centre, fingertips, ...
       joints/<joint>            joints; `root` fixes the base to the world
       Looks                     surface and physics materials

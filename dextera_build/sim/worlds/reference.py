@@ -170,7 +170,7 @@ class _Builder:
                 f"the joints of `{placed.body}` in the twin are not those of its thing in the reference world",
                 code="DXB-B243",
                 facts={"twin": listing(joints), "thing": "no hinge" if hinge is None else "one hinge"},
-                hint="a reference world knows things with one hinge or none; correct the asset's joints",
+                hint="a reference world supports objects with at most one hinge; correct the asset's joints",
             )
         joint = self.spec.joint(joints[0])
         moving = {name: placed.thing.parts[name] for name in hinge.parts}

@@ -22,7 +22,7 @@ def camera_base(ctx: Context, calibration: Calibration, *, options: CameraBaseOp
     if calibration.mount != "eye_on_base":
         ctx.fail(
             "the camera of this calibration is on the hand, so the base moves in its picture",
-            hint="calibrate a camera that stands beside the robot",
+            hint="calibrate a camera next to the robot",
         )
     found = calibration.pose.inverse().model_copy(update={"parent": "camera", "child": "base"})
     sigma = calibration.sigma()

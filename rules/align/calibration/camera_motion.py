@@ -64,7 +64,7 @@ def camera_motion(
     residuals, board = calibration.residuals, calibration.board_pose
     if residuals is None or len(residuals) < 3 or board is None:
         ctx.fail(
-            "the calibration has no residuals or no pose of the board, so nothing says how well it should fit",
+            "the calibration has no residuals or no pose of the board, so the expected residuals are unknown",
             hint="give the result of `align.hand_eye` or `align.robot_camera`",
         )
     ctx.check(
@@ -85,7 +85,7 @@ def camera_motion(
         f"calibration has it in {len(seen)} pictures; chance {verdict.chance:.2g} if nothing moved"
     )
     if verdict.state == "moved":
-        ctx.warn("camera, base or board moved: calibrate anew")
+        ctx.warn("camera, base or board moved: calibrate again")
     return _now(verdict, seen)
 
 

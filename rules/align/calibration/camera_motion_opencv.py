@@ -47,7 +47,7 @@ def poses(
         picture = detection.look(capture.photograph.rgb.pixels, k, board, "edges")
         found = picture.sighting
         if found is None or found.rms_px > MOST_CORNER_PX:
-            ctx.warn(f"`{name}` is left out: {picture.reason() if found is None else 'what is seen is another board'}")
+            ctx.warn(f"`{name}` is left out: {picture.reason() if found is None else 'it shows another board'}")
             continue
         there = hand_eye.predicted(solution, hand_eye.View(name, effector, found.board, found.pixels, ()), setup)
         pixels, near = _nearest(found, there, k)

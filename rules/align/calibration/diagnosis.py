@@ -73,11 +73,11 @@ def other_board(ctx: Context, other: Mapping[str, Sighting], common: HandEyeOpti
     ctx.fail(
         "the markers are numbered from right to left"
         if mirrored > len(other) / 2
-        else "what is seen is not the board that is stated",
+        else "the detected board is not the stated one",
         pictures=listing(other),
         corners=f"{np.median([one.rms_px for one in other.values()]):.1f} px from those of the stated board, "
         f"{common.most_corner_px:g} px are allowed",
-        hint="number the markers row by row from the upper left, or print the board anew"
+        hint="number the markers row by row from the upper left, or print the board again"
         if mirrored > len(other) / 2
         else "look at columns, rows, sizes and dictionary of the board",
     )
@@ -104,7 +104,7 @@ def _mistakes(views: list[View], setup: Setup) -> Iterator[tuple[str, list[View]
         "write T_base_effector, which maps the effector's coordinates to the base's",
     )
     yield (
-        "the camera is " + ("beside the robot" if setup.in_hand else "on the hand"),
+        "the camera is " + ("next to the robot" if setup.in_hand else "on the hand"),
         views,
         replace(setup, in_hand=not setup.in_hand),
         "correct the `setup` of the capture",

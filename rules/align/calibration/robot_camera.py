@@ -111,16 +111,16 @@ def _check(ctx: Context, views: RobotViews, calibration: Calibration) -> None:
     ctx.check(
         calibration.mount == views.mount == "eye_on_base",
         "a camera on the hand does not see the arm, so the robot's surface cannot refine its pose",
-        hint="use the calibration of `align.hand_eye` as it is",
+        hint="use the calibration of `align.hand_eye`",
     )
     if views.joints is None:
-        ctx.fail("the joint positions are not known", hint="record the joint states beside the pictures")
+        ctx.fail("the joint positions are not known", hint="record the joint states with the pictures")
     without = [name for name, capture in views.captures.items() if capture.measured is None]
     if without:
         ctx.fail(
             f"{len(without)} of {len(views.captures)} pictures have no depth",
             pictures=", ".join(without[:6]),
-            hint="record the depth of the calibration pictures, or use the calibration of `align.hand_eye` as it is",
+            hint="record the depth of the calibration pictures, or use the calibration of `align.hand_eye`",
         )
 
 
@@ -151,5 +151,5 @@ def _gate(ctx: Context, views: RobotViews, found: Refinement, options: RobotCame
         found.shift_m <= options.most_correction_m,
         f"the robot would move by {1000 * found.shift_m:.0f} mm",
         believed=f"{1000 * options.most_correction_m:.0f} mm",
-        hint="calibrate with `align.hand_eye` anew, or raise `most_correction_m`",
+        hint="calibrate with `align.hand_eye` again, or raise `most_correction_m`",
     )

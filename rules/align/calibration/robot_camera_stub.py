@@ -15,7 +15,7 @@ from .robot_camera import Refinement
 if TYPE_CHECKING:
     from .robot_camera import RobotCameraOptions
 
-BACKEND = Backend(summary="the calibration as it is, for tests", profiles=("stub",))
+BACKEND = Backend(summary="returns the calibration unchanged, for tests", profiles=("stub",))
 
 
 def refine(

@@ -35,7 +35,7 @@ def effectors(ctx: Context, views: RobotViews, robot: RobotModel | None, frame: 
         if by_joints is None:
             ctx.fail(
                 "only joint positions are known, and no robot whose kinematics turn them into poses",
-                hint="give the input `robot`, or record the controller's T_base_ee beside each picture",
+                hint="give the input `robot`, or record the controller's T_base_ee with each picture",
             )
         return by_joints
     stated = np.stack([poses.to_matrix(row) for row in views.effectors])
@@ -109,6 +109,6 @@ def _compare(ctx: Context, stated: np.ndarray, by_joints: np.ndarray) -> None:
     off = np.degrees(np.abs(angles(stated) - angles(by_joints)))
     ctx.check(
         float(np.median(off)) < CONTRADICTION_DEG,
-        f"the effector's poses turn otherwise than the joints say: by {np.median(off):.0f} deg in the median",
+        f"the effector's rotations contradict the joints: by {np.median(off):.0f} deg in the median",
         hint="look at the names and the order of the joints, and whether both were recorded at the same times",
     )

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from dextera_build.learning.qwen3_vl import Chat, Speaker
 
 BACKEND = Backend(
-    summary="Qwen3-VL chooses among pictures of the candidates; no service is asked",
+    summary="Qwen3-VL chooses among pictures of the candidates; no service is called",
     profiles=("gpu",),
     packages=("numpy", "open3d", "pillow", "tokenizers", "torch", "transformers"),
     extra="models",
@@ -93,7 +93,7 @@ def ask(say: Callable[[Chat], str], question: str, count: int, options: Qwen3VlO
         f"the model names no number from 0 to {count}",
         code="DXB-B357",
         facts={"asked": f"{options.attempts} times", "it said": " ".join(text.split())[:200] or "nothing"},
-        hint="take the backend `geometry`, which leaves open what it cannot tell",
+        hint="take the backend `geometry`, which leaves uncertain axes undecided",
     )
 
 

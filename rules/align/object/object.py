@@ -89,9 +89,7 @@ def misfit(placed: Placed, options: ObjectOptions) -> str:
     if placed.iou < options.least_iou:
         return f"the placed render covers the mask with IoU {placed.iou:.2f}, {options.least_iou:.2f} is needed"
     if placed.violation > options.most_violation:
-        return (
-            f"{placed.violation:.0%} of the placed render lies in free space, {options.most_violation:.0%} is allowed"
-        )
+        return f"{placed.violation:.0%} of the placed render is in free space, {options.most_violation:.0%} is allowed"
     return ""
 
 
@@ -101,7 +99,7 @@ def _seen(ctx: Context, view: ObjectView, measured: MeasuredView | None, support
         return Seen(view, measured)
     if support is None:
         ctx.fail(
-            "the object has no measured depth, and no support that it could stand on is given",
+            "the object has no measured depth, and no support is given",
             hint="give the input `support`, or add the depth to the capture",
         )
     nothing = DepthImage(depth=np.zeros(view.mask.shape, np.float32))

@@ -26,7 +26,7 @@ STEP_PX, STEP = 3.0, 0.03
 LEAST = 0.2
 """Minimum fraction of pixels that must remain; thin objects consist of borders only."""
 FARTHEST = 5.0
-"""Residuals are clipped at so many standard deviations: flying pixels, and depth of other objects."""
+"""Number of standard deviations at which residuals are clipped: flying pixels, and depth of other objects."""
 ANY_TURN = float(np.pi / np.sqrt(3.0))
 """Standard deviation of an unknown rotation [rad]."""
 

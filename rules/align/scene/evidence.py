@@ -68,7 +68,7 @@ def about(pixels: np.ndarray) -> dict[str, str]:
     left = left_by_blur(grey)
     said = {"brightness": f"{grey.mean():.0f} of 255", "edges after a blur of 2.5 px": f"{left:.0%}"}
     if grey.mean() < DARK:
-        said["dark"] = f"less than {DARK:.0f} of 255: little can be told apart"
+        said["dark"] = f"less than {DARK:.0f} of 255: few features can be distinguished"
     if left > BLURRED:
         said["blurred"] = f"more than {BLURRED:.0%} are left: the camera or the scene moved, or it is out of focus"
     return said

@@ -46,14 +46,13 @@ def fitted(ctx: Context, given: Given, match: Match, options: SceneOptions) -> F
     solution = align(sparse.pose, problem)
     seen = evidence.evidence(start, solution, pyramid[-1], k, size)
     # Errors of the photometric terms are common to the whole picture (light, colours shifted against their depth), so
-    # no
-    # residual shows them: they refine the estimate, but the stated covariance is that of the points plus this shift.
+    # no residual shows them: they refine the estimate, but the stated covariance is that of the points plus this shift.
     apart = sparse.pose.step_to(solution.pose, unit)
     steps = sparse.covariance + np.outer(apart, apart)
     if not np.isfinite(steps).all():
         ctx.fail(
-            "the pairs do not tell how well the scene is aligned",
-            hint="capture more of what the scene shows",
+            "the pairs are too few to estimate the error of the alignment",
+            hint="capture more of the scene",
             inliers=len(start.matches),
         )
     assert solution.drawn is not None

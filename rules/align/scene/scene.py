@@ -89,7 +89,7 @@ def scene(
     if (splats is None) == (mesh is None):
         ctx.fail("the scene is either Gaussians or a mesh", hint="give one of the inputs `splats` and `mesh`")
     if capture.measured is None or not (capture.measured.depth.depth > 0).any():
-        ctx.fail("the capture has no depth, so nothing tells the scale", hint="align.scene needs an RGB-D capture")
+        ctx.fail("the capture has no depth, so the scale is not determined", hint="align.scene needs an RGB-D capture")
     frame = options.frame or (splats.frame if splats is not None else "world") or "scene"
     if taken is not None and taken.parent != frame:
         ctx.fail(f"`taken` is T_{taken.parent}_{taken.child}, but the scene is in frame `{frame}`")

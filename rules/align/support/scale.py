@@ -16,7 +16,7 @@ class ScaleOptions(Options):
     """Options of align.scale: one known size, for photographs without depth, marker and robot."""
 
     size_m: PositiveFloat | None = None
-    """Longest edge of the smallest upright box around one object as it stands [m]."""
+    """Longest edge of the smallest upright box around one object in its photographed pose [m]."""
     object: str = ""
     """Name of that object; empty if there is only one."""
 

@@ -80,7 +80,7 @@ def support(
             "no support plane is in view",
             planes=_listing(found),
             smallest=f"{options.smallest_m2:g} m^2, facing up",
-            hint="show more of the table, lower `smallest_m2`, or say with `up` which side of the picture is up",
+            hint="show more of the table, lower `smallest_m2`, or set `up` to the upper side of the picture",
         )
     level = _support(best, points, upright.turned(valid, turns))
     if doubt := uneven.doubt(level, points, upright.turned(valid, turns)):

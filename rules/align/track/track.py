@@ -69,7 +69,7 @@ class TrackBackend(Protocol):
         ...
 
 
-# A filter passes on from frame to frame what rounding differs by, and pixels at a threshold come and go.
+# A filter propagates rounding differences from frame to frame, and pixels at a threshold come and go.
 @rule(
     version=2,
     packages=("numpy", "opencv-python-headless", "open3d"),

@@ -26,6 +26,6 @@ class OptimiseOptions(Options):
     """Weight that keeps Gaussians near their initial values; without it they fit the views better, but new views
     worse."""
     held_out: NonNegativeInt = 8
-    """One of every so many views, starting in the middle, is held out for evaluation; 0 for none."""
+    """Interval of the views held out for evaluation, starting in the middle; 0 for none."""
     seed: NonNegativeInt = 0
     """Seed of the order of the views."""

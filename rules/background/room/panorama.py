@@ -34,7 +34,7 @@ def panorama(ctx: Context[PanoramaBackend], background: Background, camera: Came
     ctx.check(made.pose.parent == "world", "the panorama is not placed in the world", frame=made.pose.parent)
     ahead = support.camera_pose.matrix[:3, 3] - made.pose.matrix[:3, 3]
     ctx.check(abs(ahead).max() < 1e-9, "the panorama is not around the place of the camera")
-    part = "not known what of it was seen" if made.seen is None else f"{made.seen.mean():.0%} seen"
+    part = "seen pixels unknown" if made.seen is None else f"{made.seen.mean():.0%} seen"
     if made.seen is not None:
         ctx.metric("seen", 100.0 * float(made.seen.mean()), "%")
     ctx.say(f"{width} x {height} px, {part}")

@@ -18,7 +18,7 @@ from .register import register
 from .sphere import level
 
 BACKEND = Backend(
-    summary="HY-Pano 2.0 with Qwen-Image-Edit generates what the photograph does not show",
+    summary="HY-Pano 2.0 with Qwen-Image-Edit generates everything outside the photograph",
     packages=("opencv-python-headless", "pillow"),
     extra="twin",
     command=("{python}", "hy_pano_program.py"),

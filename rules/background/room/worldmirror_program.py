@@ -41,7 +41,7 @@ def compose(request: Any) -> Any:
             log_time=False,
         )
         if written is None:
-            raise RuntimeError("the pipeline skipped the pictures; its output says why")
+            raise RuntimeError("the pipeline skipped the pictures; see its output")
         folder = request.file("made")
         shutil.copytree(str(out), str(folder), ignore=shutil.ignore_patterns("*.png"))
     return dxb_backend.value("Folder", file=folder)

@@ -159,7 +159,7 @@ def _explained(
             f"their columns fit in another order, e.g. {listing(changed)}",
             "check that names and positions were written in the same order",
         )
-    return "", "check which robot and which topic this is; `names` says which joint is which"
+    return "", "check which robot and which topic this is; `names` assigns the joints"
 
 
 def _other_order(positions: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> list[int] | None:

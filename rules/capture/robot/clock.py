@@ -37,15 +37,15 @@ def offset(ctx: Context, stream: Stream, topic: str, joints: Joints, given: floa
     found = synchronisation.clock_offset(stamps, changes, joints.stamps, joints.positions, reach_s)
     if found is None:
         ctx.warn(
-            "the clocks of camera and robot are taken as the same: too few pictures were recorded while the robot "
-            "moved to compare them"
+            "assuming synchronised clocks of camera and robot: too few pictures were recorded in motion to estimate "
+            "their offset"
         )
         return 0.0
     ctx.metric("clock_correlation", found.correlation)
     spelled = f"{1000 * found.seconds:.0f} +- {1000 * found.sigma:.0f} ms"
     if found.correlation < CORRELATED or found.rival > ALONE * found.correlation or found.sigma > SURE_S:
         ctx.warn(
-            "the clocks of camera and robot are taken as the same: their offset is not certain "
+            "assuming synchronised clocks of camera and robot: their offset is not certain "
             f"({spelled}, correlation {found.correlation:.2f}, next best {found.rival:.2f}); `clock_offset_s` sets it"
         )
         return 0.0

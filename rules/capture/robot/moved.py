@@ -36,7 +36,9 @@ def doubt_poses(ctx: Context, effectors: np.ndarray | None, joints: np.ndarray |
         return
     same = [names[n] for n in range(1, len(rows)) if _same(rows[n - 1], rows[n], effectors is not None)]
     if same:
-        ctx.warn(f"the robot stands as in the picture before in {listing(same)}: was its pose recorded anew each time?")
+        ctx.warn(
+            f"the robot has the pose of the previous picture in {listing(same)}: was it recorded for each picture?"
+        )
 
 
 def check_poses(ctx: Context, robot: RobotModel, joints: Joints, effectors: np.ndarray, frame: str) -> None:

@@ -177,7 +177,7 @@ def _moments(ctx: Context, stamps: np.ndarray, joints: Joints, offset: float, op
     late = skews > options.skew_s
     if late.all():
         ctx.fail(
-            "no picture has a joint measurement beside it",
+            "no picture has a joint measurement near its time",
             nearest=f"{1000 * skews.min():.0f} ms",
             allowed=f"{1000 * options.skew_s:.0f} ms",
             hint="record joint states at 50 Hz and more, or set `skew_s`",

@@ -31,9 +31,9 @@ def mount_of(ctx: Context, facts: Mapping[str, object]) -> Mount:
     found = _SETUPS.get(setup.lower().replace("_", "-").replace(" ", "-")) if isinstance(setup, str) else None
     if found is None:
         ctx.fail(
-            f"`{NAME}`: `setup` does not say where the camera is",
+            f"`{NAME}`: `setup` does not state where the camera is",
             found="nothing" if setup is None else reprlib.repr(setup),
-            wanted='"eye-to-hand" for a camera beside the robot, "eye-in-hand" for one on its hand',
+            wanted='"eye-to-hand" for a camera next to the robot, "eye-in-hand" for one on its hand',
             hint=f'write `"setup": "eye-to-hand"` into `{NAME}`',
         )
     return found
@@ -115,7 +115,7 @@ def _check_place(ctx: Context, target: Mapping[str, object], mount: Mount) -> No
     if mounted is None:
         return
     if mounted not in _ON_ROBOT + _AROUND:
-        fields.wrong(ctx, "target.mounted", mounted, '"gripper" for a board on the robot, "table" for one beside it')
+        fields.wrong(ctx, "target.mounted", mounted, '"gripper" for a board on the robot, "table" for one next to it')
     if (mounted in _ON_ROBOT) != (mount == "eye_on_base"):
         ctx.fail(
             f"`{NAME}`: the board never moves in the picture",

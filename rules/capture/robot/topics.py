@@ -66,7 +66,7 @@ def beside(ctx: Context, image: str, lenses: list[str]) -> str:
             if lenses
             else "the recording has no intrinsics",
             topics=listing(lenses) or "none",
-            hint="set option `camera_info`" if lenses else "record the topic `camera_info` beside the pictures",
+            hint="set option `camera_info`" if lenses else "record the topic `camera_info` with the pictures",
         )
     return found[0]
 

@@ -21,7 +21,7 @@ class CollisionOptions(Options):
 
 
 class CollisionBackend(Protocol):
-    """What a backend of factorize.collision defines."""
+    """Interface of a backend of factorize.collision."""
 
     def pieces(self, ctx: Context, link: Link, hollow: bool, common: CollisionOptions, options: Any) -> Pieces:
         """Convex pieces of one link [m, object]."""
@@ -62,7 +62,7 @@ def _line(name: str, result: Collision, options: CollisionOptions) -> str:
     made = result.links[name]
     line = f"{name}: {len(made.hulls)} by {made.method}"
     if made.cavity_fill is not None:
-        missed = "" if made.cavity_fill <= options.cavity_fill else f", {options.cavity_fill:.0%} was asked"
+        missed = "" if made.cavity_fill <= options.cavity_fill else f", {options.cavity_fill:.0%} was requested"
         line += f", cavity filled {made.cavity_fill:.1%}{missed}"
     if made.excess is not None and made.lacking is not None:
         line += f", volume +{made.excess:.1%} -{made.lacking:.1%}"

@@ -56,7 +56,7 @@ def _joint(node: Any) -> JointHint | None:
     at = _numbers(fields[f"at_{unit}"], 1)[0] if f"at_{unit}" in fields else 0.0
     if limits is not None and not limits[0] <= at <= limits[1]:
         hint = f"`at_{unit}` is its position in the photograph, 0 unless given"
-        raise wrong(f"the joint stands at {at:g} {unit}, outside its range", node, hint=hint, range=list(limits))
+        raise wrong(f"the joint is at {at:g} {unit}, outside its range", node, hint=hint, range=list(limits))
     return JointHint(
         type="revolute" if kind == "hinge" else "prismatic",
         part_px=box(fields["part_px"], "part_px"),

@@ -175,7 +175,7 @@ def _bind(wanted: str, binding: Binding, known: list[_Candidate], labels: np.nda
             hint="lower-case letters, digits and `_`, not starting with a digit",
         )
     if not (binding.has_properties or binding.at_px):
-        _refuse(f"the name `{wanted}` says nothing about its object", known, "give `phrase`, a property or `at_px`")
+        _refuse(f"the name `{wanted}` has no property of its object", known, "give `phrase`, a property or `at_px`")
     if binding.at_px is not None:
         return _at(wanted, binding.at_px, known, labels)
     ranks = {one.label: one.fits(binding) for one in known}

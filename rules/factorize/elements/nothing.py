@@ -42,8 +42,8 @@ def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
     beyond = None if cut or raised >= FEW else _largest(_in_front(heights.raised & ~heights.over, seen.turns))
     if beyond is not None:
         yield (
-            f"the border of the picture cuts what stands out there, {beyond}, and the support beneath it",
-            "turn or move the camera so that every object and what it stands on is whole in the picture",
+            f"the border of the picture cuts a raised region, {beyond}, and the support beneath it",
+            "turn or move the camera so that every object and the support beneath it are whole in the picture",
         )
     if cut:
         things = "the thing" if len(cut) == 1 else f"{len(cut)} things"
@@ -54,7 +54,7 @@ def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
     if abs(seen.world_from_camera[2, 2]) > FRONTAL:
         yield (
             "the support is seen frontally, as a wall is",
-            "aim at the table from above; a camera that hangs straight over it must see more than 12 mm of height",
+            "aim at the table from above; a camera straight above it must see more than 12 mm of height",
         )
     empty = outline & (seen.depth <= 0)
     hole = _largest(empty)
@@ -73,7 +73,7 @@ def causes(seen: Workspace, static: tuple[Element, ...]) -> Iterator[Cause]:
             f"the support is empty, or things on it are smaller than {1e4 * SMALLEST_M2:.0f} cm² or 12 mm high",
             "put objects on it, or capture them from nearer",
         )
-    yield "what stands there is too large, hangs, or is no thing of its own", "look at the preview of `support`"
+    yield "the raised regions are too large, hang, or are not separate objects", "look at the preview of `support`"
 
 
 def _unit(seen: Workspace) -> Iterator[Cause]:

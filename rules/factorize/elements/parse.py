@@ -112,7 +112,7 @@ def _at(measured: Measurements[Workspace], regions: np.ndarray | None) -> matchi
 def _nothing(ctx: Context, measured: Measurements[Workspace], found: tuple[Element, ...]) -> NoReturn:
     static = listing(element.name for element in found)
     if not measured.taken:
-        ctx.fail("no object was found in the photograph", static=static, hint="name what is there in a `scene.yaml`")
+        ctx.fail("no object was found in the photograph", static=static, hint="list the objects in a `scene.yaml`")
     seen = measured.needed()
     heights = relief(seen)
     depth = seen.depth > 0

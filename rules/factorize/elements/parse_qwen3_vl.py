@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dextera_build.learning.qwen3_vl import Chat, Speaker
 
 BACKEND = Backend(
-    summary="Qwen3-VL names things and boxes; no service is asked",
+    summary="Qwen3-VL names objects and boxes; no service is called",
     profiles=("gpu",),
     packages=("numpy", "pillow", "tokenizers", "torch", "transformers"),
     extra="models",
@@ -78,7 +78,7 @@ def ask(say: Callable[[Chat], str], attempts: int) -> questions.Answer:
         f"the model gives no usable answer: {why}",
         code="DXB-B355",
         facts={"asked": f"{attempts} times", "it said": " ".join(text.split())[:200] or "nothing"},
-        hint="name what is there in a `scene.yaml`, raise `answer_tokens` if it is cut, or take another backend",
+        hint="list the objects in a `scene.yaml`, raise `answer_tokens` if the answer is cut, or take another backend",
     )
 
 

@@ -19,7 +19,7 @@ from ..measured import Measurements, Workspace
 from . import questions
 
 BACKEND = Backend(
-    summary="a vision-language model names things and boxes; DXB_VLM_URL and DXB_VLM_API_KEY say which service",
+    summary="a vision-language model names objects and boxes; DXB_VLM_URL and DXB_VLM_API_KEY choose the service",
     packages=("httpx", "pillow"),
     extra="share",
     licence="that of the service",
@@ -112,7 +112,7 @@ def _send(request: dict[str, Any], key: str, timeout_s: float, more: Sequence[di
     url = os.environ.get("DXB_VLM_URL", "")
     if not url:
         raise MachineError(
-            "no vision-language model can be asked: `DXB_VLM_URL` is not set",
+            "no vision-language model is configured: `DXB_VLM_URL` is not set",
             code="DXB-E362",
             hint="export DXB_VLM_URL=https://api.openai.com/v1 DXB_VLM_API_KEY=...",
         )
@@ -121,7 +121,7 @@ def _send(request: dict[str, Any], key: str, timeout_s: float, more: Sequence[di
             "the key of the vision-language model would be sent in the clear",
             code="DXB-E363",
             facts={"address": url},
-            hint="export DXB_VLM_URL=https://..., or unset DXB_VLM_API_KEY where the service wants no key",
+            hint="export DXB_VLM_URL=https://..., or unset DXB_VLM_API_KEY if the service needs no key",
         )
     picture = "data:image/jpeg;base64," + base64.b64encode(request["picture"]).decode()
     content = [{"type": "text", "text": request["prompt"]}, {"type": "image_url", "image_url": {"url": picture}}]

@@ -7,7 +7,7 @@ from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements, Workspace
 
-BACKEND = Backend(summary="only what `scene.yaml` lists, with its boxes")
+BACKEND = Backend(summary="only the elements of `scene.yaml`, with their boxes")
 
 
 def propose(ctx: Context, photograph: Photograph, measured: Measurements[Workspace], options: Options) -> None:

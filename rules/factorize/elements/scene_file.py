@@ -88,7 +88,7 @@ def inside(wanted: Sequence[Wanted], width: int, height: int) -> None:
                 code="DXB-B204",
                 where=item.place,
                 facts={key: str(list(item.fields[key])), "photograph": f"{width} x {height} px"},
-                hint="count pixels of the photograph as it is built, column first: `dxb new scene` writes some",
+                hint="count pixels of the built photograph, column first: `dxb new scene` writes some",
             )
 
 

@@ -113,7 +113,7 @@ def articulate(
     seen = depth.for_check()
     pixels = None if seen is None or body.pose is None else ctx.backend.picture(ctx, body, seen, ctx.backend_options)
     if pixels is not None:
-        ctx.preview(pixels, "joint axes, and what they move swept between the limits")
+        ctx.preview(pixels, "joint axes, and the links swept between the limits")
         ctx.preview(strip(body), "from the lower to the upper limit, one row per joint")
     for joint in found.joints:
         name = "position" if len(found.joints) == 1 else f"position of {joint.name}"
@@ -151,10 +151,10 @@ def _found(
 
 
 def _line(joints: tuple[Joint, ...]) -> str:
-    """`1 hinge, 0-131 deg, stands at 108 deg`, or `2 hinges, 1 slide`."""
+    """`1 hinge, 0-131 deg, at 108 deg`, or `2 hinges, 1 slide`."""
     if len(joints) == 1 and joints[0].type == "revolute":
         lower, upper, position = np.degrees([joints[0].lower, joints[0].upper, joints[0].position])
-        return f"1 hinge, {lower:.0f}-{upper:.0f} deg, stands at {position:.0f} deg"
+        return f"1 hinge, {lower:.0f}-{upper:.0f} deg, at {position:.0f} deg"
     counts = Counter("hinge" if joint.type == "revolute" else "slide" for joint in joints)
     return ", ".join(f"{number} {name}{'s' if number > 1 else ''}" for name, number in sorted(counts.items()))
 

@@ -201,7 +201,7 @@ def doubt(part: Sight, stayed: Sight, target: Target, screw: Screw) -> str:
     if len(stayed.inner) and not Plausible(part.inner, stayed.inner).possible(motion):
         return "its axis is not where both parts are"
     if screw.residual > LARGEST_RESIDUAL * max(part.sigma, target.sight.sigma):
-        return f"what moved is {1000.0 * screw.residual:.1f} mm off the second capture"
+        return f"the moved part is {1000.0 * screw.residual:.1f} mm off the second capture"
     if eye is not None and eye.empty(moved.points) > LARGEST_EMPTY:
         return f"{100.0 * eye.empty(moved.points):.0f} % of it would be where the second capture shows nothing"
     shown = np.ones(len(moved), bool) if eye is None else ~eye.hides(moved.points)

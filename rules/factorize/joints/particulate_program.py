@@ -36,7 +36,7 @@ def articulate(request: Any) -> Any:
         # infer.py continues after an error, and the name of the folder contains the time.
         made = list(out.glob("urdf_*/model.urdf"))
         if len(made) != 1:
-            raise RuntimeError("infer.py wrote no URDF; its output says why")
+            raise RuntimeError("infer.py wrote no URDF; see its output")
         folder = request.file("urdf")
         shutil.copytree(made[0].parent, folder)
         return dxb_backend.value("Folder", file=folder)

@@ -38,7 +38,7 @@ def complete(ctx: Context[CompleteBackend], view: ObjectView, *, options: Comple
     part = hidden_part(view.mask, view.occluder)
     ctx.metric("hidden outline", 100.0 * part, "%")
     if part < (options or CompleteOptions()).hidden:
-        ctx.say(f"{part:.0%} of the outline hidden: as it was seen")
+        ctx.say(f"{part:.0%} of the outline hidden: visible part only")
         return view
     pixels, whole = ctx.backend.complete(ctx, view, ctx.backend_options)
     ctx.check(
@@ -50,7 +50,7 @@ def complete(ctx: Context[CompleteBackend], view: ObjectView, *, options: Comple
     )
     added = whole & ~view.mask
     kept = bool(whole[view.mask].all() and (pixels[view.mask] == view.rgb.pixels[view.mask]).all())
-    ctx.check(kept, "the completed view changes what was seen of the object", hint="use backend `visible`")
+    ctx.check(kept, "the completed view changes visible pixels of the object", hint="use backend `visible`")
     outside = int((added & ~view.occluder).sum())
     ctx.check(
         outside == 0, "the mask grew where nothing hides the object", pixels=outside, hint="use backend `visible`"

@@ -10,7 +10,7 @@ from dextera_build.learning.flux2 import load, paint
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(
-    summary="FLUX.2 [klein] paints what is hidden, GrabCut cuts the object out of it",
+    summary="FLUX.2 [klein] inpaints the hidden part, GrabCut segments the object in it",
     packages=("diffusers", "numpy", "opencv-python-headless", "pillow", "scipy", "torch", "transformers"),
     extra="models",
     gpu_gb=20.0,

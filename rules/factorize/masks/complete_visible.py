@@ -10,7 +10,7 @@ import numpy as np
 from dextera_build.artifacts.objects.view import ObjectView
 from dextera_build.rule import Backend, Context, Options
 
-BACKEND = Backend(summary="what was seen; completes nothing", profiles=("stub",))
+BACKEND = Backend(summary="the visible part; completes nothing", profiles=("stub",))
 
 
 def complete(ctx: Context, view: ObjectView, options: Options) -> tuple[np.ndarray, np.ndarray]:

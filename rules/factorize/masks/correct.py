@@ -54,7 +54,7 @@ def correct(
     labels = _relabelled(objects, found)
     changed = [name for number, name in _numbered(objects) if ((before == number) != (labels == number)).any()]
     if not changed:
-        ctx.say("masks as they were found" if not found else f"masks as they were found, {', '.join(found)} too")
+        ctx.say("masks unchanged" if not found else f"masks unchanged, {', '.join(found)} too")
         return objects
     lost = [name for number, name in _numbered(objects) if not (labels == number).any()]
     ctx.check(
@@ -70,7 +70,7 @@ def correct(
     around = cutter.surroundings(labels, [objects.map.fixed])
     items = dict(objects.items)
     for number, name in _numbered(objects):
-        # Without depth, occluders are inferred from the masks of the other objects, so all views are made anew.
+        # Without depth, occluders are inferred from the masks of the other objects, so all views are made again.
         if name in changed or not workspace.taken:
             one = objects.items[name]
             said = Said(one.view.phrase, one.traits, one.view.asset_source)

@@ -50,7 +50,7 @@ def _bright(ctx: Context, data: bytes, name: str, shape: tuple[int, int]) -> np.
                 f"the mask `{name}` is not of the photograph's size",
                 mask=f"{picture.size[0]} x {picture.size[1]} px",
                 photograph=f"{shape[1]} x {shape[0]} px",
-                hint="paint over what `dxb new mask` wrote, and export it unscaled and uncropped",
+                hint="paint on the file of `dxb new mask`, and export it unscaled and uncropped",
             )
         if picture.mode not in MODES:
             ctx.fail(f"the mask `{name}` is not an 8 bit PNG", mode=picture.mode, hint="export it with 8 bit a channel")

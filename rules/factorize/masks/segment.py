@@ -92,7 +92,7 @@ def segment(
         found = {name: mask for name, mask in found.items() if name not in bad}
         ctx.check(
             bool(found),
-            "nothing that was found can become a body",
+            "no segmented object yields a valid body",
             objects=listing(f"{name}: {why}" for name, why in bad.items()),
             hint="capture it from nearer, in better light, or name it in a `scene.yaml` and choose a backend of "
             "`factorize.mesh` that needs no depth: `dxb ls backends`",

@@ -54,7 +54,7 @@ def masks(
         assert element.box is not None
         if element.box[0] >= width or element.box[1] >= height:
             ctx.fail(
-                f"the box of `{element.name}` lies outside of the photograph",
+                f"the box of `{element.name}` is outside the photograph",
                 box=list(element.box),
                 photograph=f"{width} x {height} px",
                 hint="give the `box` in pixels of this photograph: [left, top, right, bottom]",

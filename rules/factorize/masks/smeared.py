@@ -33,7 +33,7 @@ def why_no_body(instance: Instance) -> str:
     towards = seen.eye - seen.points
     cosine = (towards * seen.normals).sum(axis=1) / np.linalg.norm(towards, axis=1)
     if float(np.median(cosine)) < GRAZING:
-        return "its depth lies along the lines of sight, as depth smeared between two surfaces does"
+        return "its depth follows the lines of sight, like depth smeared between two surfaces"
     return ""
 
 

@@ -22,7 +22,7 @@ LEAST_MEETING = 0.1
 SHARPEST_RAD = -0.5
 """Mean concave turn above which a crease is sharp [rad]."""
 USUAL = 4.0
-"""Features are clipped to so many standard deviations from their mean."""
+"""Number of standard deviations from the mean at which features are clipped."""
 MARGIN_M = 0.003
 """Points this far outside an outline count as inside [m]."""
 NAMES = (

@@ -35,7 +35,7 @@ class Surfaces:
     normal: np.ndarray  # (h, w, 3) world, 0 if unknown
     raised: np.ndarray  # (h, w) bool
     floor: np.ndarray  # (h, w) bool, measured pixels of the support
-    beyond: np.ndarray  # (h, w) depth of what is below or beside the support [m], 0 elsewhere
+    beyond: np.ndarray  # (h, w) depth of surfaces below or next to the support [m], 0 elsewhere
     pixel_m2: np.ndarray  # (h, w) area covered by a block, face on [m^2]
     lab: np.ndarray  # (h, w, 3) float32 CIE L*a*b*
     eye: np.ndarray  # (3,) the camera in the world [m]

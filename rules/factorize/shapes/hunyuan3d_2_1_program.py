@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import cutout  # type: ignore[import-not-found]  # beside this file
+import cutout  # type: ignore[import-not-found]  # in this folder
 import dxb_backend  # type: ignore[import-not-found]
 
 _loaded: dict[str, Any] = {}

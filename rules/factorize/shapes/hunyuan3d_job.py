@@ -64,7 +64,7 @@ class HunyuanJob:
             return told
         state = _STATES.get(told.get("Status", ""))
         if state is None:
-            raise RuleError(f"Hunyuan3D says a state that is unknown: `{told.get('Status')}`", code="DXB-B344")
+            raise RuleError(f"Hunyuan3D reports an unknown state: `{told.get('Status')}`", code="DXB-B344")
         return JobState(state, " ".join(str(told.get(part) or "") for part in ("ErrorCode", "ErrorMessage")).strip())
 
     def fetch(self, name: str, timeout_s: float) -> bytes | Response:

@@ -49,7 +49,7 @@ def mesh(
     *,
     options: MeshOptions | None = None,
 ) -> Shape:
-    """Return a closed, textured mesh of the object, origin at the centre of the base, z up as it stands.
+    """Return a closed, textured mesh of the object, origin at the centre of the base, z up in its photographed pose.
 
     The result of a backend that reads `measured` is in metres and labelled `rgbd`; for any other, `align.object` finds
     the scale.

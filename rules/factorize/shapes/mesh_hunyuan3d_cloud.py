@@ -103,4 +103,6 @@ def _refuse_other_files(body: bytes) -> None:
     if body[:4] != b"glTF" or int.from_bytes(body[4:8], "little") != 2:
         raise ValueError("the file is not a binary glTF 2.0")
     if int.from_bytes(body[8:12], "little") != len(body):
-        raise ValueError(f"the file has {len(body):,} bytes, but says {int.from_bytes(body[8:12], 'little'):,}")
+        raise ValueError(
+            f"the file has {len(body):,} bytes, but its header states {int.from_bytes(body[8:12], 'little'):,}"
+        )

@@ -140,7 +140,7 @@ def _stand_in(ctx: Context, evidence: evidence_of.Evidence, seen: Seen, common: 
             mask=f"{int(seen.mask.sum()):,} pixels, {int((seen.mask & (seen.depth > 0)).sum()):,} with depth",
             hint="set the element's `interactive: false` in a `scene.yaml`, or capture it nearer",
         )
-    ctx.warn(f"{why}: the convex hull of what was seen stands in")
+    ctx.warn(f"{why}: the convex hull of the seen points is used")
     judged = judge(body.solid.moved(body.pose), evidence)
     body = lifted(body, evidence.base)
     return _shape("hull", body, judged, {"hull": judged.score}, seen, common)

@@ -24,7 +24,7 @@ def picture(
     Args:
         shape: The shape.
         view: The view that it explains.
-        measured: What was measured in it.
+        measured: Its measurements.
         turns: Rotations about the vertical from the capturing camera to the other views [deg].
     """
     try:

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import cutout  # type: ignore[import-not-found]  # beside this file
+import cutout  # type: ignore[import-not-found]  # in this folder
 import dxb_backend  # type: ignore[import-not-found]
 
 _loaded: list[Any] = []
@@ -55,7 +55,7 @@ def _inference(request: Any) -> Any:
 
 
 def _no_download(url: str, *given: Any, **more: Any) -> None:
-    hint = "run `torch.hub.load` of DINOv2 once in the environment, as the page on models says"
+    hint = "run `torch.hub.load` of DINOv2 once in the environment, see docs/models.md"
     raise dxb_backend.Refused(f"{url} is not in the folder of torch.hub, and a build downloads nothing", hint)
 
 

@@ -6,7 +6,7 @@ import importlib
 import os
 from typing import Any
 
-import cutout  # type: ignore[import-not-found]  # beside this file
+import cutout  # type: ignore[import-not-found]  # in this folder
 import dxb_backend  # type: ignore[import-not-found]
 
 _CUBE = [[-0.5, -0.5, -0.5], [0.5, 0.5, 0.5]]

@@ -28,7 +28,7 @@ class ActBackend(Protocol):
         ...
 
 
-# Every step amplifies what rounding differs by, so weights of two processors are two trainings of one quality.
+# Every step amplifies rounding differences, so weights of two processors are two trainings of one quality.
 @rule(
     version=1,
     packages=("numpy",),

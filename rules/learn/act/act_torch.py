@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from .act_options import ActOptions
 
 BACKEND = Backend(
-    summary="torch on one core, deterministic; goes on after an interruption",
+    summary="torch on one core, deterministic; resumes after an interruption",
     profiles=("cpu",),
     packages=("torch", "safetensors"),
     extra="learn",
@@ -75,7 +75,7 @@ class Training:
         """Run all remaining steps and return the result."""
         kept, file = self._kept, self._ctx.keep / "training.safetensors"
         if restore(file, kept, self._network, self._optimiser):
-            self._ctx.log(f"goes on after step {kept.step:,}")
+            self._ctx.log(f"resumes after step {kept.step:,}")
             for _ in range(kept.step):
                 self._deck.draw(self._batch)
         saved = time.monotonic()

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from .ppo_options import PpoOptions
 
 BACKEND = Backend(
-    summary="stable-baselines3 on MuJoCo, deterministic; goes on after an interruption",
+    summary="stable-baselines3 on MuJoCo, deterministic; resumes after an interruption",
     profiles=("cpu",),
     packages=("stable-baselines3", "gymnasium", "torch", "mujoco", "mink", "daqp", "safetensors"),
     extra="learn",

@@ -133,7 +133,7 @@ class Watch(BaseCallback):
             model._last_episode_starts = np.ones(self._options.worlds, bool)
             return
         notes, tensors = found
-        self._ctx.log(f"goes on after decision {notes['decisions']:,}")
+        self._ctx.log(f"resumes after decision {notes['decisions']:,}")
         model.policy.load_state_dict({name[7:]: part for name, part in tensors.items() if name.startswith("weight.")})
         moments: dict[int, dict[str, torch.Tensor]] = {}
         for name, tensor in tensors.items():

@@ -79,7 +79,7 @@ def background_views(
         shown.append(pixels[:: max(1, len(pixels) // 160), :: max(1, len(pixels) // 160)])
         ctx.progress(number + 1, len(poses), "views")
     files["views.json"] = json.dumps({**facts, "depth_scale_m": COUNT_M, "views": views}).encode()
-    ctx.say(f"{options.views} views besides the capture's, {world.camera.width} x {world.camera.height} px")
+    ctx.say(f"{options.views} views in addition to the capture's, {world.camera.width} x {world.camera.height} px")
     ctx.preview(np.hstack(shown), "the world without its things, the capture's view first")
     return Folder(files=files)
 

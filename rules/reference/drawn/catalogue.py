@@ -67,7 +67,7 @@ class CatalogueOptions(Options):
 
 @rule(version=1, packages=("mujoco", "numpy", "pillow", "scipy"), tolerance=Tolerance({"": ROUNDING}))
 def catalogue(ctx: Context, folder: Folder, *, options: CatalogueOptions) -> Collection[Thing]:
-    """Return the objects [m], each in its own frame: z up as it stands, the centre of its base at the origin.
+    """Return the objects [m], each in its own frame: z up when it rests, the centre of its base at the origin.
 
     Surfaces are those of the files, which need not be closed.
     """

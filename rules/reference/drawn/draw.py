@@ -35,7 +35,7 @@ class FallBackend(Protocol):
         ...
 
 
-# Contacts amplify what rounding differs by while things fall.
+# Contacts amplify rounding differences while objects fall.
 @rule(
     version=1,
     packages=("numpy", "pillow", "manifold3d"),

@@ -74,7 +74,7 @@ def place_robot_in_view(
     `most_hidden` of each object.
     """
     options = options or PlaceRobotInViewOptions()
-    ctx.check(bool(world.objects), "the world has no things to stand beside", hint="draw more things")
+    ctx.check(bool(world.objects), "the world has no objects to place the robot next to", hint="draw more things")
     boxes = [_box(thing.surface.vertices, thing.pose.matrix) for thing in world.objects.values()]
     places = list(_places(world, boxes, viewpoint.seed, options))
     reached = ctx.backend.points(ctx, world, robot, places, ctx.backend_options)
@@ -88,7 +88,7 @@ def place_robot_in_view(
     found = next(good, None)
     if found is None:
         ctx.fail(
-            f"none of {options.tries} places shows the robot beside the things",
+            f"none of {options.tries} places shows the robot next to the objects",
             hint="raise `tries` or `most_hidden`, or choose another posture with `joints_deg`",
         )
     placed, (_, seen, hand) = found

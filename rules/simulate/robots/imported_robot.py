@@ -73,7 +73,7 @@ def _tell(
             ctx.warn(f"left out, because a robot model has none: {listing(part.source.dropped)}")
     if touching:
         pairs = listing(f"{one} and {other}" for one, other in touching)
-        ctx.warn(f"these links touch at home, so they never do: {pairs}")
+        ctx.warn(f"links in contact at home: their mutual collisions are disabled: {pairs}")
     hand = sum(joint.group == "hand" for joint in model.joints)
     count = len(model.followers)
     more = [f"{count} follower{'s' if count > 1 else ''}"] if count else []

@@ -244,7 +244,7 @@ class _Facts:
             value = self._options.home_rad[name]
             if not lower <= value <= upper:
                 self._ctx.fail(
-                    f"home of joint `{name}` lies outside its limits",
+                    f"home of joint `{name}` is outside its limits",
                     home=f"{value:g}",
                     limits=f"{lower:g} to {upper:g}",
                     hint="positions are radians, of sliding joints metres",

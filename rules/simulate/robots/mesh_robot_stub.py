@@ -14,7 +14,7 @@ from dextera_build.rule import Backend, Context, Options
 if TYPE_CHECKING:
     from .mesh_robot import MeshRobotOptions
 
-BACKEND = Backend(summary="no meshes: the robot as it is", profiles=("stub",))
+BACKEND = Backend(summary="no meshes: the robot unchanged", profiles=("stub",))
 
 
 def dress(ctx: Context, like: RobotModel, own: Path, common: MeshRobotOptions, options: Options) -> Folder:

@@ -243,7 +243,7 @@ def _joint(ctx: Context, prefix: str, joint: JointOptions, group: Group) -> Robo
     name = prefix + joint.name
     inside = joint.lower_rad <= joint.home_rad <= joint.upper_rad
     limits = f"{joint.lower_rad:g} to {joint.upper_rad:g} rad"
-    ctx.check(inside, f"home of joint `{name}` lies outside its limits", home=f"{joint.home_rad:g} rad", limits=limits)
+    ctx.check(inside, f"home of joint `{name}` is outside its limits", home=f"{joint.home_rad:g} rad", limits=limits)
     return RobotJoint(
         name=name,
         group=group,

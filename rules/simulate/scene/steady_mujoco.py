@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .steady import SteadyOptions
 
 BACKEND = Backend(
-    summary="MuJoCo, implicit integration, from keyframe `home`, until what is free rests",
+    summary="MuJoCo, implicit integration, from keyframe `home`, until all free bodies rest",
     profiles=("cpu",),
     packages=("mujoco",),
     extra="twin",

@@ -43,7 +43,7 @@ def moved_base(ctx: Context, bundle: TaskBundle, base: Pose, *, options: MovedBa
     if distance > options.most_m or angle > options.most_deg:
         ctx.warn(
             f"the base is {1000 * distance:.0f} mm and {angle:.1f} deg from where the task was planned: "
-            "look at the calibration, or make the task anew with `base` of `simulate.task`"
+            "look at the calibration, or make the task again with `base` of `simulate.task`"
         )
     ctx.metric("base moved", 1000 * distance, "mm")
     ctx.metric("base turned", angle, "deg")

@@ -112,7 +112,7 @@ class TaskBackend(Protocol):
 
 
 class PrimitiveFile(Protocol):
-    """What `primitive.py` defines."""
+    """Interface of `primitive.py`."""
 
     Options: type[primitives.Options]
     """The options of its goal."""

@@ -128,9 +128,11 @@ def test_what_does_not_fit_is_refused(make, message) -> None:
 def test_sizes_of_a_capture_must_agree() -> None:
     lens = Camera(width=4, height=3, fx=1.0, fy=1.0, cx=1.5, cy=1.0)
     photograph = Photograph(rgb=Image(pixels=np.zeros((3, 4, 3), np.uint8)), camera=lens)
-    with pytest.raises(ArtifactError, match=r"Capture\.measured\.depth is 2 x 3 px, but the intrinsics say 4 x 3 px"):
+    with pytest.raises(
+        ArtifactError, match=r"Capture\.measured\.depth is 2 x 3 px, but the intrinsics are for 4 x 3 px"
+    ):
         Capture(photograph=photograph, measured=Measured(depth=DepthImage(depth=np.zeros((3, 2), np.float32))))
-    with pytest.raises(ArtifactError, match=r"Photograph\.rgb is 5 x 3 px, but the intrinsics say 4 x 3 px"):
+    with pytest.raises(ArtifactError, match=r"Photograph\.rgb is 5 x 3 px, but the intrinsics are for 4 x 3 px"):
         Photograph(rgb=Image(pixels=np.zeros((3, 5, 3), np.uint8)), camera=lens)
 
 

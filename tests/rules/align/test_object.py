@@ -169,10 +169,10 @@ def test_a_placement_in_free_space_is_refused(runner):
     depth[int(rows.mean()) - 8 : int(rows.mean()) + 8, int(columns.mean()) - 8 : int(columns.mean()) + 8] += 0.1
     holed = object_views.changed(seen, depth=depth)
     fitted = object_views.body(BOX, TRUTH)
-    with pytest.raises(RuleError, match=r"\d+% of the placed render lies in free space, 2% is allowed"):
+    with pytest.raises(RuleError, match=r"\d+% of the placed render is in free space, 2% is allowed"):
         align(runner, fitted.model_copy(update={"pose": None}), holed, most_violation=0.02)
     align(runner, fitted, holed, most_violation=0.02)
-    assert "of the placed render lies in free space" in runner.outcome.warnings[0]
+    assert "of the placed render is in free space" in runner.outcome.warnings[0]
 
 
 def test_the_same_input_gives_the_same_bytes(runner):

@@ -131,9 +131,9 @@ def test_what_cannot_be_decided_is_refused_with_evidence(runner: RuleRunner, fau
 
 
 def test_a_photograph_without_depth_is_refused(runner: RuleRunner) -> None:
-    """Trap 22: nothing but measured depth tells the scale."""
+    """Trap 22: only measured depth determines the scale."""
     shot = painted.capture(painted.room(), AWAY).model_copy(update={"measured": None})
-    with pytest.raises(RuleError, match="nothing tells the scale"):
+    with pytest.raises(RuleError, match="the scale is not determined"):
         runner.run("align.scene", backend="sift", options=SMALL, capture=shot, mesh=scene())
 
 

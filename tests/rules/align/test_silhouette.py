@@ -59,6 +59,6 @@ def test_the_same_input_gives_the_same_bytes(runner):
 def test_without_depth_and_support_there_is_nothing_to_stand_on(runner):
     instance = object_views.view(object_views.mesh(object_views.bracket()), TRUTH)
     body = object_views.body(object_views.mesh(object_views.bracket()))
-    with pytest.raises(RuleError, match="no measured depth, and no support that it could stand on is given") as caught:
+    with pytest.raises(RuleError, match="no measured depth, and no support is given") as caught:
         runner.run("align.object", body=body, view=instance.view)
     assert caught.value.hint == "give the input `support`, or add the depth to the capture"

@@ -115,7 +115,7 @@ def test_intrinsics_of_another_resolution_are_refused(runner):
 
 def test_a_principal_point_outside_the_image_is_refused(runner):
     error = refused(runner, files(capture__json=facts(cx=320.0)))
-    assert "principal point lies outside the image" in error.message
+    assert "principal point is outside the image" in error.message
     assert error.facts["principal_point"] == "320, 2.5 px"
 
 

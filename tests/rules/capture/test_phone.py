@@ -61,7 +61,7 @@ def test_the_picture_is_turned_as_its_exif_says(runner, orientation):
     )
     capture = runner.run("capture.folder", folder=folder)
     assert np.abs(capture.photograph.rgb.pixels.astype(int) - UPRIGHT).mean() < 4
-    assert ("turned as its EXIF says" in runner.outcome.line) == (orientation > 1)
+    assert ("rotated by its EXIF orientation" in runner.outcome.line) == (orientation > 1)
 
 
 def test_intrinsics_of_the_stored_picture_leave_it_as_it_is(runner):
@@ -69,7 +69,7 @@ def test_intrinsics_of_the_stored_picture_leave_it_as_it_is(runner):
     folder = Folder(files={"rgb.jpg": jpeg(stored(6), 6), "capture.json": json.dumps(turned).encode()})
     capture = runner.run("capture.folder", folder=folder)
     assert capture.photograph.rgb.pixels.shape == (64, 48, 3)
-    assert "so it was not turned" in runner.outcome.warnings[0]
+    assert "so it was not rotated" in runner.outcome.warnings[0]
 
 
 def test_the_focal_length_comes_from_the_exif_and_is_called_uncertain(runner):

@@ -135,7 +135,7 @@ def test_a_training_that_was_killed_ends_with_the_same_bytes(
         nothing, _ = interrupted(tmp_path / "cut", data, stop, monkeypatch, **more)
         assert nothing is None
     rest, lines = interrupted(tmp_path / "cut", data, None, monkeypatch, **more)
-    assert lines[0] == "goes on after step 11"
+    assert lines[0] == "resumes after step 11"
     assert rest.weights == whole.weights
     np.testing.assert_array_equal(rest.curve, whole.curve)
     np.testing.assert_array_equal(rest.steps, whole.steps)

@@ -123,7 +123,7 @@ def test_a_training_that_was_killed_ends_with_the_same_bytes(tmp_path: Path, mon
         nothing, _ = interrupted(tmp_path / "cut", stop, monkeypatch)
         assert nothing is None
     rest, lines = interrupted(tmp_path / "cut", None, monkeypatch)
-    assert lines[0] == "goes on after decision 64"
+    assert lines[0] == "resumes after decision 64"
     assert rest
     assert same(rest, whole)
     assert rest.steps.tolist() == whole.steps.tolist()

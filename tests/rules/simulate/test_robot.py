@@ -72,7 +72,7 @@ BOB: tuple[str | int, ...] = ("chains", 1, "links", 0)
         (("chains", 0, "links", 0, "name"), "foot", "`base` carries a chain"),
         (("frames", "tip", "link"), "bob", "no link is called `bob`"),
         (("apart",), (("base", "bob"),), "no link is called `bob`"),
-        ((*BOB, "joint", "home_rad"), 1.5, "home of joint `left_hinge` lies outside its limits"),
+        ((*BOB, "joint", "home_rad"), 1.5, "home of joint `left_hinge` is outside its limits"),
         ((*BOB, "pieces", 0, "colour"), "blue", "link `left_bob` has an unknown colour `blue`"),
         ((*BOB, "pieces", 0, "radius_m"), 0.0, "a sphere of link `left_bob` needs `radius_m`"),
         ((*BOB, "pieces", 0, "shape"), "capsule", "a capsule of link `left_bob` needs `from_m`, `to_m` and `radius_m`"),

@@ -148,7 +148,7 @@ def test_files_that_do_not_fit_are_refused(
     ("change", "message"),
     [
         ({"renamed": {}}, "no link is called `foot`"),
-        ({"root": "bob"}, "`bob` hangs on `base`, which no part before it has"),
+        ({"root": "bob"}, "`bob` is attached to `base`, which no part before it has"),
     ],
 )
 def test_parts_that_do_not_fit_are_refused(

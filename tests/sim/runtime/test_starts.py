@@ -124,7 +124,7 @@ def test_a_start_beside_the_support_and_one_at_the_goal_say_so():
     with pytest.raises(RuleError, match="no start of `LiftBox` away from its goal was found") as caught:
         reached.reset(0)
     assert caught.value.facts["goal reached at once"] == "200x"
-    assert caught.value.hint == "choose a goal farther from where the object stands in the photograph"
+    assert caught.value.hint == "choose a goal farther from the photographed place of the object"
 
 
 def test_dynamics_are_applied_to_the_model_s_own_values():

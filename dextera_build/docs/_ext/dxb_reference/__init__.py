@@ -24,7 +24,7 @@ _MARK = "% generated: "
 
 
 def fill(text: str) -> str:
-    """`text` with every marker line replaced by what it names.
+    """`text` with every marker line replaced by the reference that it names.
 
     Raises:
         KeyError: A marker names no reference.

@@ -10,7 +10,7 @@ from .markdown import code, escaped, join, table
 
 
 def page() -> str:
-    """One section per verb: usage, arguments, what they mean."""
+    """One section per verb: usage, arguments, their meaning."""
     top = grammar.parser()
     verbs = _verbs(top)
     overview = table(

@@ -23,7 +23,7 @@ def cell(text: str) -> str:
 
 
 def escaped(text: str) -> str:
-    """Text that is not Markdown, as Markdown; what stands in backticks stays a literal."""
+    """Text that is not Markdown, as Markdown; text in backticks stays a literal."""
     parts = text.split("`")
     parts[::2] = [re.sub(r"([_*<>\[\]$])", r"\\\1", part) for part in parts[::2]]
     return "`".join(parts)

@@ -11,7 +11,7 @@ from .markdown import code, join, table
 
 
 def page() -> str:
-    """The picture in the module's docstring, and what each state means."""
+    """The picture in the module's docstring, and the meaning of each state."""
     _, _, rest = (inspect.getdoc(states) or "").partition("\n\n")
     tree = ast.parse(inspect.getsource(states))
     kind = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "State")

@@ -58,7 +58,7 @@ def found(name: str, beside: str, files: Mapping[str, bytes]) -> str:
         named_in=beside,
         similar=listing(close) or "none",
         here=listing(sorted({posixpath.dirname(path) or "." for path in files})),
-        hint="put the package's `meshes` folder beside the description",
+        hint="put the package's `meshes` folder next to the description",
     )
 
 

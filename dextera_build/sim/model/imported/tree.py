@@ -30,7 +30,7 @@ def children_of(links: Mapping[str, ET.Element], joints: Mapping[str, ET.Element
             ends.append(link)
         if ends[1] in above:
             raise wrong(
-                f"link `{ends[1]}` hangs on two joints, `{above[ends[1]]}` and `{name}`",
+                f"link `{ends[1]}` is the child of two joints, `{above[ends[1]]}` and `{name}`",
                 hint="a robot is a tree: leave out the joint that closes the loop",
             )
         above[ends[1]] = name
@@ -43,7 +43,7 @@ def children_of(links: Mapping[str, ET.Element], joints: Mapping[str, ET.Element
         waiting += below
     if set(links) - reached:
         loop = sorted(set(links) - reached)
-        raise wrong("links hang on one another in a circle", links=listing(loop), hint="a robot is a tree")
+        raise wrong("the links form a cycle", links=listing(loop), hint="a robot is a tree")
     if len(tops) != 1:
         raise wrong(f"there are {len(tops)} links without a parent", links=listing(tops), hint="join them by joints")
     return children

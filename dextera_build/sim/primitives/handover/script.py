@@ -28,7 +28,7 @@ SECONDS = (0.8, 1.8, 0.8, 0.9, 0.8)
 SOME = 12
 """Number of the giver's grasps that are combined with those of the receiver."""
 SHARE, MEETINGS = 8, 60
-"""One in so many of the receiver's grasps is tried at each of so many meeting places."""
+"""Stride through the receiver's grasps at a meeting place, and maximum number of meeting places."""
 PAIRS = 20
 """Maximum number of pairs of grasps that are rehearsed."""
 HANDS_APART_M = 0.10

@@ -116,7 +116,7 @@ def test_a_mirrored_picture_is_told(tmp_path: Path) -> None:
 def test_another_board_is_refused(tmp_path: Path) -> None:
     views, _ = boards.taken(boards.GRID)
     other = boards.GRID.model_copy(update={"columns": 3, "rows": 4})
-    refused(tmp_path, views.model_copy(update={"board": other}), "not the board that is stated")
+    refused(tmp_path, views.model_copy(update={"board": other}), "not the stated one")
 
 
 def test_millimetres_are_told(tmp_path: Path) -> None:

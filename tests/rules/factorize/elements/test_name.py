@@ -119,7 +119,7 @@ def test_a_point_on_another_photograph_is_refused(name):
             "the point of the name `cup` is outside the photograph",
             {"at_px", "photograph"},
         ),
-        ({"cup": {}}, "the name `cup` says nothing about its object", set(COLOURS)),
+        ({"cup": {}}, "the name `cup` has no property of its object", set(COLOURS)),
         (
             {"cup": {"colour": "red"}, "mug": {"at_px": [125, 70]}},
             "`cup` and `mug` are bound to the same object",

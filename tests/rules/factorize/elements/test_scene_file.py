@@ -92,7 +92,7 @@ elements:
         ),
         (
             "elements:\n- {name: a, joints: [{type: slide, part_px: [1, 2, 3, 4], range_mm: [0, 9], at_mm: 20}]}",
-            "the joint stands at 20 mm, outside its range",
+            "the joint is at 20 mm, outside its range",
             "$scene:2:22",
         ),
         ("elements:\n- {name: a}\n- {name: a}", "the name `a` is given twice", "$scene:3:3"),

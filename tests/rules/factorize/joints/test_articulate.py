@@ -129,7 +129,7 @@ def test_texture_coordinates_survive_the_cut(runner):
 
 def test_the_line_and_the_picture_tell_the_hinge(runner):
     hinged(runner, np.radians(108.0))
-    assert runner.outcome.line == "1 hinge, 0-131 deg, stands at 108 deg"
+    assert runner.outcome.line == "1 hinge, 0-131 deg, at 108 deg"
     assert len(runner.outcome.previews) == 2
     assert abs(runner.outcome.metrics["seen_minus_mesh"][0]) < 0.5
 

@@ -146,11 +146,11 @@ def test_flux2_is_not_asked_about_what_is_in_full_view(tmp_path: Path, weights: 
     free = view((COLUMNS > 120) & (ROWS < 5))
     runner = RuleRunner(tmp_path, weights={"flux2_klein": weights})
     assert same(runner.run("factorize.complete", backend="flux2", view=free), free)
-    assert "as it was seen" in runner.outcome.line
+    assert "visible part only" in runner.outcome.line
 
 
 BREAKS = {
-    "changes what was seen": "np.zeros_like(view.rgb.pixels), view.mask",
+    "changes visible pixels": "np.zeros_like(view.rgb.pixels), view.mask",
     "grew where nothing hides": "view.rgb.pixels, np.ones_like(view.mask)",
     "another size": "view.rgb.pixels[:-1], view.mask[:-1]",
 }

@@ -101,7 +101,7 @@ def test_the_same_photograph_gives_the_same_bytes(tmp_path):
 
 def test_a_box_outside_of_the_photograph_is_refused(tmp_path):
     scene = tabletops.tabletop()
-    with pytest.raises(RuleError, match="the box of `box` lies outside of the photograph") as caught:
+    with pytest.raises(RuleError, match="the box of `box` is outside the photograph") as caught:
         cut(tmp_path, scene.capture, listed(box=(700, 0, 800, 90)))
     assert caught.value.facts == {"box": "[700, 0, 800, 90]", "photograph": "320 x 240 px"}
 

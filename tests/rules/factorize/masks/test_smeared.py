@@ -45,7 +45,7 @@ def test_a_smear_stays_in_the_background_with_a_warning(tmp_path):
 
 def test_if_nothing_can_become_a_body_each_reason_is_told(tmp_path):
     scene = tabletops.tabletop((tabletops.box(0.1, 0.1, 0.002, (0.8, 0.2, 0.2)), factories.pose()), lens=tabletops.FINE)
-    with pytest.raises(RuleError, match="nothing that was found can become a body") as caught:
+    with pytest.raises(RuleError, match="no segmented object yields a valid body") as caught:
         segmented(RuleRunner(tmp_path), with_smear(scene))
     assert "depth" in str(caught.value.facts["objects"])
 

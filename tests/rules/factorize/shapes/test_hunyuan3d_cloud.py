@@ -152,7 +152,7 @@ def test_faults_of_service_and_network_are_waited_out(complete, service, faults)
         ({"fails": "nothing to see"}, "DXB-B360", "failed: FailedOperation nothing to see"),
         ({"types": ["OBJ", "STL"]}, "DXB-B344", "made no GLB, only: OBJ, STL"),
         ({"glb": b"PK\3\4 a zip"}, "DXB-B345", "the file is not a binary glTF 2.0"),
-        ({"glb": b"glTF\2\0\0\0\xff\0\0\0"}, "DXB-B345", "the file has 12 bytes, but says 255"),
+        ({"glb": b"glTF\2\0\0\0\xff\0\0\0"}, "DXB-B345", "the file has 12 bytes, but its header states 255"),
         ({"faults": {"Submit": ["FailedOperation.NoQuota"]}}, "DXB-B344", "it answered 400"),
         ({"faults": {"Submit": ["UnauthorizedOperation"]}}, "DXB-E361", "denies access"),
         ({"faults": {"Query": ["InternalError"] * 9}}, "DXB-E360", "cannot be reached: it answered 503"),

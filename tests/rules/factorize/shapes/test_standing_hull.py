@@ -24,7 +24,7 @@ def test_a_hull_of_what_was_seen_stands_in(tmp_path):
     assert found.hypothesis == "hull"
     assert found.mesh.is_closed
     assert found.mesh.extent == pytest.approx([0.09, 0.06, 0.05], abs=0.015)
-    assert "the convex hull of what was seen stands in" in runner.outcome.warnings[0]
+    assert "the convex hull of the seen points is used" in runner.outcome.warnings[0]
     assert found.asset_source == "rgbd"
 
 
