@@ -31,6 +31,14 @@ def angle(rotation: np.ndarray) -> float:
     return float(np.arctan2(np.linalg.norm(skew), np.trace(rotation) - 1.0))
 
 
+def angles(rotations: np.ndarray) -> np.ndarray:
+    """Rotation angles (N,) of (N, 3, 3) rotations [rad], accurate near 0 and pi."""
+    # Entry by entry, because `np.trace` and indices of several entries take longer for a few rotations.
+    r = rotations.transpose(1, 2, 0)
+    x, y, z = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+    return np.asarray(np.arctan2(np.sqrt(x * x + y * y + z * z), r[0, 0] + r[1, 1] + r[2, 2] - 1.0))
+
+
 def cross_matrix(vectors: np.ndarray) -> np.ndarray:
     """(..., 3, 3) matrices whose products with v are `vectors` (..., 3) x v."""
     found = np.zeros((*vectors.shape, 3))

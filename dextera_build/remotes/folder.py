@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
@@ -23,6 +23,11 @@ _ABSENT = (FileNotFoundError, IsADirectoryError)
 """A folder in the place of a file is damage; the next upload replaces it."""
 _ABANDONED_S = 86400.0
 """Age from which an unfinished file counts as left by a killed process [s]."""
+
+
+def opened(address: str, options: Mapping[str, str], timeout_s: float) -> Remote:
+    """Open a folder, as `schemes.opened`."""
+    return Directory(Path(os.path.expanduser(address.removeprefix("file://"))).absolute())
 
 
 class Directory(Remote):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import BinaryIO
 
@@ -24,6 +24,11 @@ _REFUSED = {
     405: "it does not allow that",
     501: "it cannot do that",
 }
+
+
+def opened(address: str, options: Mapping[str, str], timeout_s: float) -> Remote:
+    """Open a server, as `schemes.opened`."""
+    return HttpCache(address, timeout_s=timeout_s)
 
 
 class HttpCache(Remote):

@@ -29,6 +29,11 @@ _CLIENT = re.compile("allow_|connect_timeout|default_content_type|http[12]_|pool
 """Name prefixes of obstore's connection options."""
 
 
+def opened(address: str, options: Mapping[str, str], timeout_s: float) -> Remote:
+    """Open a bucket, as `schemes.opened`."""
+    return ObjectStore(address, options, timeout_s=timeout_s)
+
+
 class ObjectStore(Remote):
     """One bucket, or one prefix of it.
 

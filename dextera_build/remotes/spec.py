@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 from dextera_build.calls import secrets
 from dextera_build.errors import MachineError, UsageError, did_you_mean, install_extra, listing
 from dextera_build.redact import hide, hide_address, redact
+from dextera_build.remotes import schemes
 from dextera_build.remotes.remote import is_loopback
 
 if TYPE_CHECKING:
@@ -21,10 +22,8 @@ if TYPE_CHECKING:
     from dextera_build.remotes.remote import Remote
 
 MODES = ("r", "rw", "w", "off")
-SCHEMES = ("http", "https", "s3", "gs", "az", "file")
-BUCKETS = ("s3", "gs", "az")
 _SETTINGS = ("address", "mode", "timeout_s")
-"""Settings of any remote; object stores have more, which their library checks."""
+"""Settings of any remote; some have more, which their library checks."""
 LOCAL, EVERY = "local", "remote"
 _NAME = re.compile(r"[a-z][a-z0-9_-]*")
 _SECRET = re.compile(r"key|secret|token|password|credential|sas", re.IGNORECASE)
@@ -44,7 +43,7 @@ class Spec:
     timeout_s: float = _TIMEOUT_S
     """How long to wait for an answer [s]."""
     options: Mapping[str, str] = field(default_factory=dict)
-    """Further options for the object store's library: `endpoint`, `region`, ..."""
+    """Further options for the library of its scheme: `endpoint`, `region`, ..."""
 
     def __post_init__(self) -> None:
         # Its passwords may be in the output of a rule, or in the error of a library.
@@ -118,9 +117,10 @@ def from_table(table: Mapping[str, Any], where: str) -> dict[str, Spec]:
             raise _wrong(f"`timeout_s` of remote `{name}` is not a time", where)
         if mode not in MODES:
             raise _wrong(f"`{mode}` is not a mode of remote `{name}`", where, modes=listing(MODES))
-        if options and address.partition("://")[0] not in BUCKETS:
+        tuned = [scheme for scheme, kind in schemes.SCHEMES.items() if kind.tuned]
+        if options and schemes.of(address) not in tuned:
             known, hint = listing(_SETTINGS), did_you_mean(next(iter(options)), _SETTINGS)
-            more = f"for {listing(BUCKETS)} alone"
+            more = f"for {listing(tuned)} alone"
             raise _wrong(
                 f"remote `{name}` has no setting `{next(iter(options))}`", where, hint, settings=known, more=more
             )
@@ -156,13 +156,13 @@ def checked(address: str) -> str:
     Raises:
         UsageError: It has another form.
     """
-    scheme, separator, rest = address.partition("://")
-    if separator and (scheme not in SCHEMES or not rest.strip("/")):
+    known, (scheme, separator, rest) = schemes.SCHEMES, address.partition("://")
+    if separator and (scheme not in known or not rest.strip("/")):
         raise UsageError(
             f"`{redact(address)}` is not the address of a remote",
             code="DXB-U131",
-            facts={"schemes": listing(SCHEMES), "or": "a folder"},
-            hint=did_you_mean(scheme, SCHEMES, "`{}://`"),
+            facts={"schemes": listing(known), "or": "a folder"},
+            hint=did_you_mean(scheme, known, "`{}://`"),
         )
     return address
 
@@ -177,19 +177,8 @@ def open_remote(spec: Spec) -> Remote:
     address = checked(_filled(spec.address, spec.name))  # a variable may contain anything
     options = {name: _filled(value, spec.name) for name, value in spec.options.items()}
     refuse_clear(address, options)
-    scheme = address.partition("://")[0] if "://" in address else "file"
     try:
-        if scheme in ("http", "https"):
-            from dextera_build.remotes.http import HttpCache
-
-            return HttpCache(address, timeout_s=spec.timeout_s)
-        if scheme in BUCKETS:
-            from dextera_build.remotes.s3 import ObjectStore
-
-            return ObjectStore(address, options, timeout_s=spec.timeout_s)
-        from dextera_build.remotes.folder import Directory
-
-        return Directory(Path(os.path.expanduser(address.removeprefix("file://"))).absolute())
+        return schemes.opened(address, options, spec.timeout_s)
     except ImportError as error:
         raise MachineError(
             f"remote `{spec.name}` needs a package that is not installed",

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.tasks.episode import Shard
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError
+from dextera_build.sim.experts import planning
 from dextera_build.testing import RuleRunner
 from rules.demonstrate import lerobot_features
-from tests import gate
+from tests import episodes, gate, task_bundles
 from tests.e2e.page import blocks, planned, stale
 from tests.e2e.space import Space
 from tests.policy import policies
@@ -72,6 +74,76 @@ def test_a_policy_sees_the_term_of_the_page_as_it_was_recorded(space: Space, tmp
     assert len(runner.run("evaluate.rollouts", **inputs, options={"trials": 2}).items) == 2
     with pytest.raises(RuleError, match="does not fit the task bundle: no channel `palm_to_object`"):
         runner.run("evaluate.rollouts", bundle=bundle, checkpoint=made, options={"trials": 1})
+
+
+MORE = """
+extends: task/palm
+nodes:
+  more:
+    each: $shards
+    as: shard
+    nodes:
+      palm_more:
+        rule: demonstrate.synthesize
+        bundle: $task
+        sources: $palm_episodes
+        shard: $shard
+        terms: {palm_to_object: $palm_to_object}
+  palm_ppo:
+    rule: learn.ppo
+    bundle: $task
+    inputs: [joints, previous_action, goal, palm_to_object]
+    terms: {palm_to_object: $palm_to_object}
+"""
+
+
+def test_a_recipe_gives_the_term_to_every_rule_that_simulates(space: Space) -> None:
+    add_term(space)
+    space.write("recipes/task/more.yaml", MORE)
+    calls = {".".join(path): call for path, call in planned(space, "task/more").graph.calls()}
+    for name in ("palm_episodes", "more.palm_more", "palm_ppo", "palm_twin"):
+        assert any("terms/palm_to_object.py" in file for file in calls[name].rule.code), name
+
+
+def test_demonstrations_in_mujoco_record_the_term(
+    space: Space, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An operator that holds still, and what is synthesised from it."""
+    add_term(space)
+    monkeypatch.setattr(planning, "practise", lambda *_, **__: planning.Unable("holds still"))
+    runner = RuleRunner(tmp_path / "scratch", space.root, made_by={"terms": "terms.palm_to_object"})
+    terms = Collection[TermSpec](items={"palm_to_object": runner.run("terms.palm_to_object")})
+    bundle = episodes.bundle()
+    inputs = {"bundle": bundle, "terms": terms}
+    shown = runner.run("demonstrate.operate", backend="mujoco", **inputs, options={"attempts": 1})
+    (episode,) = shown.failures.values()
+    own = list(bundle.objects).index(bundle.task.object)
+    wanted = episode.objects[:, None, own, :3] - episode.hand[..., :3]
+    assert np.allclose(episode.terms["palm_to_object"], wanted, atol=1e-6)
+    assert list(shown.terms) == ["palm_to_object"]
+    # What is synthesised from it fails, but after its simulation.
+    inputs |= {"sources": shown.model_copy(update={"items": shown.failures}), "shard": Shard(first=0, count=1, seed=0)}
+    with pytest.raises(RuleError, match="only 0 of 1 episodes of `LiftBox` came out"):
+        runner.run("demonstrate.synthesize", backend="mujoco", **inputs, options={"tries": 1})
+
+
+def test_a_policy_practises_with_the_term_and_acts_by_it(space: Space, tmp_path: Path) -> None:
+    add_term(space)
+    made_by = {"terms": "terms.palm_to_object", "checkpoint": "learn.ppo"}
+    runner = RuleRunner(tmp_path / "scratch", space.root, made_by=made_by)
+    terms = Collection[TermSpec](items={"palm_to_object": runner.run("terms.palm_to_object")})
+    inputs = {"bundle": task_bundles.close(), "terms": terms}
+    options = {
+        "inputs": ["joints", "previous_action", "palm_to_object"],
+        "steps": 32,
+        "worlds": 2,
+        "rollout": 16,
+        "batch": 16,
+        "width": 16,
+    }
+    made = runner.run("learn.ppo", backend="sb3", **inputs, options=options)
+    assert [channel.name for channel in made.contract.inputs] == ["joints", "previous_action", "palm_to_object"]
+    assert len(runner.run("evaluate.rollouts", **inputs, checkpoint=made, options={"trials": 1}).items) == 1
 
 
 @pytest.mark.slow

@@ -73,8 +73,8 @@ class ActionMap:
         spec = self.spec
         if action.shape != spec.lower.shape:
             return f"the action has shape {action.shape}, but kind `{spec.kind}` has {len(spec.names)} numbers"
-        bad = np.flatnonzero(~np.isfinite(action))
-        return f"the action for `{spec.names[bad[0]]}` is not a finite number" if len(bad) else ""
+        finite = np.isfinite(action)
+        return "" if finite.all() else f"the action for `{spec.names[int(finite.argmin())]}` is not a finite number"
 
     def targets(self, action: np.ndarray, sent: np.ndarray) -> np.ndarray:
         """Joint targets (A,) [rad] of an action (N,), clipped to its limits.
@@ -86,7 +86,8 @@ class ActionMap:
         Raises:
             MachineError: The solver of kind `end_effector` is not installed.
         """
-        found = np.clip(np.asarray(action, np.float64), self.spec.lower, self.spec.upper)
+        # `np.clip` takes twice as long.
+        found = np.asarray(np.minimum(np.maximum(np.asarray(action, np.float64), self.spec.lower), self.spec.upper))
         if self.spec.kind == "joint":
             return found
         if self.spec.kind == "delta":

@@ -7,6 +7,7 @@ simulator, tracker and hardware are judged by the same code.
 
 from __future__ import annotations
 
+import functools
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -104,18 +105,24 @@ class Options(BaseModel):
         raise NotImplementedError
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Past:
-    """Summary of an episode so far; a function of its states."""
+    """Summaries of N episodes so far; a function of their states."""
 
     before: TaskState
-    """State of the previous control period."""
-    stage: int = 0
-    """Stage reached, numbered by the primitive."""
-    fault: str = ""
-    """Reason why the episode can no longer succeed."""
-    mark: np.ndarray | None = None
-    """A position (3,) in the world, stored by the primitive [m]."""
+    """States of the previous control period."""
+    stage: np.ndarray
+    """Stage reached (N,), numbered by the primitive."""
+    fault: np.ndarray
+    """Reason why the episode can no longer succeed (N,) str; empty if it can."""
+    mark: np.ndarray
+    """A position (N, 3) in the world, stored by the primitive [m]; NaN: none yet."""
+
+    @classmethod
+    def begun(cls, start: TaskState) -> Past:
+        """Nothing has happened since the reset."""
+        count = len(start.time_s)
+        return cls(start, np.zeros(count, int), np.full(count, ""), np.full((count, 3), np.nan))
 
 
 class Primitive(ABC, Generic[G]):
@@ -148,37 +155,37 @@ class Primitive(ABC, Generic[G]):
         self.objects = objects or {}
 
     @abstractmethod
-    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
-        """Whether the condition holds now.
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
+        """Whether the condition holds now (N,) bool; an episode with a fault does not succeed in any case.
 
         Args:
-            start: State at the reset.
-            now: Current state.
+            start: States at the reset.
+            now: Current states.
             past: Summary of the states from `start` to `now`, inclusive.
         """
 
     def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
-        """The summary updated with the state `now`."""
+        """The summary updated with the states `now`."""
         return Past(now, past.stage, past.fault, past.mark)
 
     @abstractmethod
-    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
-        """The condition not met at the time limit: a few words without numbers, the same for every such episode."""
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
+        """The condition not met at the time limit (N,) str: a few words without numbers, the same for all such ones."""
 
     @abstractmethod
-    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
-        """Value of a state, see `stages`.
+    def value(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> np.ndarray:
+        """Values of states (N,), see `stages`.
 
         Args:
-            reach_m: Distance of the fingertips from their target on the object [m].
-            start: State at the reset.
-            now: Current state.
-            success: Whether the task is done.
+            reach_m: Distance of the fingertips from their target on the object (N,) [m].
+            start: States at the reset.
+            now: Current states.
+            success: Whether the task is done (N,).
         """
 
-    def fair(self, places: Mapping[str, np.ndarray]) -> bool:
-        """Whether an episode may begin with the bodies at these poses (4, 4): the goal must not be reached yet."""
-        return True
+    def fair(self, places: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Whether episodes may begin (N,) with bodies at these poses (N, 4, 4): the goal must not be reached yet."""
+        return np.ones(len(places[self.task.object]), bool)
 
     def target(self) -> tuple[float, float, float] | None:
         """Position of the object's origin at the goal, in the world [m]; NaN: any position along this axis.
@@ -209,34 +216,49 @@ class Primitive(ABC, Generic[G]):
         """Limbs with different roles in the goal, in the order of the roles."""
         return ()
 
-    def pushed(self, start: TaskState, now: TaskState) -> tuple[str, float] | None:
-        """Joint to move next and by how much [rad or m]; None: the object itself is the target of reaching."""
+    def pushed(self, start: TaskState, now: TaskState) -> tuple[np.ndarray, np.ndarray] | None:
+        """Joint to move next (N,) str and by how much (N,) [rad or m]; None: reaching aims at the object itself."""
         return None
 
 
-def jumped(before: TaskState, now: TaskState) -> bool:
-    """Whether the object moved faster than a robot can move it."""
-    moved = now.world_from_object[:3, 3] - before.world_from_object[:3, 3]
+def faulted(fault: np.ndarray, found: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Faults (N,) str with those that are found now, reason -> where (N,); the first one of an episode stays."""
+    if not functools.reduce(np.logical_or, found.values()).any():
+        return fault
+    for reason, where in found.items():
+        fault = np.where(where & (fault == ""), reason, fault)
+    return fault
+
+
+def lengths(vectors: np.ndarray) -> np.ndarray:
+    """Lengths (...) of vectors (..., K); `np.linalg.norm` takes three times as long."""
+    return np.asarray(np.sqrt(np.vecdot(vectors, vectors)))
+
+
+def jumped(before: TaskState, now: TaskState) -> np.ndarray:
+    """Whether the object moved faster than a robot can move it (N,)."""
+    most = JUMP_M_S * (now.time_s - before.time_s) + 1e-9
     # Written to be true on NaN.
-    return not float(np.linalg.norm(moved)) <= JUMP_M_S * max(now.time_s - before.time_s, 0.0) + 1e-9
+    return np.asarray(~(lengths(now.place - before.place) <= most))
 
 
-def rise(start: TaskState, now: TaskState) -> float:
-    """Height of the object's origin above its start [m]."""
-    return float(now.world_from_object[2, 3] - start.world_from_object[2, 3])
+def rise(start: TaskState, now: TaskState) -> np.ndarray:
+    """Height of the object's origin above its start (N,) [m]."""
+    return np.asarray(now.world_from_object[:, 2, 3] - start.world_from_object[:, 2, 3])
 
 
-def apart(one: np.ndarray, other: np.ndarray, symmetry: int) -> float:
-    """Angle between two rotations (3, 3) [rad], the smallest among equivalent ones.
+def apart(one: np.ndarray, other: np.ndarray, symmetry: int) -> np.ndarray:
+    """Angles between two rotations (N,) [rad], the smallest among equivalent ones.
 
     Args:
-        one: R_world_object.
-        other: R_world_object.
+        one: R_world_object (N, 3, 3).
+        other: R_world_object (3, 3), or (N, 3, 3).
         symmetry: Order of the rotational symmetry about the object's own z axis; 0: any rotation.
     """
     if symmetry == 0:
-        return float(np.arccos(clamp(float(one[:, 2] @ other[:, 2]), -1.0, 1.0)))
+        return np.asarray(np.arccos(clamp(np.vecdot(one[..., 2], other[..., 2]), -1.0, 1.0)))
+    turn = one.swapaxes(-1, -2) @ other
     if symmetry == 1:
-        return transforms.angle(one.T @ other)
+        return transforms.angles(turn)
     turns = 2.0 * np.pi * np.arange(symmetry) / symmetry
-    return min(transforms.angle(one.T @ other @ lie.about_z(turn)) for turn in turns)
+    return np.asarray(np.min([transforms.angles(turn @ lie.about_z(each)) for each in turns], axis=0))

@@ -5,7 +5,6 @@ On hardware, they are replaced by estimates of the same form.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -48,6 +47,11 @@ class Hands:
             self.fingers[own != SUPPORT] = own[own != SUPPORT] + self._first[number]
 
         self._inside: dict[int, np.ndarray] = {}
+        counts = {name: len(limb.tips) + 1 for name, limb in zip(self.names, limbs, strict=True)}
+        self._none = {
+            supported: {name: GraspState.none(np.array([supported]), count) for name, count in counts.items()}
+            for supported in (False, True)
+        }
 
     def of(self, limb: int) -> slice:
         """Numbers of the fingers of a limb, its palm last."""
@@ -59,7 +63,7 @@ class Hands:
         return int(self._first[-1])
 
     def grasps(self, model: Any, data: Any, body: int) -> dict[str, GraspState]:
-        """Limb -> grasp state of the object with root `body`.
+        """Limb -> grasp state (N = 1) of the object with root `body`.
 
         Args:
             model: `mujoco.MjModel`.
@@ -71,6 +75,8 @@ class Hands:
         forces, supported = _forces(model, data, self._inside[body], self.fingers, self.count)
         # Sleeping bodies have no contacts; only supported bodies fall asleep.
         supported |= not data.tree_awake[model.body_treeid[body]]
+        if not forces.any():
+            return self._none[bool(supported)]
         return {
             name: _state(model, data, body, forces[self.of(number)], supported, self.palms[number])
             for number, name in enumerate(self.names)
@@ -112,7 +118,7 @@ def finger_map(model: Any, tips: np.ndarray, palm: int) -> np.ndarray:
 
 
 def estimate(model: Any, data: Any, body: int, fingers: np.ndarray, palm: int) -> GraspState:
-    """Grasp state of the object with root `body` in a single hand.
+    """Grasp state (N = 1) of the object with root `body` in a single hand.
 
     Args:
         model: `mujoco.MjModel`.
@@ -126,13 +132,14 @@ def estimate(model: Any, data: Any, body: int, fingers: np.ndarray, palm: int) -
 
 
 def _state(model: Any, data: Any, body: int, forces: np.ndarray, supported: bool, palm: int) -> GraspState:
-    if not forces.any():
-        return GraspState(supported=supported)
+    norms = np.linalg.norm(forces, axis=1)
+    presses = norms > PRESS_N
+    if not presses.any():
+        return GraspState.none(np.array([supported]), len(forces))
+    # A row of zeros for a finger that does not press.
+    unit = (forces / np.maximum(norms, 1e-12)[:, None] * presses[:, None])[None]
     slip = _slip(model, data, body, palm)
-    pressing = forces[np.linalg.norm(forces, axis=1) > PRESS_N]
-    unit = pressing / np.maximum(np.linalg.norm(pressing, axis=1, keepdims=True), 1e-12)
-    pushes: Sequence[Any] = [tuple(row) for row in unit.tolist()]
-    return GraspState(len(pressing), opposed(unit), supported, slip, tuple(pushes))
+    return GraspState(np.array([presses.sum()]), opposed(unit), np.array([supported]), np.array([slip]), unit)
 
 
 def _inside(model: Any, body: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from pydantic import Field, PositiveFloat, model_validator
 from dextera_build.artifacts.core.value import Value
 from dextera_build.geometry import lie, quaternions
 from dextera_build.sim.primitives import base
-from dextera_build.sim.primitives.base import Setting, TypedGoal
+from dextera_build.sim.primitives.base import Setting, TypedGoal, lengths
 from dextera_build.sim.primitives.stages import clamp
 
 RADIAN_M = 0.1
@@ -31,9 +31,9 @@ class Tolerance(Value):
     symmetry: int = 1
     """Order of the object's rotational symmetry about its own z axis; 0: any rotation."""
 
-    def met(self, position_m: float, rotation_rad: float) -> bool:
-        """Whether a distance and a rotation from the target are within tolerance; False on NaN."""
-        return position_m <= self.position_m and rotation_rad <= self.rotation_rad
+    def met(self, position_m: np.ndarray, rotation_rad: np.ndarray) -> np.ndarray:
+        """Whether distances and rotations (N,) from the target are within tolerance (N,); False on NaN."""
+        return (position_m <= self.position_m) & (rotation_rad <= self.rotation_rad)
 
 
 class PoseGoal(TypedGoal):
@@ -122,31 +122,38 @@ class Options(Near):
         return w, x, y, z
 
 
-def errors(goal: PoseGoal, pose: np.ndarray) -> tuple[float, float]:
-    """Distance [m] and rotation [rad] of a pose (4, 4) from its target; 0 for an unconstrained part."""
-    position = 0.0 if goal.place_m is None else float(np.linalg.norm(pose[:3, 3] - goal.place_m))
-    if goal.quaternion is None:
-        return position, 0.0
-    wanted = quaternions.to_matrix(np.array(goal.quaternion))
-    return position, base.apart(pose[:3, :3], wanted, goal.tolerance.symmetry)
+def errors(goal: PoseGoal, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distances [m] and rotations [rad] of poses (N, 4, 4) from their target (N,); 0 for an unconstrained part."""
+    position = rotation = np.zeros(len(pose))
+    if goal.place_m is not None:
+        position = lengths(pose[:, :3, 3] - goal.place_m)
+    if goal.quaternion is not None:
+        wanted = quaternions.to_matrix(np.array(goal.quaternion))
+        rotation = base.apart(pose[:, :3, :3], wanted, goal.tolerance.symmetry)
+    return position, rotation
 
 
-def reached(goal: PoseGoal, pose: np.ndarray) -> bool:
-    """Whether a pose is within tolerance of its target; False on NaN."""
-    return bool(np.isfinite(pose).all()) and goal.tolerance.met(*errors(goal, pose))
+def reached(goal: PoseGoal, pose: np.ndarray) -> np.ndarray:
+    """Whether poses (N, 4, 4) are within tolerance of their target (N,); False on NaN."""
+    return np.asarray(np.isfinite(pose).all(axis=(1, 2)) & goal.tolerance.met(*errors(goal, pose)))
 
 
-def way_m(position_m: float, rotation_rad: float) -> float:
-    """A distance and a rotation from a target combined into one distance [m]."""
+def way_m(position_m: np.ndarray, rotation_rad: np.ndarray) -> np.ndarray:
+    """Distances and rotations (N,) from a target combined into one distance (N,) [m]."""
     return position_m + RADIAN_M * rotation_rad
 
 
-def left(goal: PoseGoal, start: np.ndarray, now: np.ndarray) -> float:
-    """Distance from the target, as a fraction of that at the start, at most 2."""
+def left(goal: PoseGoal, start: np.ndarray, now: np.ndarray) -> np.ndarray:
+    """Distances of poses (N, 4, 4) from the target, as a fraction of that at the start, at most 2 (N,)."""
     before, after = way_m(*errors(goal, start)), way_m(*errors(goal, now))
-    return min(2.0, after / max(before, goal.tolerance.position_m))
+    return np.asarray(np.fmin(2.0, after / np.maximum(before, goal.tolerance.position_m)))
 
 
-def turned(pose: np.ndarray, start: np.ndarray) -> float:
-    """Angle between an object's own z axis and its direction at the start [rad]."""
-    return float(np.arccos(clamp(float(start[:3, 2] @ pose[:3, 2]), -1.0, 1.0)))
+def turned(pose: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Angles between an object's own z axis and its direction at the start (N,) [rad], of poses (N, 4, 4)."""
+    return np.asarray(np.arccos(clamp(np.vecdot(start[:, :3, 2], pose[:, :3, 2]), -1.0, 1.0)))
+
+
+def seen_from(pose: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Points (N, 3) of the world in the frames of poses (N, 4, 4) [m]."""
+    return np.asarray(((points - pose[:, :3, 3])[:, None] @ pose[:, :3, :3])[:, 0])

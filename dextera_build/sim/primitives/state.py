@@ -1,9 +1,16 @@
-"""The state that determines success, measured the same way in every world."""
+"""The states that determine success, measured the same way in every world.
+
+All arrays have a leading axis of N worlds of one task; a single world is N = 1. So the same code judges one simulator,
+several threads and a batch.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+import functools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -12,84 +19,139 @@ OPPOSING = -0.3
 SLIP_M_S = 0.05
 """Maximum speed of a held object relative to the palm [m/s]; the same in every world."""
 
+T = TypeVar("T")
 
-@dataclass(frozen=True)
+
+@dataclass(eq=False)  # not frozen, which would double the time to make one
 class GraspState:
-    """Grasp state of the task's object in one hand, in one control period."""
+    """Grasp states of the task's object in one hand, or in several as one, in one control period."""
 
-    fingers: int = 0
-    """Number of the hand's fingers pressing on the object, with the palm counted as one."""
-    opposing: bool = False
-    """Whether two of their forces on the object oppose each other."""
-    supported: bool = True
-    """Whether anything other than a hand, this one or another, touches the object."""
-    slip_m_s: float = 0.0
-    """Speed of the object relative to the palm [m/s]; 0 where no finger presses."""
-    pushes: tuple[tuple[float, float, float], ...] = ()
-    """Unit direction of the force of every finger that presses, in the world."""
+    fingers: np.ndarray
+    """Number of the hand's fingers pressing on the object (N,), with the palm counted as one."""
+    opposing: np.ndarray
+    """Whether two of their forces on the object oppose each other (N,)."""
+    supported: np.ndarray
+    """Whether anything other than a hand, this one or another, touches the object (N,)."""
+    slip_m_s: np.ndarray
+    """Speed of the object relative to the palm (N,) [m/s]; 0 where no finger presses."""
+    pushes: np.ndarray
+    """Unit direction of the force of every finger (N, F, 3), in the world; 0 for one that does not press."""
 
-    @property
-    def valid(self) -> bool:
-        """Whether the hand holds the object: opposing fingers and no slip. Comparisons fail on NaN."""
-        return self.fingers >= 2 and self.opposing and self.slip_m_s < SLIP_M_S
+    @classmethod
+    def none(cls, supported: np.ndarray, fingers: int = 0) -> Self:
+        """No finger presses.
 
-    @property
-    def alone(self) -> bool:
-        """Whether the hand holds the object and nothing but hands touches it."""
-        return self.valid and not self.supported
+        Args:
+            supported: Whether anything other than a hand touches the object (N,).
+            fingers: Number F of the hand's fingers.
+        """
+        count = len(supported)
+        zeros = np.zeros(count)
+        return cls(np.zeros(count, int), np.zeros(count, bool), supported, zeros, np.zeros((count, fingers, 3)))
+
+    @cached_property
+    def presses(self) -> np.ndarray:
+        """Whether a finger presses (N,)."""
+        return np.asarray(self.fingers > 0)
+
+    @cached_property
+    def held(self) -> np.ndarray:
+        """Whether at least two fingers press from opposing sides (N,)."""
+        return np.asarray((self.fingers >= 2) & self.opposing)
+
+    @cached_property
+    def valid(self) -> np.ndarray:
+        """Whether the hand holds the object (N,): opposing fingers and no slip. Comparisons fail on NaN."""
+        return np.asarray(self.held & (self.slip_m_s < SLIP_M_S))
+
+    @cached_property
+    def alone(self) -> np.ndarray:
+        """Whether the hand holds the object and nothing but hands touches it (N,)."""
+        return np.asarray(self.valid & ~self.supported)
 
 
-def opposed(pushes: Iterable[Iterable[float]]) -> bool:
-    """Whether two of the unit directions oppose each other."""
-    unit = np.array(list(pushes), np.float64).reshape(-1, 3)
-    return bool(len(unit) >= 2 and (unit @ unit.T).min() < OPPOSING)
+def opposed(pushes: np.ndarray) -> np.ndarray:
+    """Whether two of the unit directions (N, F, 3) oppose each other (N,)."""
+    cosines = pushes @ pushes.swapaxes(1, 2)
+    return np.asarray(cosines.min(axis=(1, 2), initial=1.0) < OPPOSING)
 
 
 def together(grasps: Iterable[GraspState]) -> GraspState:
-    """The grasp state of several hands as one: two flat hands that press from both sides hold a box."""
+    """The grasp states of several hands as one: two flat hands that press from both sides hold a box."""
     parts = list(grasps)
     if len(parts) == 1:
         return parts[0]
-    pushes = tuple(push for part in parts for push in part.pushes)
+    pushes = np.concatenate([part.pushes for part in parts], axis=1)
     return GraspState(
-        fingers=sum(part.fingers for part in parts),
-        opposing=any(part.opposing for part in parts) or opposed(pushes),
-        supported=any(part.supported for part in parts) if parts else True,
-        slip_m_s=float(max((part.slip_m_s for part in parts), default=0.0)),
+        fingers=np.sum([part.fingers for part in parts], axis=0),
+        opposing=np.any([part.opposing for part in parts], axis=0) | opposed(pushes),
+        supported=np.any([part.supported for part in parts], axis=0),
+        slip_m_s=np.max([part.slip_m_s for part in parts], axis=0),
         pushes=pushes,
     )
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class TaskState:
-    """State of a task in one control period, used to judge success."""
+    """States of a task in one control period, used to judge success."""
 
-    time_s: float
-    """Time since the start of the episode [s]."""
+    time_s: np.ndarray
+    """Time since the start of the episode (N,) [s]."""
     world_from_object: np.ndarray
-    """T_world_object of the task's object (4, 4)."""
+    """T_world_object of the task's object (N, 4, 4)."""
     others: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """Other body that the goal names -> T_world_body (4, 4)."""
-    joints: Mapping[str, float] = field(default_factory=dict)
-    """Joint of the task's object -> position [rad or m]."""
-    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """Joint -> limits [rad or m]."""
-    speeds: Mapping[str, float] = field(default_factory=dict)
-    """Joint -> velocity [rad/s or m/s]."""
+    """Other body that the goal names -> T_world_body (N, 4, 4)."""
+    joints: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Joint of the task's object -> position (N,) [rad or m]."""
+    ranges: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Joint -> limits (N, 2) [rad or m]."""
+    speeds: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Joint -> velocity (N,) [rad/s or m/s]."""
     grasps: Mapping[str, GraspState] = field(default_factory=dict)
     """Limb -> grasp state of the object in its hand."""
+    derived: dict[Any, tuple[Any, Any]] = field(default_factory=dict, init=False, repr=False)
+    """Quantities computed from these states once, see `once`."""
+
+    def once(self, name: Any, of: object, measure: Callable[[TaskState], T]) -> T:
+        """A quantity of these states that is needed several times.
+
+        Args:
+            name: Its name.
+            of: What else it depends on, such as a goal; compared by identity.
+            measure: Computes it.
+        """
+        found = self.derived.get(name)
+        if found is None or found[0] is not of:
+            found = self.derived[name] = of, measure(self)
+        value: T = found[1]
+        return value
 
     @property
-    def touching(self) -> tuple[str, ...]:
-        """Limbs whose hands press on the object."""
-        return tuple(name for name, grasp in self.grasps.items() if grasp.fingers > 0)
+    def place(self) -> np.ndarray:
+        """Position of the object's origin in the world (N, 3) [m]."""
+        return self.world_from_object[:, :3, 3]
 
     @property
-    def supported(self) -> bool:
-        """Whether anything other than a hand touches the object."""
-        return any(grasp.supported for grasp in self.grasps.values()) or not self.grasps
+    def supported(self) -> np.ndarray:
+        """Whether anything other than a hand touches the object (N,)."""
+        if not self.grasps:
+            return np.ones(len(self.time_s), bool)
+        return functools.reduce(np.logical_or, [grasp.supported for grasp in self.grasps.values()])
 
-    def grasp(self, limbs: Iterable[str] = ()) -> GraspState:
+    def touched(self, but: Sequence[str] = ()) -> np.ndarray:
+        """Whether a hand presses on the object (N,).
+
+        Args:
+            but: Limbs whose hands do not count.
+        """
+        known = [grasp.presses for name, grasp in self.grasps.items() if name not in but]
+        return functools.reduce(np.logical_or, known) if known else np.zeros(len(self.time_s), bool)
+
+    def hand(self, limb: str) -> GraspState:
+        """Grasp state of the object in the hand of one limb."""
+        return self.grasps[limb] if limb in self.grasps else GraspState.none(np.ones(len(self.time_s), bool))
+
+    def grasp(self, limbs: Sequence[str] = ()) -> GraspState:
         """The combined grasp state of the hands that press on the object.
 
         Args:
@@ -98,9 +160,36 @@ class TaskState:
         Returns:
             Nothing held, if a named hand does not press or another one does.
         """
-        named, touching = tuple(limbs), self.touching
-        if named and set(named) != set(touching):
-            return GraspState(supported=self.supported)
-        if not touching:
-            return GraspState(supported=self.supported)
-        return together(self.grasps[name] for name in touching)
+        if not set(limbs) <= self.grasps.keys() or not self.grasps:
+            return GraspState.none(self.supported)
+        if len(self.grasps) == 1:
+            return next(iter(self.grasps.values()))
+        return self.once(tuple(limbs), None, lambda _: self._grasp(limbs))
+
+    def _grasp(self, limbs: Sequence[str]) -> GraspState:
+        found = together(self.grasps.values())
+        pressing = [grasp.presses == (name in limbs) for name, grasp in self.grasps.items()]
+        right = functools.reduce(np.logical_and, pressing) if limbs else found.presses
+        return GraspState(
+            fingers=found.fingers * right,
+            opposing=found.opposing & right,
+            supported=self.supported,
+            slip_m_s=np.where(right, found.slip_m_s, 0.0),
+            pushes=found.pushes * right[:, None, None],
+        )
+
+
+def stacked(states: Sequence[TaskState]) -> TaskState:
+    """The states of several worlds of one task as one, in order."""
+    found: TaskState = _stacked(states)
+    return found
+
+
+def _stacked(parts: Sequence[Any]) -> Any:
+    first = parts[0]
+    if isinstance(first, np.ndarray):
+        return np.concatenate(parts)
+    if isinstance(first, Mapping):
+        return {name: _stacked([part[name] for part in parts]) for name in first}
+    names = [each.name for each in fields(first) if each.init]
+    return type(first)(*(_stacked([getattr(part, name) for part in parts]) for name in names))

@@ -8,25 +8,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from dextera_build.artifacts.tasks.task import TaskObject, TaskSpec
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.primitives.base import Past
 from dextera_build.sim.primitives.state import TaskState
 
 
-def holds(task: TaskSpec, start: TaskState, now: TaskState, objects: Mapping[str, TaskObject] | None = None) -> bool:
-    """Whether the task's condition holds now, given only the state at the start of the episode."""
+def holds(
+    task: TaskSpec, start: TaskState, now: TaskState, objects: Mapping[str, TaskObject] | None = None
+) -> np.ndarray:
+    """Whether the task's condition holds now (N,), given only the states at the start of the episodes."""
     primitive = catalogue.of(task, objects)
-    past = Past(start)
-    return primitive.holds(start, now, past if now is start else primitive.follow(past, start, now))
+    past = Past.begun(start)
+    past = past if now is start else primitive.follow(past, start, now)
+    return np.asarray(primitive.holds(start, now, past) & (past.fault == ""))
 
 
 class Judge:
-    """Follows one episode and decides when it has succeeded.
+    """Follows one episode in each of N worlds and decides when it has succeeded.
 
     Args:
         task: The objective.
-        start: State at the reset.
+        start: States at the reset.
         objects: Body -> object of the task's model, for conditions on shapes.
     """
 
@@ -34,25 +39,23 @@ class Judge:
         self.task = task
         self.start = start
         self.primitive = catalogue.of(task, objects)
-        self._past = Past(start)
+        self._past = Past.begun(start)
         self._now = start
         self.held_at_reset = self.primitive.holds(start, start, self._past)
-        self._since: float | None = None
+        """Whether the condition held at the reset already (N,)."""
+        self._never = np.full(len(start.time_s), np.inf)
+        self._since = self._never
 
     @property
-    def reason(self) -> str:
-        """Reason why the condition does not hold, in a few words; empty if it holds."""
-        if self.primitive.holds(self.start, self._now, self._past):
-            return ""
-        return self._past.fault or self.primitive.missing(self.start, self._now, self._past)
+    def reasons(self) -> np.ndarray:
+        """Reasons why the condition does not hold (N,) str, in a few words; empty if it holds."""
+        fault, parts = self._past.fault, (self.start, self._now, self._past)
+        missing = np.where(self.primitive.holds(*parts), "", self.primitive.missing(*parts))
+        return np.where(fault == "", missing, fault)
 
-    def update(self, now: TaskState) -> bool:
-        """Process one control period; True once the condition has held for `hold_s`."""
+    def update(self, now: TaskState) -> np.ndarray:
+        """Process one control period (N,); True once the condition has held for `hold_s`."""
         self._past, self._now = self.primitive.follow(self._past, self.start, now), now
-        held = not self._past.fault and self.primitive.holds(self.start, now, self._past)
-        if self.held_at_reset or not held:
-            self._since = None
-            return False
-        if self._since is None:
-            self._since = now.time_s
-        return now.time_s - self._since >= self.task.hold_s - 1e-9
+        held = self.primitive.holds(self.start, now, self._past) & (self._past.fault == "") & ~self.held_at_reset
+        self._since = np.where(held, np.minimum(self._since, now.time_s), self._never)
+        return np.asarray(now.time_s - self._since >= self.task.hold_s - 1e-9)

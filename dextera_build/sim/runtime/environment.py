@@ -157,10 +157,10 @@ class Environment:
         self.previous_action = self.data.ctrl[self._actuators].copy()
         self._earlier = self.previous_action
         shapes = {name: each.sized(start.size_scale.get(name, 1.0)) for name, each in self.bundle.objects.items()}
-        self._ranges = {name: tuple(self.model.jnt_range[joint]) for name, joint, _, _ in self._inner}
+        self._ranges = {name: self.model.jnt_range[[joint]] for name, joint, _, _ in self._inner}
         self.now = self.state()
         """The quantities that determine success, at the end of the last control period."""
-        self.judge = Judge(self.task, self.now, shapes)
+        self.judge = Judge(self._judged, self.now, shapes)
         return self.observe()
 
     def step(self, action: np.ndarray) -> Outcome:
@@ -186,9 +186,11 @@ class Environment:
     def commands(self, target: np.ndarray) -> Iterator[int]:
         """Apply the commands on the way to `target` one by one, and yield the number of substeps for each."""
         earlier, before = self._earlier, self.previous_action
-        ahead, behind = target - before, before - earlier
-        for part, steps in self._ramp:
-            self._ctrl[self._actuators] = before + ahead * part if part >= 0 else earlier + behind * (1 + part)
+        sent = before + (target - before) * self._parts
+        if self._late.any():
+            sent = np.where(self._late, earlier + (before - earlier) * (1 + self._parts), sent)
+        for row, steps in zip(sent, self._ramp, strict=True):
+            self._ctrl[self._actuators] = row
             yield steps
 
     def arrive(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
@@ -204,7 +206,7 @@ class Environment:
         if not np.abs(self._qvel).max() <= 1e4:
             return Outcome(False, True, "the simulation diverged", target)
         self.now = self.state()
-        success = self.judge.update(self.now)
+        success = bool(self.judge.update(self.now)[0])
         late = self.steps * self.period_s >= self.task.timeout_s - 1e-9
         reason = "" if success or not late else self._why()
         return Outcome(success, success or late, reason, target)
@@ -264,14 +266,14 @@ class Environment:
         return np.asarray(forces @ self.base_from_world[:3, :3].T)
 
     def state(self) -> TaskState:
-        """The quantities that determine success."""
+        """The quantities that determine success (N = 1)."""
         return TaskState(
-            time_s=self.steps * self.period_s,
-            world_from_object=self._pose_of(self._target),
-            others={name: self._pose_of(body) for name, body in self._others.items()},
-            joints={name: float(self._qpos[place]) for name, _, place, _ in self._inner},
+            time_s=np.array([self.steps * self.period_s]),
+            world_from_object=self._pose_of(self._target)[None],
+            others={name: self._pose_of(body)[None] for name, body in self._others.items()},
+            joints={name: self._qpos[place : place + 1].copy() for name, _, place, _ in self._inner},
             ranges=self._ranges,
-            speeds={name: float(self._qvel[speed]) for name, _, _, speed in self._inner},
+            speeds={name: self._qvel[speed : speed + 1].copy() for name, _, _, speed in self._inner},
             grasps=self.hands.grasps(self.model, self.data, self._target) if self.primitive.feels else {},
         )
 
@@ -283,6 +285,8 @@ class Environment:
         """Set the objective."""
         self.task = self.bundle.task.model_copy(update={"goal": goal})
         self.primitive = catalogue.of(self.task, self.bundle.objects)
+        # With the same object as goal, judge and reward share what both compute of a state.
+        self._judged = self.task.model_copy(update={"goal": self.primitive.goal})
         self.goal = np.array(self.primitive.goal.numbers(self.bundle.base_pose.inverse().matrix), np.float32)
 
     def _pose_of(self, body: int) -> np.ndarray:
@@ -316,9 +320,9 @@ class Environment:
         return Outcome(False, True, reason, self.previous_action.copy())
 
     def _why(self) -> str:
-        if self.judge.held_at_reset:
+        if self.judge.held_at_reset[0]:
             return "the condition held at the start already"
-        return f"not done within {self.task.timeout_s:g} s: {self.judge.reason or 'not held for long enough'}"
+        return f"not done within {self.task.timeout_s:g} s: {self.judge.reasons[0] or 'not held for long enough'}"
 
     def _index(self) -> None:
         model, robot = self.model, self.bundle.robot
@@ -341,5 +345,8 @@ class Environment:
         self.hands = Hands(model, robot, ROBOT)
         pieces, late = min(RAMP, self.substeps), self.bundle.latency_s / self.period_s
         upto = [self.substeps * piece // pieces for piece in range(pieces + 1)]
-        self._ramp = [(piece / pieces - late, upto[piece] - upto[piece - 1]) for piece in range(1, pieces + 1)]
-        """Fraction of the way to the new target, and substeps with it; below 0 the previous target is still active."""
+        self._ramp = [upto[piece] - upto[piece - 1] for piece in range(1, pieces + 1)]
+        """Substeps with each command on the way to a new target."""
+        self._parts = np.array([[piece / pieces - late] for piece in range(1, pieces + 1)])
+        """Fraction of the way of each command (K, 1); below 0 the previous target is still active."""
+        self._late = self._parts < 0

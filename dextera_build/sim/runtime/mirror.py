@@ -77,10 +77,10 @@ class Mirror:
     def judge(self, measured: Measurement, time_s: float) -> bool:
         """Whether the task is done, `time_s` after the beginning [s], given this measurement and the earlier ones."""
         assert self._judge is not None, "`begin` comes first"
-        return self._judge.update(self.state(measured, time_s))
+        return bool(self._judge.update(self.state(measured, time_s))[0])
 
     def state(self, measured: Measurement, time_s: float) -> TaskState:
-        """The quantities that determine success; forces are only directions here."""
+        """The quantities that determine success (N = 1); forces are only directions here."""
         self._put(measured)
         model, data, twin = self._model, self._data, self._twin
         thing = twin.task.object
@@ -93,12 +93,12 @@ class Mirror:
         span = max(time_s - before, 1e-9)
         slips = np.linalg.norm(in_palms - in_palms_before, axis=1) / span
         return TaskState(
-            time_s=time_s,
-            world_from_object=self._pose(thing),
-            others={name: self._pose(name) for name in self._others},
-            joints=joints,
-            ranges={name: tuple(model.joint(name).range) for name in joints},
-            speeds={name: (place - joints_before[name]) / span for name, place in joints.items()},
+            time_s=np.array([time_s]),
+            world_from_object=self._pose(thing)[None],
+            others={name: self._pose(name)[None] for name in self._others},
+            joints={name: np.array([place]) for name, place in joints.items()},
+            ranges={name: np.array([model.joint(name).range]) for name in joints},
+            speeds={name: np.array([(place - joints_before[name]) / span]) for name, place in joints.items()},
             grasps=self._grasps(self._bodies[thing], slips),
         )
 
@@ -113,7 +113,7 @@ class Mirror:
         still = np.zeros(len(self._hands.names))
         objects = {}
         for thing, body in self._bodies.items():
-            holding = [name for name, grasp in self._grasps(body, still).items() if grasp.valid and name in palms]
+            holding = [name for name, grasp in self._grasps(body, still).items() if grasp.valid[0] and name in palms]
             if holding:
                 objects[thing] = holding[0]
         return Hold(palms, objects)
@@ -162,7 +162,7 @@ class Mirror:
         )
 
     def _grasps(self, body: int, slips: np.ndarray) -> dict[str, GraspState]:
-        """Limb -> grasp state, from the surfaces near the object."""
+        """Limb -> grasp state (N = 1), from the surfaces near the object."""
         pushes, supported = np.zeros((self._hands.count, 3)), False
         roots = self._model.body_rootid[self._model.geom_bodyid]
         for number in range(self._data.ncon):
@@ -185,5 +185,7 @@ class Mirror:
 
 def _grasp(pushes: np.ndarray, supported: bool, slip: float) -> GraspState:
     lengths = np.linalg.norm(pushes, axis=1)
-    unit = pushes[lengths > 1e-9] / lengths[lengths > 1e-9, None]
-    return GraspState(len(unit), opposed(unit), supported, slip, tuple(tuple(row) for row in unit.tolist()))
+    presses = lengths > 1e-9
+    unit = (pushes / np.maximum(lengths, 1e-9)[:, None] * presses[:, None])[None]
+    slips = np.array([slip if presses.any() else 0.0])
+    return GraspState(np.array([presses.sum()]), opposed(unit), np.array([supported]), slips, unit)

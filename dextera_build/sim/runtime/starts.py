@@ -34,8 +34,8 @@ GAINS = 0.10
 STATIC = "the static scene"
 """Name of unnamed parts of the world body."""
 
-Fair = Callable[[Mapping[str, np.ndarray]], bool]
-"""Whether an episode may begin with the bodies at these poses, body -> T_world_body (4, 4)."""
+Fair = Callable[[Mapping[str, np.ndarray]], np.ndarray]
+"""Whether episodes may begin (N,) with the bodies at these poses, body -> T_world_body (N, 4, 4)."""
 
 
 def draw(
@@ -44,7 +44,7 @@ def draw(
     data: Any,
     changed: Dynamics,
     seed: int,
-    fair: Fair = lambda places: True,
+    fair: Fair = lambda places: np.ones(1, bool),
     *,
     stratum: Stratum | None = None,
 ) -> Start:
@@ -76,7 +76,7 @@ def draw(
         _place_objects(bundle, data, dynamics["size_scale"], random)
         _pose_robot(bundle, model, data, random)
         mujoco.mj_forward(model, data)
-        if _free(model, data) and not _off_support(bundle, model, data) and fair(_places(bundle, data)):
+        if _free(model, data) and not _off_support(bundle, model, data) and fair(_places(bundle, data))[0]:
             break
         refused.note(_colliding(model, data), _off_support(bundle, model, data))
     else:
@@ -190,7 +190,7 @@ def _pose_robot(bundle: TaskBundle, model: Any, data: Any, random: Draws) -> Non
 
 def _places(bundle: TaskBundle, data: Any) -> dict[str, np.ndarray]:
     bodies = {name: data.body(name) for name in bundle.objects}
-    return {name: transforms.rigid(body.xmat.reshape(3, 3).copy(), body.xpos.copy()) for name, body in bodies.items()}
+    return {name: transforms.rigid(body.xmat.reshape(3, 3), body.xpos)[None] for name, body in bodies.items()}
 
 
 def _free(model: Any, data: Any) -> bool:

@@ -42,7 +42,7 @@ def heading(ctx: Context, bundle: TaskBundle, options: Options) -> float | None:
     pushed = environment.primitive.pushed(environment.now, environment.now)
     if pushed is None:
         return None
-    name, way = pushed
+    (name,), (way,) = (each.tolist() for each in pushed)
     mechanism = Mechanism(environment.model, name)
     _, along = mechanism.pushed_at(way, 1.0)
     link = int(environment.model.jnt_bodyid[environment.data.joint(name).id])

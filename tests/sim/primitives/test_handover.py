@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from dextera_build.artifacts.tasks.task import TaskSpec
@@ -9,7 +10,7 @@ from dextera_build.sim.primitives.base import Setting, UnfitError
 from dextera_build.sim.primitives.catalogue import of
 from dextera_build.sim.primitives.handover.primitive import HandoverGoal, Options
 from tests import task_bundles
-from tests.sim.primitives.traces import FREE, HALF_M, HOLD, POKE, SET, Trace, box
+from tests.sim.primitives.traces import ALONG, FREE, HALF_M, HOLD, SET, Trace, box, grasped
 
 TASK = TaskSpec(name="HandOverBox", object="box", goal=HandoverGoal(giver="left", receiver="right"))
 HANDS = ("left", "right")
@@ -19,7 +20,7 @@ TABLE = (0.1, 0.0, HALF_M)
 
 def naive(trace: Trace) -> bool:
     """The receiver holds it, off the table, in the end."""
-    return trace.states[-1].grasps["right"].alone
+    return bool(trace.states[-1].grasps["right"].alone[0])
 
 
 def taken() -> Trace:
@@ -31,7 +32,7 @@ def test_an_honest_handover_counts() -> None:
     assert trace.succeeds(TASK)
 
 
-POKE_IN_AIR = type(POKE)(fingers=1, supported=False, pushes=POKE.pushes)
+POKE_IN_AIR = grasped(fingers=1, supported=False, pushes=ALONG[:1])
 
 
 CHEATS = {
@@ -78,7 +79,7 @@ def test_every_stage_is_worth_more_than_the_one_before() -> None:
     primitive = of(TASK, {"box": box()})
     trace = taken().stay(1, left=HOLD, right=POKE_IN_AIR).stay(1, left=HOLD, right=HOLD).stay(1, right=HOLD)
     states = [trace.states[row] for row in (0, -4, -3, -2, -1)]
-    values = [primitive.value(0.0, states[0], state, success=False) for state in states]
+    values = [float(primitive.value(np.zeros(1), states[0], state, np.zeros(1, bool))[0]) for state in states]
     assert values == sorted(set(values))
 
 

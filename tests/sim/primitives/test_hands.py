@@ -16,6 +16,7 @@ from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.primitives.state import GraspState, TaskState, opposed, together
 from dextera_build.sim.primitives.success import holds
 from tests import factories
+from tests.sim.primitives.traces import grasped
 
 FINGER = '<body name="{name}" pos="{place}"><geom type="box" size="0.01 0.03 0.02"/><site name="{name}"/></body>'
 HAND = '<body name="{side}_wrist"><body name="{side}_hand"><site name="{side}_palm"/>{fingers}</body></body>'
@@ -69,6 +70,7 @@ def test_the_other_hand_is_a_hand_and_not_the_table() -> None:
     assert found["right"].fingers == 0
     assert not found["left"].supported
     assert not found["right"].supported
+    assert [found[side].pushes.shape for side in ("left", "right")] == [(1, 3, 3), (1, 2, 3)], "with their palms"
 
 
 def test_what_both_hands_carry_is_supported_by_neither() -> None:
@@ -89,9 +91,10 @@ def test_flat_hands_on_both_sides_hold_together_what_neither_holds() -> None:
     assert both.fingers == 2
     assert both.opposing
     task = TaskSpec(name="Lift", object="box", goal=LiftGoal(height_m=0.1))
-    start, now = (TaskState(0.0, factories.pose(z=z), grasps={**found}) for z in (0.0, 0.2))
-    slow = {side: GraspState(g.fingers, g.opposing, g.supported, 0.0, g.pushes) for side, g in found.items()}
-    now = TaskState(1.0, now.world_from_object, grasps=slow)
+    still = np.zeros(1)
+    slow = {side: GraspState(g.fingers, g.opposing, g.supported, still, g.pushes) for side, g in found.items()}
+    start = TaskState(np.zeros(1), factories.pose()[None], grasps=found)
+    now = TaskState(np.ones(1), factories.pose(z=0.2)[None], grasps=slow)
     assert holds(task, start, now)
     assert holds(task.model_copy(update={"limbs": ("left", "right")}), start, now)
     assert not holds(task.model_copy(update={"limbs": ("left",)}), start, now)
@@ -100,17 +103,17 @@ def test_flat_hands_on_both_sides_hold_together_what_neither_holds() -> None:
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 def test_forces_oppose_one_another_in_every_direction(turn: float) -> None:
     c, s = np.cos(turn), np.sin(turn)
-    assert opposed([(c, s, 0.0), (-c, -s, 0.0)])
-    assert not opposed([(c, s, 0.0), (-s, c, 0.0)])
-    assert not opposed([(c, s, 0.0)])
-    assert not opposed([])
+    pairs = [[(c, s, 0.0), (-c, -s, 0.0)], [(c, s, 0.0), (-s, c, 0.0)], [(c, s, 0.0), (0.0, 0.0, 0.0)]]
+    assert opposed(np.array(pairs)).tolist() == [True, False, False]
+    assert not opposed(np.zeros((1, 0, 3)))
 
 
 def test_a_hand_that_is_not_named_must_keep_off() -> None:
-    hold = GraspState(fingers=2, opposing=True, supported=False)
-    touch = GraspState(fingers=1, supported=False)
-    alone = TaskState(0.0, np.eye(4), grasps={"left": hold, "right": GraspState(supported=False)})
-    helped = TaskState(0.0, np.eye(4), grasps={"left": hold, "right": touch})
+    hold = grasped(fingers=2, opposing=True, supported=False)
+    touch = grasped(fingers=1, supported=False)
+    time, pose = np.zeros(1), np.eye(4)[None]
+    alone = TaskState(time, pose, grasps={"left": hold, "right": grasped(supported=False)})
+    helped = TaskState(time, pose, grasps={"left": hold, "right": touch})
     assert alone.grasp(("left",)).alone
     assert alone.grasp().alone
     assert not alone.grasp(("right",)).alone

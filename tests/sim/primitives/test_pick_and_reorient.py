@@ -21,7 +21,7 @@ TASK = TaskSpec(name="TurnBox", object="box", goal=GOAL)
 
 def naive(trace: Trace) -> bool:
     """The last pose is the target's."""
-    pose = trace.states[-1].world_from_object
+    pose = trace.states[-1].world_from_object[0]
     return bool(np.linalg.norm(pose[:3, 3] - THERE) <= 0.02) and np.allclose(pose[:3, :3], TURN, atol=0.1)
 
 
@@ -77,4 +77,5 @@ def test_only_what_is_held_gains_by_coming_nearer() -> None:
     primitive = of(TASK, {"box": box()})
     start = Trace().states[0]
     held, flying = (Trace().go(THERE, 10, TURN, right=grasp).states[-1] for grasp in (HOLD, FREE))
-    assert primitive.value(0.0, start, held, success=False) > primitive.value(0.0, start, flying, success=False) + 3
+    reached, pending = np.zeros(1), np.zeros(1, bool)
+    assert primitive.value(reached, start, held, pending) > primitive.value(reached, start, flying, pending) + 3

@@ -14,43 +14,44 @@ from dextera_build.sim.primitives.lift import primitive as lift
 from dextera_build.sim.primitives.state import GraspState
 from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles
+from tests.sim.primitives.traces import grasped
 
-HELD = GraspState(fingers=2, opposing=True, supported=False)
+HELD = grasped(fingers=2, opposing=True, supported=False)
 metres = st.floats(0.0, 2.0)
 shares = st.floats(0.0, 1.0)
 
 
 def lifting(reach_m: float = 0.0, grasp: GraspState = HELD, rise: float = 0.0, success: bool = False) -> float:
-    return lift.value(lift.Progress(reach_m, grasp, rise, success))
+    return float(lift.value(lift.Progress(np.array([reach_m]), grasp, np.array([rise]), np.array([success])))[0])
+
+
+def closing(reach_m: float, left: float, strayed: float = 0.0, success: bool = False) -> float:
+    numbers = (np.array([each]) for each in (reach_m, left, strayed, success))
+    return float(articulate.value(articulate.Progress(*numbers))[0])
 
 
 @given(metres, metres)
 def test_nearer_is_better_everywhere(one, other):
     low, high = sorted((one, other))
     assert lifting(low) >= lifting(high)
-    value = [articulate.value(articulate.Progress(distance, 1.0, 0.0, False)) for distance in (low, high)]
-    assert value[0] >= value[1]
+    assert closing(low, 1.0) >= closing(high, 1.0)
 
 
 @given(st.floats(-1.0, 5.0), st.booleans(), st.integers(0, 1))
 def test_an_object_that_flies_or_hangs_on_one_finger_earns_nothing_by_its_height(rise, opposing, fingers):
-    loose = GraspState(fingers=fingers, opposing=opposing and fingers > 1)
+    loose = grasped(fingers=fingers, opposing=opposing and fingers > 1)
     assert lifting(grasp=loose, rise=rise) == lifting(grasp=loose, rise=0.0)
 
 
 @given(shares, shares)
 def test_later_stages_are_worth_more(rise, left):
-    none = GraspState()
+    none = grasped()
     assert lifting(0.0, none) < lifting(0.0, HELD, rise) <= lifting(0.0, HELD, 1.0) < lifting(0.0, HELD, 1.0, True)
-    moved = [
-        articulate.value(articulate.Progress(0.0, way, 0.0, done))
-        for way, done in ((1.0, False), (left, False), (0.0, True))
-    ]
-    assert moved[0] <= moved[1] < moved[2]
+    assert closing(0.0, 1.0) <= closing(0.0, left) < closing(0.0, 0.0, success=True)
 
 
 def test_dragging_the_object_along_costs():
-    values = [articulate.value(articulate.Progress(0.1, 0.5, strayed, False)) for strayed in (0.0, 0.5, 1.0)]
+    values = [closing(0.1, 0.5, strayed) for strayed in (0.0, 0.5, 1.0)]
     assert values[0] > values[1] > values[2]
 
 
@@ -95,7 +96,7 @@ def test_moving_the_lid_to_its_command_is_what_pays():
 
     def left() -> float:
         start, now = environment.judge.start, environment.state()
-        return float(environment.primitive.progress(0.0, start, now, success=False).left)
+        return float(environment.primitive.progress(np.zeros(1), start, now, np.zeros(1, bool)).left[0])
 
     best = progress.value(False)
     assert left() == pytest.approx(1.0)
@@ -108,5 +109,5 @@ def test_moving_the_lid_to_its_command_is_what_pays():
 
 
 def test_clamping_keeps_what_is_not_a_number():
-    assert [stages.clamp(value, 0.0, 1.0) for value in (-2.0, 0.25, 2.0)] == [0.0, 0.25, 1.0]
-    assert np.isnan(stages.clamp(float("nan"), 0.0, 1.0))
+    assert stages.clamp(np.array([-2.0, 0.25, 2.0]), 0.0, 1.0).tolist() == [0.0, 0.25, 1.0]
+    assert np.isnan(stages.clamp(np.array([np.nan]), 0.0, 1.0))

@@ -14,20 +14,20 @@ from dextera_build.artifacts.tasks.task import TaskSpec
 from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal
 from dextera_build.sim.primitives.lift import primitive as lift
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
-from dextera_build.sim.primitives.state import GraspState, TaskState
+from dextera_build.sim.primitives.state import TaskState
 from dextera_build.sim.primitives.success import Judge, holds
 from tests import factories
+from tests.sim.primitives.traces import grasped
 
 PERIOD_S = 0.05
 LIFT = TaskSpec(name="Lift", object="box", goal=LiftGoal(height_m=0.1), hold_s=0.5)
 CLOSE = TaskSpec(name="Close", object="case", goal=ArticulateGoal(joints={"lid": 0.0}, tolerance=0.1), hold_s=0.5)
-GRIP = GraspState(fingers=2, opposing=True, supported=False, slip_m_s=0.0)
 
 
 def box(time_s: float = 0.0, z: float = 0.15, **grasp: Any) -> TaskState:
     """The box at height `z`, held well but for what is given."""
-    held = GraspState(**{**GRIP.__dict__, **grasp})
-    return TaskState(time_s=time_s, world_from_object=factories.pose(z=z), grasps={"arm": held})
+    held = grasped(**{"fingers": 2, "opposing": True, "supported": False, **grasp})
+    return TaskState(np.array([time_s]), factories.pose(z=z)[None], grasps={"arm": held})
 
 
 def case(
@@ -36,17 +36,17 @@ def case(
     """The case with its lid at `lid`."""
     positions = {"lid": lid, **others}
     return TaskState(
-        time_s=time_s,
-        world_from_object=np.eye(4) if pose is None else pose,
-        joints=positions,
-        ranges=dict.fromkeys(positions, (0.0, 2.0)),
-        speeds=dict.fromkeys(positions, speed),
+        time_s=np.array([time_s]),
+        world_from_object=(np.eye(4) if pose is None else pose)[None],
+        joints={name: np.array([position]) for name, position in positions.items()},
+        ranges=dict.fromkeys(positions, np.array([[0.0, 2.0]])),
+        speeds=dict.fromkeys(positions, np.array([speed])),
     )
 
 
 def verdicts(task: TaskSpec, start: TaskState, state: Callable[[float], TaskState], periods: int) -> list[bool]:
     judge = Judge(task, start)
-    return [judge.update(state(PERIOD_S * step)) for step in range(1, periods + 1)]
+    return [bool(judge.update(state(PERIOD_S * step))[0]) for step in range(1, periods + 1)]
 
 
 TABLE = box(z=0.02, fingers=0, opposing=False, supported=True)

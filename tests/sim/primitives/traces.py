@@ -16,15 +16,31 @@ PERIOD_S = 0.05
 HALF_M = 0.02
 """Half edge of the box."""
 ALONG = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0))
-HOLD = GraspState(fingers=2, opposing=True, supported=False, pushes=ALONG)
+
+
+def grasped(
+    fingers: int = 0,
+    opposing: bool = False,
+    supported: bool = True,
+    slip_m_s: float = 0.0,
+    pushes: Sequence[Sequence[float]] = (),
+) -> GraspState:
+    """The grasp state of one hand in a single world."""
+    rows = np.array(pushes, np.float64).reshape(1, -1, 3)
+    # As many rows as fingers may press.
+    padded = np.concatenate([rows, np.zeros((1, 3 - rows.shape[1], 3))], axis=1)
+    return GraspState(np.array([fingers]), np.array([opposing]), np.array([supported]), np.array([slip_m_s]), padded)
+
+
+HOLD = grasped(fingers=2, opposing=True, supported=False, pushes=ALONG)
 """A grasp that carries the object."""
-SET = GraspState(fingers=2, opposing=True, supported=True, pushes=ALONG)
+SET = grasped(fingers=2, opposing=True, supported=True, pushes=ALONG)
 """The same with the object on something."""
-POKE = GraspState(fingers=1, supported=True, pushes=ALONG[:1])
+POKE = grasped(fingers=1, supported=True, pushes=ALONG[:1])
 """A finger that presses from one side."""
-AWAY = GraspState(fingers=0, supported=True)
+AWAY = grasped(fingers=0, supported=True)
 """No contact, the object stands."""
-FREE = GraspState(fingers=0, supported=False)
+FREE = grasped(fingers=0, supported=False)
 """No contact with anything."""
 
 
@@ -71,13 +87,13 @@ class Trace:
         return self
 
     def _state(self, grasps: Mapping[str, GraspState]) -> TaskState:
-        free = any(not grasp.supported for grasp in grasps.values())
+        free = any(not grasp.supported[0] for grasp in grasps.values())
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = self.turn, self.place
         return TaskState(
-            time_s=PERIOD_S * len(getattr(self, "states", [])),
-            world_from_object=pose,
-            others=dict(self.others),
+            time_s=np.array([PERIOD_S * len(getattr(self, "states", []))]),
+            world_from_object=pose[None],
+            others={name: each[None] for name, each in self.others.items()},
             grasps={limb: grasps.get(limb, FREE if free else AWAY) for limb in self.limbs},
         )
 
@@ -88,8 +104,8 @@ class Trace:
     def verdict(self, task: TaskSpec, **objects: Any) -> tuple[bool, str]:
         """Whether the episode succeeds at any time, and what the judge says in the end."""
         judge = Judge(task, self.states[0], {"box": box(), **objects})
-        done = [judge.update(state) for state in self.states[1:]]
-        return any(done), judge.reason
+        done = [bool(judge.update(state)[0]) for state in self.states[1:]]
+        return any(done), str(judge.reasons[0])
 
 
 def about(axis: int, angle: float) -> np.ndarray:

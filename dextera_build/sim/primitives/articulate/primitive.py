@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,7 @@ from pydantic import Field, PositiveFloat, model_validator
 
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.sim.primitives import base
-from dextera_build.sim.primitives.base import Past, Setting, TypedGoal, UnfitError
+from dextera_build.sim.primitives.base import Past, Setting, TypedGoal, UnfitError, lengths
 from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
 
@@ -21,8 +22,8 @@ REST = 0.25
 """Maximum speed of a joint at rest [rad/s or m/s]."""
 STRAY_M = 0.15
 """Maximum displacement of the base; beyond it the object was thrown or dragged, not operated [m]."""
-TILT_RAD = 0.5
-"""Maximum tilt of the base [rad]."""
+UPRIGHT = float(np.cos(0.5))
+"""Cosine of the maximum tilt of the base."""
 DRAG = 0.4
 """Cost of dragging an object by the allowed distance; small, because slippery objects move slightly."""
 
@@ -101,71 +102,96 @@ class Primitive(base.Primitive[ArticulateGoal]):
     feels = False
     carries = False
 
-    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """Whether the joints are at their commands, and the object has not moved."""
-        return self._stands(start, now) and all(self._arrived(now, name) for name in self.goal.joints)
+        found = self._stands(start, now)
+        for name in self.goal.joints:
+            found = found & self._arrived(start, now, name)
+        return found
 
-    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """The reason: the object moved, or a joint is not at its command."""
-        return "a joint is not at its command" if self._stands(start, now) else "the object was moved"
+        return np.where(self._stands(start, now), "a joint is not at its command", "the object was moved")
 
-    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+    def value(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> np.ndarray:
         """See `value`."""
-        return value(self.progress(reach_m, start, now, success=success))
+        return value(self.progress(reach_m, start, now, success))
 
-    def progress(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> Progress:
+    def progress(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> Progress:
         """Progress, measured at the joint farthest from its command."""
-        left = max((self._left(start, now, name) for name in self.goal.joints), default=0.0)
-        moved = now.world_from_object[:3, 3] - start.world_from_object[:3, 3]
-        return Progress(reach_m, left, float(np.linalg.norm(moved)) / STRAY_M, success)
+        strayed = self._moved(start, now) / STRAY_M
+        left = functools.reduce(np.maximum, self._left(start, now).values())
+        return Progress(reach_m, left, strayed, success)
 
     def drawn(self, across_m: np.ndarray, turn_rad: float) -> ArticulateGoal:
         """Other commands."""
         joints = {name: place + turn_rad for name, place in self.goal.joints.items()}
         return self.goal.model_copy(update={"joints": joints})
 
-    def pushed(self, start: TaskState, now: TaskState) -> tuple[str, float] | None:
+    def pushed(self, start: TaskState, now: TaskState) -> tuple[np.ndarray, np.ndarray]:
         """The joint farthest from its command, the last of equals."""
-        name = max(reversed(self.goal.joints), key=lambda each: self._left(start, now, each))
-        return name, self.goal.joints[name] - now.joints[name]
+        (first, left), *rest = self._left(start, now).items()
+        names, most = np.full(len(left), first), left
+        way = self.goal.joints[first] - now.joints[first]
+        for name, left in rest:
+            farther = left >= most
+            names, most = np.where(farther, name, names), np.maximum(left, most)
+            way = np.where(farther, self.goal.joints[name] - now.joints[name], way)
+        return names, way
 
-    def _left(self, start: TaskState, now: TaskState, name: str) -> float:
-        goal = self.goal.joints[name]
-        return abs(now.joints[name] - goal) / max(abs(start.joints[name] - goal), self.goal.tolerance, 1e-6)
+    def _left(self, start: TaskState, now: TaskState) -> dict[str, np.ndarray]:
+        """Distances of joints from their commands (N,), as fractions of those at the start."""
+        least = max(self.goal.tolerance, 1e-6)
+        before, after = (state.once("away", self.goal, self._away) for state in (start, now))
+        return {name: after[name] / np.maximum(before[name], least) for name in self.goal.joints}
+
+    def _away(self, state: TaskState) -> dict[str, np.ndarray]:
+        """Distances of joints from their commands (N,) [rad or m]."""
+        return {name: np.abs(state.joints[name] - goal) for name, goal in self.goal.joints.items()}
 
     @staticmethod
-    def _stands(start: TaskState, now: TaskState) -> bool:
-        moved = now.world_from_object[:3, 3] - start.world_from_object[:3, 3]
-        upright = float(now.world_from_object[:3, 2] @ start.world_from_object[:3, 2])
+    def _moved(start: TaskState, now: TaskState) -> np.ndarray:
+        """Displacement of the object (N,) [m]."""
+        return now.once("moved", start, lambda state: lengths(state.place - start.place))
+
+    def _stands(self, start: TaskState, now: TaskState) -> np.ndarray:
+        upright = np.vecdot(now.world_from_object[:, :3, 2], start.world_from_object[:, :3, 2])
         # Comparisons are written to fail on NaN.
-        return bool(float(np.linalg.norm(moved)) <= STRAY_M and upright >= np.cos(TILT_RAD))
+        return np.asarray((self._moved(start, now) <= STRAY_M) & (upright >= UPRIGHT))
 
-    def _arrived(self, now: TaskState, name: str) -> bool:
-        position, (lower, upper) = now.joints[name], now.ranges[name]
-        near = abs(position - self.goal.joints[name]) <= self.goal.tolerance and abs(now.speeds[name]) <= REST
-        return near and lower - LIMIT_RAD <= position <= upper + LIMIT_RAD
+    def _arrived(self, start: TaskState, now: TaskState, name: str) -> np.ndarray:
+        at_goal = now.once("away", self.goal, self._away)[name] <= self.goal.tolerance
+        low, high = start.once("limits", self.goal, self._limits)[name]
+        free = (low <= now.joints[name]) & (now.joints[name] <= high)
+        return np.asarray(at_goal & (np.abs(now.speeds[name]) <= REST) & free)
+
+    def _limits(self, state: TaskState) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Positions of joints (N,) beyond which they are forced [rad or m]."""
+        limits = {name: state.ranges[name] for name in self.goal.joints}
+        return {name: (each[:, 0] - LIMIT_RAD, each[:, 1] + LIMIT_RAD) for name, each in limits.items()}
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Progress:
-    """Progress of moving joints."""
+    """Progress of moving joints in N worlds."""
 
-    reach_m: float
-    """Distance of the nearest fingertip from the push position [m]."""
-    left: float
-    """Distance of the joints from their commands, as a fraction of the initial distance."""
-    strayed: float
-    """Distance dragged, as a fraction of the allowance."""
-    success: bool
-    """Whether the task is done."""
+    reach_m: np.ndarray
+    """Distance of the nearest fingertip from the push position (N,) [m]."""
+    left: np.ndarray
+    """Distance of the joints from their commands (N,), as a fraction of the initial distance."""
+    strayed: np.ndarray
+    """Distance dragged (N,), as a fraction of the allowance."""
+    success: np.ndarray
+    """Whether the task is done (N,)."""
 
 
-def value(progress: Progress) -> float:
-    """Value of a state: reach, then bring the joints to their commands, then success.
+def value(progress: Progress) -> np.ndarray:
+    """Values of states (N,): reach, then bring the joints to their commands, then success.
 
     The weight of reaching decreases as the joints approach their commands, so that the hand may release a joint at its
     command. Dragging the object reduces the value.
     """
     moved = 1.0 - clamp(progress.left, 0.0, 2.0)
-    reach = 1.0 - (1.0 - near(progress.reach_m)) * min(1.0, progress.left)
-    return REACH * reach - DRAG * min(2.0, progress.strayed) + MOVE * moved + DONE * float(progress.success)
+    reach = 1.0 - (1.0 - near(progress.reach_m)) * np.fmin(1.0, progress.left)
+    dragged = np.fmin(2.0, progress.strayed)
+    return np.asarray(REACH * reach - DRAG * dragged + MOVE * moved + DONE * progress.success)

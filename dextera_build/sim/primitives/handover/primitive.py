@@ -11,9 +11,9 @@ from dextera_build.errors import listing
 from dextera_build.sim.primitives import base
 from dextera_build.sim.primitives.base import Past, Setting, TypedGoal, UnfitError
 from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, near
-from dextera_build.sim.primitives.state import GraspState, TaskState
+from dextera_build.sim.primitives.state import TaskState
 
-WAITS, GIVEN, SHARED, TAKEN = 0, 1, 2, 3
+WAITS, GIVEN, SHARED, TAKEN = range(4)
 """Stages: on its support; held by the giver alone; held by both hands; held by the receiver alone."""
 
 
@@ -73,50 +73,44 @@ class Primitive(base.Primitive[HandoverGoal]):
     goal_type = HandoverGoal
     hands = 2
 
-    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """Whether the receiver took the object and holds it alone."""
-        return past.stage == TAKEN and not past.fault and now.grasp((self.goal.receiver,)).alone
+        return np.asarray((past.stage == TAKEN) & now.grasp((self.goal.receiver,)).alone)
 
     def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
         """The stage; an object on a support, or in no hand, is in the first stage."""
-        fault = past.fault or ("the object jumped" if base.jumped(past.before, now) else "")
-        giver, receiver = self._hands(now)
-        stage = past.stage
-        if now.supported or not now.touching:
-            stage = WAITS
-        elif now.grasp((self.goal.giver,)).alone:
-            stage = GIVEN
-        elif stage in (GIVEN, SHARED) and giver.fingers and receiver.fingers:
-            stage = SHARED
-        elif stage in (SHARED, TAKEN) and now.grasp((self.goal.receiver,)).alone:
-            stage = TAKEN
-        elif stage == TAKEN and giver.fingers:
-            stage = SHARED
-        return Past(now, stage, fault)
+        fault = base.faulted(past.fault, {"the object jumped": base.jumped(past.before, now)})
+        given, taken = (now.hand(limb).presses for limb in self.ordered())
+        before = past.stage
+        # The first case that applies counts.
+        cases = {
+            WAITS: now.supported | ~now.touched(),
+            GIVEN: now.grasp((self.goal.giver,)).alone,
+            SHARED: ((before == GIVEN) | (before == SHARED)) & given & taken,
+            TAKEN: ((before == SHARED) | (before == TAKEN)) & now.grasp((self.goal.receiver,)).alone,
+        }
+        stage = np.select(list(cases.values()), list(cases), np.where((before == TAKEN) & given, SHARED, before))
+        return Past(now, stage, fault, past.mark)
 
-    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """The stage that was not reached."""
         reasons = {
             WAITS: "the giver does not hold the object",
             GIVEN: "the receiver does not hold the object",
             SHARED: "the giver did not let go",
+            TAKEN: "the receiver does not hold the object",
         }
-        return reasons.get(past.stage, "the receiver does not hold the object")
+        return np.asarray(np.array(list(reasons.values()))[past.stage])
 
-    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+    def value(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> np.ndarray:
         """Value of the stages: reach, held by the giver off its support, held by both hands, held by the receiver."""
-        giver, receiver = self._hands(now)
+        giver, receiver = (now.hand(limb) for limb in self.ordered())
         found = REACH * near(reach_m)
-        if now.supported:
-            return found + 0.5 * HOLD * min(giver.fingers, 2) / 2
-        if receiver.valid:
-            return found + HOLD + MOVE * (0.5 if giver.fingers else 1.0) + DONE * float(success)
-        return found + HOLD * float(giver.valid) + 0.25 * MOVE * float(giver.valid and receiver.fingers > 0)
+        on_support = found + 0.5 * HOLD * np.minimum(giver.fingers, 2) / 2
+        given = found + HOLD * giver.valid + 0.25 * MOVE * (giver.valid & receiver.presses)
+        taken = found + HOLD + MOVE * np.where(giver.presses, 0.5, 1.0) + DONE * success
+        return np.where(now.supported, on_support, np.where(receiver.valid, taken, given))
 
     def ordered(self) -> tuple[str, ...]:
         """Giver and receiver."""
         return self.goal.giver, self.goal.receiver
-
-    def _hands(self, now: TaskState) -> tuple[GraspState, GraspState]:
-        none = GraspState()
-        return now.grasps.get(self.goal.giver, none), now.grasps.get(self.goal.receiver, none)

@@ -9,7 +9,7 @@ from pydantic import PositiveFloat
 
 from dextera_build.sim.primitives import base
 from dextera_build.sim.primitives.base import Past, Setting, TypedGoal
-from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, near
+from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, holding, near
 from dextera_build.sim.primitives.state import SLIP_M_S as SLIP_M_S
 from dextera_build.sim.primitives.state import GraspState, TaskState
 
@@ -48,9 +48,9 @@ class Primitive(base.Primitive[LiftGoal]):
     goal_type = LiftGoal
     still = "in hand"
 
-    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """Whether the object is raised and held in the hands that the task names."""
-        return base.rise(start, now) >= self.goal.height_m and now.grasp(self.task.limbs).alone
+        return np.asarray((base.rise(start, now) >= self.goal.height_m) & now.grasp(self.task.limbs).alone)
 
     def target(self) -> tuple[float, float, float]:
         """The target height; any horizontal position."""
@@ -60,34 +60,34 @@ class Primitive(base.Primitive[LiftGoal]):
         """Another height."""
         return self.goal.model_copy(update={"height_m": self.goal.height_m + float(across_m[0])})
 
-    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """The reason: the object is too low, or not held."""
-        return "the object is not held" if base.rise(start, now) >= self.goal.height_m else "the object is too low"
+        raised = base.rise(start, now) >= self.goal.height_m
+        return np.where(raised, "the object is not held", "the object is too low")
 
-    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+    def value(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> np.ndarray:
         """See `value`."""
         share = base.rise(start, now) / self.goal.height_m
         return value(Progress(reach_m, now.grasp(self.task.limbs), share, success))
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class Progress:
-    """Progress of lifting."""
+    """Progress of lifting in N worlds."""
 
-    reach_m: float
-    """Mean distance of the fingertips from the object's surface [m]."""
+    reach_m: np.ndarray
+    """Mean distance of the fingertips from the object's surface (N,) [m]."""
     grasp: GraspState
     """Grasp state of the object."""
-    rise: float
-    """Rise of the object, as a fraction of the required height."""
-    success: bool
-    """Whether the task is done."""
+    rise: np.ndarray
+    """Rise of the object (N,), as a fraction of the required height."""
+    success: np.ndarray
+    """Whether the task is done (N,)."""
 
 
-def value(progress: Progress) -> float:
-    """Value of a state: reach, then hold with opposing forces, then rise, then success."""
+def value(progress: Progress) -> np.ndarray:
+    """Values of states (N,): reach, then hold with opposing forces, then rise, then success."""
     grasp = progress.grasp
-    hold = 0.5 * min(grasp.fingers, 2) / 2 + 0.5 * float(grasp.opposing)
-    held = grasp.fingers >= 2 and grasp.opposing
-    rise = clamp(progress.rise, 0.0, 1.0) if held else 0.0
-    return REACH * near(progress.reach_m) + HOLD * hold + MOVE * rise + DONE * float(progress.success)
+    rise = np.where(grasp.held, clamp(progress.rise, 0.0, 1.0), 0.0)
+    found = REACH * near(progress.reach_m) + HOLD * holding(grasp) + MOVE * rise + DONE * progress.success
+    return np.asarray(found)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 from pydantic import model_validator
@@ -11,8 +12,8 @@ from dextera_build.artifacts.tasks.task import Cavity
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import transforms
 from dextera_build.sim.primitives import base, poses
-from dextera_build.sim.primitives.base import Past, Setting, UnfitError
-from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, near
+from dextera_build.sim.primitives.base import Past, Setting, UnfitError, lengths
+from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, holding, near
 from dextera_build.sim.primitives.state import TaskState
 
 DROP_M = 0.08
@@ -91,22 +92,23 @@ class Primitive(base.Primitive[PlaceGoal]):
 
     goal_type = PlaceGoal
 
-    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """Whether the object rests at its target after it was carried, and no hand touches it."""
-        rests = past.stage == LET_GO and not now.touching and now.supported
-        return rests and not past.fault and self._there(start, now)
+        rests = (past.stage == LET_GO) & ~now.touched() & now.supported
+        return np.asarray(rests & self._there(start, now)) if rests.any() else rests
 
     def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
         """The stage; an object that fell, flew or was pushed after it was carried must be picked up again."""
-        fault = past.fault or ("the object jumped" if base.jumped(past.before, now) else "")
-        place, held = now.world_from_object[:3, 3], now.grasp(self.task.limbs)
-        if held.alone or (past.stage == CARRIED and held.valid):
-            return Past(now, CARRIED, fault, place)
-        if past.mark is None or past.stage == WAITS:
-            return Past(now, WAITS, fault, past.mark)
-        if not float(np.linalg.norm(place - past.mark)) <= (PUSHED_M if now.touching else self._fall_m()):
-            return Past(now, WAITS, fault, past.mark)
-        return Past(now, CARRIED if now.touching and past.stage == CARRIED else LET_GO, fault, past.mark)
+        fault = base.faulted(past.fault, {"the object jumped": base.jumped(past.before, now)})
+        held, touched = now.grasp(self.task.limbs), now.touched()
+        carried = held.alone | ((past.stage == CARRIED) & held.valid)
+        if not (carried | (past.stage != WAITS)).any():
+            return Past(now, past.stage, fault, past.mark)
+        near_release = lengths(now.place - past.mark) <= np.where(touched, PUSHED_M, self._fall_m)
+        kept = np.where(touched & (past.stage == CARRIED), CARRIED, LET_GO)
+        left = np.where((past.stage != WAITS) & near_release, kept, WAITS)
+        mark = np.where(carried[:, None], now.place, past.mark)
+        return Past(now, np.where(carried, CARRIED, left), fault, mark)
 
     @property
     def near_m(self) -> float:
@@ -117,30 +119,29 @@ class Primitive(base.Primitive[PlaceGoal]):
         """Another target pose."""
         return self.goal.moved(across_m, turn_rad)
 
-    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """The reason: the object was not carried, is not released, or is not at its target."""
-        if past.stage == WAITS:
-            return "the object was not picked up" if past.mark is None else "the object was dropped"
-        if past.stage == CARRIED or now.touching:
-            return "the object was not released"
-        return "the object is not inside" if self.goal.into else "the object is not at its target"
+        there = "the object is not inside" if self.goal.into else "the object is not at its target"
+        released = np.where((past.stage == CARRIED) | now.touched(), "the object was not released", there)
+        unheld = np.where(np.isnan(past.mark[:, 0]), "the object was not picked up", "the object was dropped")
+        return np.where(past.stage == WAITS, unheld, released)
 
-    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+    def value(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> np.ndarray:
         """Value of the stages: reach, hold, move to the target; an object released at its target has the full value."""
         grasp = now.grasp(self.task.limbs)
-        hold = 0.5 * min(grasp.fingers, 2) / 2 + 0.5 * float(grasp.opposing)
-        if self._there(start, now) and now.supported:
-            return REACH + HOLD + MOVE + DONE * float(success)
-        held = grasp.fingers >= 2 and grasp.opposing
-        moved = clamp(1.0 - self._left(start, now), 0.0, 0.9) if held else 0.0
-        return REACH * near(reach_m) + HOLD * hold + MOVE * moved
+        moved = np.zeros(len(reach_m))
+        if grasp.held.any():
+            moved = np.where(grasp.held, clamp(1.0 - self._left(start, now), 0.0, 0.9), 0.0)
+        going = REACH * near(reach_m) + HOLD * holding(grasp) + MOVE * moved
+        rests = self._there(start, now) & now.supported
+        return np.where(rests, REACH + HOLD + MOVE + DONE * success, going)
 
-    def fair(self, places: Mapping[str, np.ndarray]) -> bool:
+    def fair(self, places: Mapping[str, np.ndarray]) -> np.ndarray:
         """Whether the object is not at its target yet."""
         pose = places[self.task.object]
         if self.goal.into:
-            return not self._inside(pose, places[self.goal.into])
-        return not poses.reached(self.goal, pose)
+            return ~self._inside(pose, places[self.goal.into])
+        return ~poses.reached(self.goal, pose)
 
     def target(self) -> tuple[float, float, float] | None:
         """The target position, or the container."""
@@ -153,34 +154,51 @@ class Primitive(base.Primitive[PlaceGoal]):
         """The container."""
         return (self.goal.into,) if self.goal.into else ()
 
+    @cached_property
     def _fall_m(self) -> float:
         """Allowed distance after the release: into a container from its rim, for any depth [m]."""
         cavity = self.objects[self.goal.into].cavity if self.goal.into else None
         return DROP_M if cavity is None else max(DROP_M, float((cavity.rim_m - cavity.floor_m).max()) + OVER_M)
 
-    def _there(self, start: TaskState, now: TaskState) -> bool:
+    def _there(self, start: TaskState, now: TaskState) -> np.ndarray:
         if not self.goal.into:
             return poses.reached(self.goal, now.world_from_object)
         container = now.others[self.goal.into]
-        if not self._inside(now.world_from_object, container):
-            return False
-        return poses.turned(container, start.others[self.goal.into]) <= TIPPED_RAD
+        inside = self._inside(now.world_from_object, container)
+        if not inside.any():
+            return inside
+        return inside & (poses.turned(container, start.others[self.goal.into]) <= TIPPED_RAD)
 
-    def _left(self, start: TaskState, now: TaskState) -> float:
+    def _left(self, start: TaskState, now: TaskState) -> np.ndarray:
         if not self.goal.into:
             return poses.left(self.goal, start.world_from_object, now.world_from_object)
-        apart = [
-            float(np.linalg.norm(state.world_from_object[:3, 3] - state.others[self.goal.into][:3, 3]))
-            for state in (start, now)
-        ]
-        return min(2.0, apart[1] / max(apart[0], 1e-6))
+        before, after = (lengths(state.place - state.others[self.goal.into][:, :3, 3]) for state in (start, now))
+        return np.asarray(np.fmin(2.0, after / np.maximum(before, 1e-6)))
 
-    def _inside(self, pose: np.ndarray, container: np.ndarray) -> bool:
-        cavity = self.objects[self.goal.into].cavity
-        points = self.objects[self.task.object].points
-        container_from_object = transforms.invert(container) @ pose
+    def _inside(self, pose: np.ndarray, container: np.ndarray) -> np.ndarray:
+        """Whether the object with poses (N, 4, 4) is in the cavity of the container with others (N, 4, 4), (N,)."""
+        found = lengths(pose[:, :3, 3] - container[:, :3, 3]) <= self._near_m
+        for world in np.flatnonzero(found) if found.any() else ():
+            found[world] = self._contained(transforms.invert(container[world]) @ pose[world])
+        return found
+
+    @cached_property
+    def _near_m(self) -> float:
+        """Distance between both origins beyond which the first point of the object is not in the cavity [m]."""
+        cavity, first = self.objects[self.goal.into].cavity, self.objects[self.task.object].points[0]
+        if cavity is None:
+            return -1.0
+        corner, size = np.array(cavity.corner_m), cavity.cell_m * np.array(cavity.rim_m.shape)
+        across = np.maximum(np.abs(corner), np.abs(corner + size)) + 2 * cavity.cell_m
+        up = float(max(np.abs(cavity.rim_m).max(), np.abs(cavity.floor_m).max())) + SKIN_M
+        return float(np.linalg.norm([*across, up]) + np.linalg.norm(first))
+
+    def _contained(self, container_from_object: np.ndarray) -> bool:
+        """Whether the object with a pose (4, 4) in the container's frame is in the cavity."""
+        cavity, points = self.objects[self.goal.into].cavity, self.objects[self.task.object].points
+        assert cavity is not None
         # The object is usually elsewhere, and then one of its points suffices.
-        if cavity is None or not _beside(cavity, transforms.apply(container_from_object, points[0].astype(np.float64))):
+        if not _beside(cavity, transforms.apply(container_from_object, points[0].astype(np.float64))):
             return False
         return inside(cavity, transforms.apply(container_from_object, points.astype(np.float64)))
 

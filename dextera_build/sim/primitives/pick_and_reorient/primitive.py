@@ -9,7 +9,7 @@ from pydantic import model_validator
 
 from dextera_build.sim.primitives import base, poses
 from dextera_build.sim.primitives.base import Past, Setting
-from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, near
+from dextera_build.sim.primitives.stages import DONE, HOLD, MOVE, REACH, clamp, holding, near
 from dextera_build.sim.primitives.state import TaskState
 
 
@@ -39,15 +39,15 @@ class Primitive(base.Primitive[ReorientGoal]):
 
     goal_type = ReorientGoal
 
-    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """Whether the object is at its target, in the hands that the task names."""
-        held = not past.fault and now.grasp(self.task.limbs).alone
-        return held and poses.reached(self.goal, now.world_from_object)
+        held = now.grasp(self.task.limbs).alone
+        return np.asarray(held & poses.reached(self.goal, now.world_from_object))
 
     def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
         """Whether the object jumped."""
-        jumped = base.jumped(past.before, now)
-        return Past(now, past.stage, past.fault or ("the object jumped" if jumped else ""))
+        fault = base.faulted(past.fault, {"the object jumped": base.jumped(past.before, now)})
+        return Past(now, past.stage, fault, past.mark)
 
     def target(self) -> tuple[float, float, float] | None:
         """The target position, if there is one."""
@@ -62,23 +62,20 @@ class Primitive(base.Primitive[ReorientGoal]):
         """Another target pose."""
         return self.goal.moved(across_m, turn_rad)
 
-    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """The reason: the object is not at its target, or not held."""
-        if poses.reached(self.goal, now.world_from_object):
-            return "the object is not held"
-        return "the object is not at its target"
+        reached = poses.reached(self.goal, now.world_from_object)
+        return np.where(reached, "the object is not held", "the object is not at its target")
 
-    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+    def value(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> np.ndarray:
         """Value of the stages: reach, hold, move to the target in the hand."""
         grasp = now.grasp(self.task.limbs)
-        hold = 0.5 * min(grasp.fingers, 2) / 2 + 0.5 * float(grasp.opposing)
-        held = grasp.fingers >= 2 and grasp.opposing
-        moved = 0.0
-        if held:
+        moved = np.zeros(len(reach_m))
+        if grasp.held.any():
             left = poses.left(self.goal, start.world_from_object, now.world_from_object)
-            moved = clamp(1.0 - left, 0.0, 1.0)
-        return REACH * near(reach_m) + HOLD * hold + MOVE * moved + DONE * float(success)
+            moved = np.where(grasp.held, clamp(1.0 - left, 0.0, 1.0), 0.0)
+        return np.asarray(REACH * near(reach_m) + HOLD * holding(grasp) + MOVE * moved + DONE * success)
 
-    def fair(self, places: Mapping[str, np.ndarray]) -> bool:
+    def fair(self, places: Mapping[str, np.ndarray]) -> np.ndarray:
         """Whether the object is not at its target yet."""
-        return not poses.reached(self.goal, places[self.task.object])
+        return ~poses.reached(self.goal, places[self.task.object])

@@ -10,7 +10,7 @@ from pydantic import model_validator
 from dextera_build.artifacts.tasks.task import TaskObject, TaskSpec
 from dextera_build.geometry import lie, quaternions
 from dextera_build.sim.primitives import base, poses
-from dextera_build.sim.primitives.base import Past, Setting, TypedGoal
+from dextera_build.sim.primitives.base import Past, Setting, TypedGoal, lengths
 from dextera_build.sim.primitives.poses import Quaternion, Tolerance
 from dextera_build.sim.primitives.stages import DONE, MOVE, REACH, clamp, near
 from dextera_build.sim.primitives.state import TaskState
@@ -92,36 +92,35 @@ class Primitive(base.Primitive[PushGoal]):
         super().__init__(task, objects)
         self._turn = self.goal.turn
 
-    def holds(self, start: TaskState, now: TaskState, past: Past) -> bool:
+    def holds(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """Whether the object was pushed, stands, and is at its target."""
-        stands = abs(base.rise(start, now)) <= STANDS_M and now.supported
-        return past.stage == TOUCHED and not past.fault and bool(stands) and self._there(now.world_from_object)
+        stands = (np.abs(base.rise(start, now)) <= STANDS_M) & now.supported
+        return np.asarray((past.stage == TOUCHED) & stands & self.goal.tolerance.met(*self._errors(now)))
 
     def follow(self, past: Past, start: TaskState, now: TaskState) -> Past:
         """Whether a hand has touched it, and whether it was lifted or jumped."""
-        touching = now.touching
-        fault = past.fault
-        if base.jumped(past.before, now):
-            fault = fault or "the object jumped"
-        if not base.rise(start, now) <= LIFTED_M or (now.grasp().alone and past.before.grasp().alone):
-            fault = fault or "the object was lifted"
-        if self.task.limbs and not set(touching) <= set(self.task.limbs):
-            fault = fault or "another hand touched the object"
-        return Past(now, TOUCHED if touching else past.stage, fault)
+        touched = now.touched()
+        lifted = ~(base.rise(start, now) <= LIFTED_M) | (now.grasp().alone & past.before.grasp().alone)
+        found = {"the object jumped": base.jumped(past.before, now), "the object was lifted": lifted}
+        if self.task.limbs:
+            found["another hand touched the object"] = now.touched(but=self.task.limbs)
+        return Past(now, np.where(touched, TOUCHED, past.stage), base.faulted(past.fault, found), past.mark)
 
-    def missing(self, start: TaskState, now: TaskState, past: Past) -> str:
+    def missing(self, start: TaskState, now: TaskState, past: Past) -> np.ndarray:
         """The reason: the object was not touched, does not stand, or is not at its target."""
-        if past.stage == UNTOUCHED:
-            return "the object was not pushed"
-        return "the object does not stand" if self._there(now.world_from_object) else "the object is not at its target"
+        there = self.goal.tolerance.met(*self._errors(now))
+        reason = np.where(there, "the object does not stand", "the object is not at its target")
+        return np.where(past.stage == UNTOUCHED, "the object was not pushed", reason)
 
-    def value(self, reach_m: float, start: TaskState, now: TaskState, *, success: bool) -> float:
+    def value(self, reach_m: np.ndarray, start: TaskState, now: TaskState, success: np.ndarray) -> np.ndarray:
         """Value of the stages: reach, move the object to its target; a lifted object has made no progress."""
         stands = base.rise(start, now) <= LIFTED_M
-        left = self._left(now.world_from_object) / max(self._left(start.world_from_object), 1e-6) if stands else 1.0
+        before, after = (poses.way_m(*self._errors(state)) for state in (start, now))
+        left = after / np.maximum(before, 1e-6)
+        left = np.where(stands, left, 1.0)
         moved = 1.0 - clamp(left, 0.0, 2.0)
-        reach = 1.0 - (1.0 - near(reach_m)) * min(1.0, left)
-        return REACH * reach + MOVE * moved + DONE * float(success)
+        reach = 1.0 - (1.0 - near(reach_m)) * np.fmin(1.0, left)
+        return np.asarray(REACH * reach + MOVE * moved + DONE * success)
 
     @property
     def near_m(self) -> float:
@@ -134,22 +133,19 @@ class Primitive(base.Primitive[PushGoal]):
         yaw = None if self.goal.yaw_rad is None else self.goal.yaw_rad + turn_rad
         return self.goal.model_copy(update={"place_m": (x, y), "yaw_rad": yaw})
 
-    def fair(self, places: Mapping[str, np.ndarray]) -> bool:
+    def fair(self, places: Mapping[str, np.ndarray]) -> np.ndarray:
         """Whether the object does not stand at its target yet."""
-        return not self._there(places[self.task.object])
+        return ~self.goal.tolerance.met(*self._away(places[self.task.object]))
 
     def target(self) -> tuple[float, float, float]:
         """The position on the support."""
         return *self.goal.place_m, float(self.objects[self.task.object].pose.matrix[2, 3])
 
-    def _there(self, pose: np.ndarray) -> bool:
-        return self.goal.tolerance.met(*self._errors(pose))
+    def _errors(self, state: TaskState) -> tuple[np.ndarray, np.ndarray]:
+        return state.once("errors", self.goal, lambda each: self._away(each.world_from_object))
 
-    def _left(self, pose: np.ndarray) -> float:
-        return poses.way_m(*self._errors(pose))
-
-    def _errors(self, pose: np.ndarray) -> tuple[float, float]:
-        """Distance on the support [m] and rotation [rad] from the target; NaN if the pose is NaN."""
+    def _away(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distances on the support [m] and rotations [rad] (N,) of poses from the target; NaN if a pose is NaN."""
         symmetry = self.goal.tolerance.symmetry if self.goal.yaw_rad is not None else 0
-        position = float(np.linalg.norm(pose[:2, 3] - self.goal.place_m))
-        return position, base.apart(pose[:3, :3], self._turn, symmetry)
+        position = lengths(pose[:, :2, 3] - self.goal.place_m)
+        return position, base.apart(pose[:, :3, :3], self._turn, symmetry)
