@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build.cli.main import main
+from tests.forks import forked_workers
 from tests.interrupts import hear_interrupts
 
 
@@ -107,7 +108,7 @@ class Space:
             os.environ.clear()
             os.environ.update(environment)
             sys.path.insert(0, str(self.root))  # as `python -m` does
-            with redirect_stdout(out), redirect_stderr(err):
+            with redirect_stdout(out), redirect_stderr(err), forked_workers():
                 try:
                     code = main(words)
                 except SystemExit as leave:
