@@ -26,6 +26,8 @@ from types import SimpleNamespace
 from typing import Any
 
 _WORKER = "dextera_build.workers.worker"
+_RUNNER = "dextera_build.running.worker_entry:run_task"
+"""The runner of builds."""
 _SUBREAPER = 36
 _LARGEST = 1 << 17
 """Bound of the size of a request [bytes]."""
@@ -37,16 +39,15 @@ class Nursery:
     """A process that forks workers.
 
     Args:
-        runner: `module:function` of its workers, which is loaded beforehand.
         environment: Variables that Python reads when it starts.
     """
 
-    def __init__(self, runner: str, environment: Mapping[str, str]) -> None:
+    def __init__(self, environment: Mapping[str, str]) -> None:
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         basic = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, "-P", __file__, runner, str(theirs.fileno())],
+                [sys.executable, "-P", __file__, str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
                 env={**basic, **environment},
                 stdin=subprocess.DEVNULL,
@@ -80,22 +81,24 @@ class Nursery:
 _nurseries: dict[str, Nursery] = {}
 
 
-def _nursery(runner: str, environment: Mapping[str, str]) -> Nursery:
+def _nursery(environment: Mapping[str, str]) -> Nursery:
     at_start = {name: value for name, value in environment.items() if name.startswith(_AT_START)}
-    key = json.dumps([os.getpid(), runner, at_start], sort_keys=True)
+    key = json.dumps([os.getpid(), at_start], sort_keys=True)
     if key not in _nurseries:
-        _nurseries[key] = Nursery(runner, at_start)
+        _nurseries[key] = Nursery(at_start)
         atexit.register(_nurseries[key].close)
     return _nurseries[key]
 
 
 def _started(words: list[str], **asked: Any) -> Any:
-    """A worker, in the place of `subprocess.Popen` in the pool."""
-    runner, number, parent = words[-3:]
-    assert words[1:4] == ["-P", "-m", _WORKER]
+    """A worker, in the place of `subprocess.Popen` in the pool; one of a test's own pool is started as ever."""
+    *begins, runner, number, parent = words
+    if runner != _RUNNER:
+        return subprocess.Popen(words, **asked)
+    assert begins == [sys.executable, "-P", "-m", _WORKER]
     assert asked["stdout"] is asked["stderr"]
     assert asked["pass_fds"] == [int(number)]
-    pid = _nursery(runner, asked["env"]).fork(
+    pid = _nursery(asked["env"]).fork(
         [runner, number, parent],
         [asked["stdout"].fileno(), int(number)],
         environment=asked["env"],
@@ -117,9 +120,9 @@ def forked_workers() -> Iterator[None]:
         vars(pool)["subprocess"] = known
 
 
-def _serve(runner: str, channel: socket.socket) -> None:
+def _serve(channel: socket.socket) -> None:
     """Fork a worker for each request until the other end closes."""
-    module = runner.partition(":")[0]
+    module = _RUNNER.partition(":")[0]
     for name in (module, _WORKER, "dextera_build.workers.leftovers"):
         importlib.import_module(name)
     del sys.modules[module]  # what it does once for its process is done anew in every worker
@@ -161,4 +164,4 @@ def _become(told: dict[str, Any], log: int, pool: int) -> None:
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _serve(sys.argv[1], socket.socket(fileno=int(sys.argv[2])))
+    _serve(socket.socket(fileno=int(sys.argv[1])))

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dextera_build.cli.main import main
-from tests.forks import forked_workers
 from tests.interrupts import hear_interrupts
 
 
@@ -25,9 +24,13 @@ def of_python() -> dict[str, str]:
 STARTED_WITH = of_python()
 
 
+READ_ONCE = ("PYTHON", "LC_", "LANG", "TZ", "TMPDIR", "OMP_", "MKL_", "DXB_FAILPOINT")
+"""Beginnings of the names of variables that a process reads once."""
+
+
 def is_read_by_commands(variable: str) -> bool:
     """Whether every command reads a variable anew, and not the process once."""
-    return variable.startswith("DXB_") and variable != "DXB_FAILPOINT"
+    return not variable.startswith(READ_ONCE)
 
 
 @dataclass(frozen=True)
@@ -108,7 +111,7 @@ class Space:
             os.environ.clear()
             os.environ.update(environment)
             sys.path.insert(0, str(self.root))  # as `python -m` does
-            with redirect_stdout(out), redirect_stderr(err), forked_workers():
+            with redirect_stdout(out), redirect_stderr(err):
                 try:
                     code = main(words)
                 except SystemExit as leave:
