@@ -14,7 +14,6 @@ import gc
 import importlib
 import json
 import os
-import random
 import signal
 import socket
 import subprocess
@@ -31,7 +30,7 @@ _RUNNER = "dextera_build.running.worker_entry:run_task"
 _SUBREAPER = 36
 _LARGEST = 1 << 17
 """Bound of the size of a request [bytes]."""
-_AT_START = ("PYTHON", "LC_", "LANG", "TZ", "LD_", "MALLOC_")
+_AT_START = ("PYTHON", "LC_", "LANG", "TZ", "LD_", "MALLOC_", "OMP_", "OPENBLAS_", "MKL_")
 """Variables with such names are read before a worker could be told otherwise."""
 
 
@@ -39,15 +38,16 @@ class Nursery:
     """A process that forks workers.
 
     Args:
-        environment: Variables that Python reads when it starts.
+        environment: Variables that Python and libraries read when they start.
+        modules: What it loads beside the runner.
     """
 
-    def __init__(self, environment: Mapping[str, str]) -> None:
+    def __init__(self, environment: Mapping[str, str], modules: Sequence[str]) -> None:
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         basic = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, "-P", __file__, str(theirs.fileno())],
+                [sys.executable, "-P", __file__, str(theirs.fileno()), *modules],
                 pass_fds=[theirs.fileno()],
                 env={**basic, **environment},
                 stdin=subprocess.DEVNULL,
@@ -79,13 +79,15 @@ class Nursery:
 
 
 _nurseries: dict[str, Nursery] = {}
+_loaded: list[str] = []
+"""Modules of `workers_with`."""
 
 
 def _nursery(environment: Mapping[str, str]) -> Nursery:
     at_start = {name: value for name, value in environment.items() if name.startswith(_AT_START)}
-    key = json.dumps([os.getpid(), at_start], sort_keys=True)
+    key = json.dumps([os.getpid(), at_start, _loaded], sort_keys=True)
     if key not in _nurseries:
-        _nurseries[key] = Nursery(at_start)
+        _nurseries[key] = Nursery(at_start, _loaded)
         atexit.register(_nurseries[key].close)
     return _nurseries[key]
 
@@ -120,10 +122,21 @@ def forked_workers() -> Iterator[None]:
         vars(pool)["subprocess"] = known
 
 
-def _serve(channel: socket.socket) -> None:
+@contextmanager
+def workers_with(*modules: str) -> Iterator[None]:
+    """Forked workers of the block have loaded these modules, which their rules import."""
+    known = list(_loaded)
+    _loaded[:] = modules
+    try:
+        yield
+    finally:
+        _loaded[:] = known
+
+
+def _serve(channel: socket.socket, modules: Sequence[str]) -> None:
     """Fork a worker for each request until the other end closes."""
     module = _RUNNER.partition(":")[0]
-    for name in (module, _WORKER, "dextera_build.workers.leftovers"):
+    for name in (module, _WORKER, "dextera_build.workers.leftovers", *modules):
         importlib.import_module(name)
     del sys.modules[module]  # what it does once for its process is done anew in every worker
     gc.freeze()
@@ -156,7 +169,9 @@ def _become(told: dict[str, Any], log: int, pool: int) -> None:
     os.close(log)
     os.environ.clear()
     os.environ.update(told["environment"])
-    random.seed()
+    for name in ("random", "numpy.random"):
+        if name in sys.modules:
+            sys.modules[name].seed()
     sys.modules["__main__"] = sys.modules[_WORKER]  # as for `python -m`
     runner, _, parent = told["words"]
     sys.modules[_WORKER].main([runner, str(pool), parent])
@@ -164,4 +179,4 @@ def _become(told: dict[str, Any], log: int, pool: int) -> None:
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _serve(socket.socket(fileno=int(sys.argv[1])))
+    _serve(socket.socket(fileno=int(sys.argv[1])), sys.argv[2:])

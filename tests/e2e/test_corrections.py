@@ -13,6 +13,8 @@ from PIL import Image
 from tests import factories, tabletops
 from tests.e2e.space import Space
 
+pytestmark = pytest.mark.usefixtures("twin_workers")
+
 TARGET = "twin/tabletop:body.physics"
 CAPTURE = ("--input", "capture=shot")
 RED = tabletops.box(0.10, 0.08, 0.10, (0.8, 0.2, 0.2))
