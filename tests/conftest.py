@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import gc
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from dextera_build.store.store import Store
+from tests.forks import forked_workers, workers_with
 
 # MuJoCo reads it once, when it is imported; a test may do that before `dextera_build.sim` does.
 os.environ.setdefault("MUJOCO_GL", "egl")
@@ -42,3 +44,26 @@ def pytest_configure(config: pytest.Config) -> None:
 def store(tmp_path: Path) -> Store:
     """A store of a test's own."""
     return Store(tmp_path / "store")
+
+
+@pytest.fixture(autouse=True, scope="session")
+def workers() -> Iterator[None]:
+    """Builds in the process of the tests have forks as workers."""
+    with forked_workers():
+        yield
+
+
+@pytest.fixture(scope="module")
+def array_workers() -> Iterator[None]:
+    """Forked workers have loaded what rules need that make pictures."""
+    with workers_with("numpy", "PIL.Image", "dextera_build.artifacts.view", "dextera_build.artifacts.task"):
+        yield
+
+
+@pytest.fixture(scope="module")
+def twin_workers() -> Iterator[None]:
+    """Forked workers have loaded what the rules of twins need."""
+    with workers_with(
+        "numpy", "PIL.Image", "scipy.ndimage", "scipy.spatial", "trimesh", "dextera_build.artifacts.task"
+    ):
+        yield

@@ -14,6 +14,8 @@ from dextera_build.recipe.bindings import Binding
 from dextera_build.session import warnings
 from tests.e2e.space import Space
 
+pytestmark = pytest.mark.usefixtures("array_workers")
+
 NAMED = "twin/desk:named"
 RULES = {
     "photo": '''

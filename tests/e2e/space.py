@@ -24,9 +24,13 @@ def of_python() -> dict[str, str]:
 STARTED_WITH = of_python()
 
 
+READ_ONCE = ("PYTHON", "LC_", "LANG", "TZ", "TMPDIR", "OMP_", "MKL_", "DXB_FAILPOINT")
+"""Beginnings of the names of variables that a process reads once."""
+
+
 def is_read_by_commands(variable: str) -> bool:
     """Whether every command reads a variable anew, and not the process once."""
-    return variable.startswith("DXB_") and variable != "DXB_FAILPOINT"
+    return not variable.startswith(READ_ONCE)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ from PIL import Image
 
 from tests.e2e.space import Space
 
+pytestmark = pytest.mark.usefixtures("twin_workers")
+
 WIDTH, HEIGHT = 160, 120
 INTRINSICS = {
     "width": WIDTH,

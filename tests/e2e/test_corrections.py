@@ -13,6 +13,8 @@ from PIL import Image
 from tests import factories, tabletops
 from tests.e2e.space import Space
 
+pytestmark = pytest.mark.usefixtures("twin_workers")
+
 TARGET = "twin/tabletop:body.physics"
 CAPTURE = ("--input", "capture=shot")
 RED = tabletops.box(0.10, 0.08, 0.10, (0.8, 0.2, 0.2))
@@ -32,14 +34,29 @@ def write_capture(folder: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory) -> Space:
+def seen(tmp_path_factory) -> Space:
+    """A project in which objects were found, and nothing was built of them."""
     space = Space(tmp_path_factory.mktemp("corrections"))
     space.write("dxb.toml", 'cache = "cache"\n')
     write_capture(space.root / "shot")
-    answer = space.build(TARGET, *CAPTURE)
+    answer = space.build("twin/tabletop:parse", *CAPTURE)
+    assert answer.code == 0, answer.err
+    return space
+
+
+@pytest.fixture
+def unbuilt(seen: Space, tmp_path: Path) -> Space:
+    """A project of its own with the objects that were found."""
+    shutil.copytree(seen.root, tmp_path / "project", symlinks=True)
+    return Space(tmp_path / "project")
+
+
+@pytest.fixture(scope="module")
+def built(seen: Space) -> Space:
+    answer = seen.build(TARGET, *CAPTURE)
     assert answer.code == 0, answer.err
     assert {"body[red_box].physics", "body[blue_box].physics"} <= answer.nodes("ran")
-    return space
+    return seen
 
 
 @pytest.fixture
@@ -53,6 +70,7 @@ def of_bodies(nodes: set[str]) -> set[str]:
     return {node for node in nodes if node.startswith("body")}
 
 
+@pytest.mark.slow
 def test_the_proposed_scene_builds_what_was_built_without_it(space):
     answer = space.dxb("new", "scene", "twin/tabletop", *CAPTURE)
     assert (answer.code, answer.out) == (0, "scene.yaml\n"), answer.err
@@ -62,9 +80,9 @@ def test_the_proposed_scene_builds_what_was_built_without_it(space):
     assert again.nodes("ran") == {"parse", "objects"}, again.err
 
 
-def test_an_error_in_the_file_names_its_real_path(space):
-    space.write("lists/things.yaml", "elements:\n- {name: Red Box}\n")
-    answer = space.build(TARGET, *CAPTURE, "--input", "description=lists/things.yaml")
+def test_an_error_in_the_file_names_its_real_path(unbuilt):
+    unbuilt.write("lists/things.yaml", "elements:\n- {name: Red Box}\n")
+    answer = unbuilt.build(TARGET, *CAPTURE, "--input", "description=lists/things.yaml")
     assert answer.code == 1
     assert "`Red Box` is not a name" in answer.err
     assert '["lists/things.yaml", 2, 10]' in answer.err
@@ -84,13 +102,13 @@ def test_an_edited_scene_rebuilds_what_was_edited(space):
     assert of_bodies(answer.nodes("cached")) >= {"body[tea].mesh", "body[blue_box].mesh", "body[blue_box].physics"}
 
 
-def test_a_file_that_is_there_is_never_written_over(space):
-    space.write("scene.yaml", "elements: [{name: mine}]\n")
-    answer = space.dxb("new", "scene", "twin/tabletop", *CAPTURE)
+def test_a_file_that_is_there_is_never_written_over(unbuilt):
+    unbuilt.write("scene.yaml", "elements: [{name: mine}]\n")
+    answer = unbuilt.dxb("new", "scene", "twin/tabletop", *CAPTURE)
     assert answer.code == 2
     assert "error[DXB-U191]: `scene.yaml` exists already, and nothing of it was changed" in answer.err
-    assert (space.root / "scene.yaml").read_text() == "elements: [{name: mine}]\n"
-    assert space.dxb("new", "scene", "twin/tabletop", *CAPTURE, "-o", "other.yaml").out == "other.yaml\n"
+    assert (unbuilt.root / "scene.yaml").read_text() == "elements: [{name: mine}]\n"
+    assert unbuilt.dxb("new", "scene", "twin/tabletop", *CAPTURE, "-o", "other.yaml").out == "other.yaml\n"
 
 
 @pytest.mark.slow
@@ -136,7 +154,7 @@ def test_a_mask_of_no_object_is_refused_with_the_objects(space):
         (("recipe", "toy/scene", "red_box"), "a recipe takes its name and nothing else"),
     ],
 )
-def test_what_new_does_not_take_is_said(space, words, message):
-    answer = space.dxb("new", *words)
+def test_what_new_does_not_take_is_said(unbuilt, words, message):
+    answer = unbuilt.dxb("new", *words)
     assert answer.code == 2
     assert message in answer.err

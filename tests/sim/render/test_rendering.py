@@ -89,6 +89,21 @@ def test_the_same_scene_gives_the_same_bytes(pose: np.ndarray) -> None:
     assert first.std() > 1.0
 
 
+def test_eyes_with_and_without_shadows_share_a_model(pose: np.ndarray) -> None:
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_light(pos=[0.0, 0.0, 1.0], dir=[0.0, 0.0, -1.0])
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[1.0, 1.0, 0.1])
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.05, 0, 0], pos=[0.0, 0.0, 0.2])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    plain, shaded, again = (
+        rendering.render_rgb(model, data, CAMERA, pose, shadows=shadows).astype(int) for shadows in (False, True, False)
+    )
+    assert np.array_equal(plain, again)
+    assert (plain - shaded).max() > 20
+
+
 def test_one_sample_per_pixel_keeps_colours_apart_and_four_blend_them(pose: np.ndarray) -> None:
     model, data = probes(POINTS, pose)
     behind = rendering.render_segmentation(model, data, CAMERA, pose) < 0
