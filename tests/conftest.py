@@ -56,7 +56,9 @@ def workers() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def array_workers() -> Iterator[None]:
     """Forked workers have loaded what rules need that make pictures."""
-    with workers_with("numpy", "PIL.Image", "dextera_build.artifacts.view", "dextera_build.artifacts.task"):
+    with workers_with(
+        "numpy", "PIL.Image", "dextera_build.artifacts.objects.view", "dextera_build.artifacts.tasks.task"
+    ):
         yield
 
 
@@ -64,6 +66,6 @@ def array_workers() -> Iterator[None]:
 def twin_workers() -> Iterator[None]:
     """Forked workers have loaded what the rules of twins need."""
     with workers_with(
-        "numpy", "PIL.Image", "scipy.ndimage", "scipy.spatial", "trimesh", "dextera_build.artifacts.task"
+        "numpy", "PIL.Image", "scipy.ndimage", "scipy.spatial", "trimesh", "dextera_build.artifacts.tasks.task"
     ):
         yield

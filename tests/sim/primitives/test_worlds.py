@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.task import TaskSpec
+from dextera_build.artifacts.tasks.task import TaskSpec
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.primitives.state import TaskState, stacked
 from dextera_build.sim.primitives.success import Judge
