@@ -11,7 +11,7 @@ from dextera_build.code.companions import of_paths
 from dextera_build.recipe.backends import Choice
 from dextera_build.recipe.calls import facts_of
 from dextera_build.workers.admission import Admission, lacks
-from dextera_build.workers.protocol import Ended, Task
+from dextera_build.workers.protocol import Ended
 
 if TYPE_CHECKING:
     from dextera_build.project.project import Project
@@ -35,22 +35,14 @@ def again(project: Project, document: Mapping[str, Any]) -> Mapping[str, Any]:
         admission = Admission[str](workers.capacity)
         admission.wait(rule.path, rule.needs)
         admission.next()
-        task = Task(
+        task = rule.task(
+            document["options"],
+            dict(document["inputs"]),
             ticket=0,
-            rule=rule.path,
-            backend=rule.backend,
-            options=document["options"],
-            inputs=dict(document["inputs"]),
             store=str(project.cache),
             project=str(project.root),
             profile=project.profile,
-            needs=rule.needs,
             devices=admission.devices(rule.path),
-            sources=rule.sources,
-            packages=rule.packages,
-            weights=rule.weights,
-            program=rule.program,
-            companions=rule.companions,
         )
         workers.submit(task)
         while True:

@@ -9,7 +9,7 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -53,8 +53,13 @@ def normal(distribution: str) -> str:
 
 def providers(modules: Iterable[str]) -> dict[str, frozenset[str]]:
     """Top-level module -> the installed distributions that have it; several may share one."""
-    found = _providers(tuple((folder, _changed_ns(folder)) for folder in sys.path))
+    found = _installed()
     return {module: frozenset(found.get(module, ())) for module in modules}
+
+
+def _installed() -> dict[str, set[str]]:
+    """Top-level module -> the installed distributions that have it."""
+    return _providers(tuple((folder, _changed_ns(folder)) for folder in sys.path))
 
 
 @lru_cache(maxsize=2)
@@ -117,16 +122,7 @@ def note_packages(watch: Watch, *, doubts: bool = False) -> None:
             watch.file(path)
 
 
-@cache
 def modules_of(package: str) -> frozenset[str]:
     """Top-level modules of an installed distribution."""
-    import importlib.metadata
-
-    try:
-        found = importlib.metadata.distribution(package)
-    except importlib.metadata.PackageNotFoundError:
-        return frozenset()
-    if listed := (found.read_text("top_level.txt") or "").split():
-        return frozenset(listed)
-    names = (inspect.getmodulename(file.parts[0]) or file.parts[0] for file in found.files or ())
-    return frozenset(filter(str.isidentifier, names))
+    wanted = normal(package)
+    return frozenset(module for module, names in _installed().items() if wanted in names and module.isidentifier())

@@ -146,24 +146,15 @@ class Dispatch:
             # Another process ran it with other files; the key of our files has a lock of its own.
 
     def _task(self, node: Node, devices: tuple[str, ...]) -> Task:
-        rule = node.rule
-        return Task(
+        return node.rule.task(
+            node.call.options,
+            node.inputs,
             ticket=node.ticket,
-            rule=rule.path,
-            backend=rule.backend,
-            options=node.call.options,
-            inputs=node.inputs,
             store=self._store_name,
             project=self.policy.project,
             profile=self.policy.profile,
-            needs=rule.needs,
             devices=devices,
             key=node.key or "",
-            sources=rule.sources,
-            packages=rule.packages,
-            weights=rule.weights,
-            program=rule.program,
-            companions=rule.companions,
         )
 
     def _take(self, report: Report) -> End | None:

@@ -7,10 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from dextera_build.errors import Place, UsageError, did_you_mean, listing
 from dextera_build.workers.capacity import Needs
+from dextera_build.workers.protocol import Task
 from dextera_build.workers.retries import Retries
 
 
@@ -123,6 +124,22 @@ class RuleFacts:
     """Requirements of the backend that this machine lacks."""
     hint: str | None = None
     """The next step if something is missing."""
+
+    def task(self, options: Mapping[str, object], inputs: Mapping[str, str], **of_run: Any) -> Task:
+        """A run of it with these inputs, slot -> digest; `of_run` are the other fields of the task."""
+        return Task(
+            rule=self.path,
+            backend=self.backend,
+            options=options,
+            inputs=inputs,
+            needs=self.needs,
+            sources=self.sources,
+            packages=self.packages,
+            weights=self.weights,
+            program=self.program,
+            companions=self.companions,
+            **of_run,
+        )
 
     @cached_property
     def needs(self) -> Needs:

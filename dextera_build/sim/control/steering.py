@@ -125,7 +125,9 @@ class _Palm:
         self._model = robots.load(robot.model).compile()
         self._data = mujoco.MjData(self._model)
         own = robot.limbs[limb]
-        self._address = np.array([self._model.joint(name).qposadr[0] for name in names])
+        self._robot, self._names = robot, names
+        moved = robot.followed(dict.fromkeys(names, 0.0))
+        self._address = np.array([self._model.joint(name).qposadr[0] for name in moved])
         self._sites = [self._model.site(robot.frames[role]).id for role in (own.palm, *(own.tips or (own.palm,)))]
         self._origin = self._points(home)
 
@@ -143,7 +145,8 @@ class _Palm:
         return np.asarray((self._points(joints) - self._origin) / PLACE_M, np.float32)
 
     def _points(self, joints: np.ndarray) -> np.ndarray:
-        self._data.qpos[self._address] = joints
+        followed = self._robot.followed(dict(zip(self._names, joints.tolist(), strict=True)))
+        self._data.qpos[self._address] = list(followed.values())
         mujoco.mj_kinematics(self._model, self._data)
         palm, tips = self._data.site_xpos[self._sites[0]], self._data.site_xpos[self._sites[1:]]
         return np.concatenate([palm, tips.mean(axis=0)])

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.robots.robot import Follower, RobotModel
 from dextera_build.artifacts.tasks.policy import Channel, PolicyContract
-from dextera_build.sim.control.steering import Steering
+from dextera_build.sim.control.steering import Steering, _Palm
 from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles
 
@@ -53,6 +54,20 @@ def test_the_palm_goes_where_it_is_steered_along_the_axes_of_the_base():
     moved = environment.palm_poses()[0] - before
     assert moved[:3] == pytest.approx([0.05, -0.025, 0.05], abs=0.006)
     assert np.allclose(moved[3:], 0, atol=1e-3)
+
+
+def test_fingertips_are_where_coupled_joints_carry_them():
+    """One finger follows the other, as in hands with fewer motors than joints."""
+    plain = task_bundles.robot()
+    names = tuple(joint.name for joint in plain.joints)
+    follower = Follower(name="right", group="hand", leader="left", ratio=-1.0)
+    fields = {name: getattr(plain, name) for name in ("model", "links", "frames", "source")}
+    coupled = RobotModel(joints=plain.joints[:4], followers=(follower,), **fields)
+    joints = HOME + np.array([0.0, 0.0, 0.0, 0.01, -0.01])
+    palms = [_Palm(plain, "arm", names, HOME, np.zeros(0)), _Palm(coupled, "arm", names[:4], HOME[:4], np.zeros(0))]
+    both, led = palms[0].places(joints) - palms[0].places(HOME), palms[1].places(joints[:4]) - palms[1].places(HOME[:4])
+    assert np.abs(both[3:]).max() > 0.01
+    assert led == pytest.approx(both, abs=1e-6)
 
 
 def test_a_step_beyond_the_range_of_a_joint_ends_at_its_limit():
