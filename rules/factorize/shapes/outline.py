@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.geometry import raycast
-from dextera_build.geometry.raycast import Surface
+from dextera_build.geometry.raycast import RayScene, Surface
 
 _SIDE = 64
 """Number of cells per side of the grid on which outlines are compared."""
@@ -42,13 +42,12 @@ def explain(vertices: np.ndarray, faces: np.ndarray, mask: np.ndarray, occluder:
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     radius = float(np.linalg.norm(vertices - centre, axis=1).max())
     surface = Surface((vertices - centre) / radius, faces)
-    eyes = _eyes()
-    rays = np.stack([_rays(eye) for eye in eyes])
-    hits = raycast.cast([surface], rays).index >= 0
+    scene, eyes = raycast.ray_scene([surface]), _eyes()
+    hits = [scene.occluded(_rays(eye), np.inf) for eye in eyes]
     seen, hidden = _fitted(mask, mask), _fitted(occluder & ~mask, mask)
     ious = [_iou(_fitted(hit, hit), seen, hidden) if hit.any() else 0.0 for hit in hits]
     best = int(np.argmax(ious))
-    return Explained(ious[best], _unseen(surface, eyes[best]), centre + radius * eyes[best])
+    return Explained(ious[best], _unseen(surface, scene, eyes[best]), centre + radius * eyes[best])
 
 
 def _eyes() -> np.ndarray:
@@ -88,7 +87,7 @@ def _iou(made: np.ndarray, seen: np.ndarray, hidden: np.ndarray) -> float:
     return float(both.sum() / max(int(either.sum()), 1))
 
 
-def _unseen(surface: Surface, eye: np.ndarray) -> float:
+def _unseen(surface: Surface, scene: RayScene, eye: np.ndarray) -> float:
     """Fraction of the area that is turned away from the camera or hidden by the mesh itself."""
     corners = surface.vertices[surface.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -100,5 +99,4 @@ def _unseen(surface: Surface, eye: np.ndarray) -> float:
     towards = eye - points
     faces_it = (normals[face] * towards).sum(axis=1) > 0
     rays = np.concatenate([points + 1e-3 * towards, towards], axis=1)
-    free = raycast.cast([surface], rays).index < 0
-    return float(1.0 - (faces_it & free).mean())
+    return float(1.0 - (faces_it & ~scene.occluded(rays, np.inf)).mean())
