@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Order:
-    """The targets and flags of one build; see `engine.policy.Policy`."""
+    """The targets and flags of one build; see `engine.policy.RunPolicy`."""
 
     targets: Sequence[str] = ("",)
     """Names of targets or addresses of nodes; "" means the default targets."""
@@ -136,7 +136,7 @@ class _Build:
 
     def run(self) -> Built:
         """Run stale nodes, with the configured remotes and an event log."""
-        from dextera_build.engine.policy import Policy
+        from dextera_build.engine.policy import RunPolicy
         from dextera_build.engine.run import build
         from dextera_build.runs.events import fan_out
         from dextera_build.runs.log import EventLog
@@ -144,7 +144,7 @@ class _Build:
         session, order, project = self.session, self.order, self.session.project
         brings = order.bring_from is not None
         with EventLog(session.store) as log:
-            policy = Policy(
+            policy = RunPolicy(
                 keep_going=order.keep_going,
                 force=order.forced,
                 # When only downloading, no node may run.

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from dextera_build.engine.discovered import Reading
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.publish import log_of, publish
 from dextera_build.engine.remote_results import Sharing
 from dextera_build.engine.states import State
@@ -38,7 +38,7 @@ class Dispatch:
     executor: Executor | None
     states: States
     sharing: Sharing
-    policy: Policy
+    policy: RunPolicy
     reading: Reading
     listen: Listener
     pause: Callable[[], None]

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Literal
 
 from dextera_build.engine.graph import Address, Call, Graph, RuleFacts, parse_address
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Node, Path
@@ -52,7 +52,7 @@ def survey(
         UsageError: A target or a setting names a copy that its group does not have.
         RecipeError: A file or folder is missing or cannot be read.
     """
-    scheduler = Scheduler(graph, store, None, Policy(keep_going=True, dry=True, whole=whole))
+    scheduler = Scheduler(graph, store, None, RunPolicy(keep_going=True, dry=True, whole=whole))
     calls = scheduler.wiring.look(targets)
     scheduler.run(targets)
     for unit, error in zip(scheduler.failed, scheduler.errors, strict=True):

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Policy:
+class RunPolicy:
     """How a run behaves, and how it is described in its log."""
 
     keep_going: bool = False

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from dextera_build.engine import missing
 from dextera_build.engine.graph import Address, Graph
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.records import record_of
 from dextera_build.engine.remote_results import Remotes
 from dextera_build.engine.schedule import Scheduler
@@ -22,7 +22,7 @@ from dextera_build.runs.history import History
 from dextera_build.store.store import Store
 from dextera_build.workers.protocol import Executor
 
-_DEFAULT = Policy()
+_DEFAULT = RunPolicy()
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def build(
     store: Store,
     executor: Executor,
     listen: Listener,
-    policy: Policy = _DEFAULT,
+    policy: RunPolicy = _DEFAULT,
     exchange: Remotes = None,
     pause: Callable[[], None] = lambda: None,
 ) -> RunResult:

@@ -29,7 +29,7 @@ from dextera_build.engine.dispatch import Dispatch
 from dextera_build.engine.expand import Wiring
 from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.key import Writer
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.records import record_of, record_of_group
 from dextera_build.engine.remote_results import Remotes, Sharing
 from dextera_build.engine.states import LOST, State
@@ -65,7 +65,7 @@ class Scheduler:
         graph: Graph,
         store: Store,
         executor: Executor | None,
-        policy: Policy,
+        policy: RunPolicy,
         *,
         listen: Listener = lambda event: None,
         history: History | None = None,

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from dextera_build.artifacts.core.meanings import bounds, meanings
+from dextera_build.artifacts.core.field_docs import bounds, field_docs
 from dextera_build.code.loader import BackendFile, Library, RuleFile
 from dextera_build.recipe.folders import every, kind_of
 from dextera_build.recipe.kinds import type_name
@@ -80,7 +80,7 @@ def _needs(backend: BackendFile) -> str:
 
 def options(kind: type[BaseModel], prefix: str = "") -> Iterator[Option]:
     """The fields of an options class; those of nested groups follow the group as `group.field`."""
-    said = meanings(kind)
+    said = field_docs(kind)
     for name, field in kind.model_fields.items():
         form = type_name(field.annotation)
         yield Option(prefix + name, form, _bounds(name, field), _default(field), said.get(name, ""))

@@ -16,7 +16,7 @@ from dextera_build.geometry import least_squares, lie, transforms
 
 
 @dataclass(frozen=True)
-class Similarity:
+class ScaledPose:
     """x_world = pose @ (scale * x_model)."""
 
     scale: float  # model units to metres
@@ -30,14 +30,14 @@ class Similarity:
         """Model positions of (N, 3) world points."""
         return transforms.apply(transforms.invert(self.pose), points) / self.scale
 
-    def moved(self, twist: np.ndarray, pivot: np.ndarray | None = None) -> Similarity:
+    def moved(self, twist: np.ndarray, pivot: np.ndarray | None = None) -> ScaledPose:
         """The similarity after a twist (7,) that turns and scales about `pivot` (3,), by default its own origin."""
-        return Similarity(
+        return ScaledPose(
             *lie.retract_similarity(self.scale, self.pose, twist, self.pose[:3, 3] if pivot is None else pivot)
         )
 
 
-Visible = Callable[[Similarity], tuple[np.ndarray, np.ndarray]]
+Visible = Callable[[ScaledPose], tuple[np.ndarray, np.ndarray]]
 """Model-frame points (N, 3) and outward normals (N, 3) of the placed model that are visible to the camera."""
 
 STILL = 1e-6
@@ -60,7 +60,7 @@ class Search:
     samples: float = 50.0  # effective number of independent measurements of all pairs
 
 
-def icp(start: Similarity, visible: Visible, seen: np.ndarray, search: Search) -> Similarity:
+def icp(start: ScaledPose, visible: Visible, seen: np.ndarray, search: Search) -> ScaledPose:
     """Bidirectional trimmed point-to-plane ICP over similarities.
 
     Args:
@@ -76,7 +76,7 @@ def icp(start: Similarity, visible: Visible, seen: np.ndarray, search: Search) -
 
     tree = KDTree(seen)
 
-    def step(now: Similarity, _: int) -> tuple[np.ndarray, Similarity] | None:
+    def step(now: ScaledPose, _: int) -> tuple[np.ndarray, ScaledPose] | None:
         points, normals = visible(now)
         if len(points) < 10:
             return None

@@ -33,7 +33,7 @@ class Start:
     memory_gb: float = 0.0
 
 
-class Environment(Protocol):
+class ProgramEnvironment(Protocol):
     """One place for programs."""
 
     locked: bool
@@ -215,7 +215,7 @@ class Container:
         return root.name.replace("_", "-")
 
 
-def named(text: str, base: Path) -> Environment:
+def named(text: str, base: Path) -> ProgramEnvironment:
     """The environment that a backend names: ``, `venv:FOLDER`, `conda:NAME`, `docker:IMAGE` or `podman:IMAGE`.
 
     Args:

@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 
 from dextera_build import digest
 from dextera_build.errors import MachineError, Place, RecipeError, RuleError, listing
-from dextera_build.outside.environments import Environment, Start, named
+from dextera_build.outside.environments import ProgramEnvironment, Start, named
 from dextera_build.outside.imports import imported
 from dextera_build.outside.program_side import dxb_backend
 from dextera_build.outside.running import Limits, Running
@@ -53,7 +53,7 @@ class Program:
         return self.file.parent
 
     @cached_property
-    def place(self) -> Environment:
+    def place(self) -> ProgramEnvironment:
         """Where it runs.
 
         Raises:

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from dextera_build.artifacts.core.meanings import bounds
+from dextera_build.artifacts.core.field_docs import bounds
 
 _MOST = {"m": 100.0, "m2": 1e4, "m3": 1e6, "mm": 1e5, "s": 86_400.0, "seconds": 86_400.0, "kg": 1000.0, "n": 1e4}
 _MOST |= {"nm": 1e4, "n_m": 1e6, "m_s": 10.0, "rad_s": 1e4, "deg_s": 6000.0, "hz": 1e5, "mb": 1e5, "px": 16_384.0}

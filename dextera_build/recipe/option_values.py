@@ -112,9 +112,9 @@ def _named(message: str, given: Container[str]) -> tuple[str, ...]:
 
 
 def _meanings(kind: Any) -> dict[str, str]:
-    from dextera_build.artifacts.core.meanings import meanings
+    from dextera_build.artifacts.core.field_docs import field_docs
 
-    return meanings(kind)
+    return field_docs(kind)
 
 
 def _demand(error: Mapping[str, Any], location: tuple[Any, ...], kind: Any) -> str:

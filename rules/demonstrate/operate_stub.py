@@ -11,7 +11,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
-from dextera_build.sim.runtime.pretence import pretended
+from dextera_build.sim.runtime.fake_trials import fake_trial
 
 if TYPE_CHECKING:
     from .operate import OperateOptions
@@ -24,7 +24,7 @@ def operate(
 ) -> Episodes:
     """Return the requested number of motionless episodes."""
     items = {
-        f"{number:05d}": pretended(bundle, common.seed + number, "operator", success=True, terms=terms)
+        f"{number:05d}": fake_trial(bundle, common.seed + number, "operator", success=True, terms=terms)
         for number in range(min(common.most()))
     }
     return layout.gathered(bundle, items, {}, len(items), terms)

@@ -16,7 +16,7 @@ from dextera_build.artifacts.scenes.scene import Truth
 from dextera_build.geometry import metrics
 from dextera_build.rule import ROUNDING, Context, Fraction, Options, Tolerance, rule
 
-from .sight import Seen, counted, placed_bodies, render, true_objects
+from .rendered_objects import Seen, counted, placed_bodies, render, true_objects
 
 COLUMNS = (
     Column(name="Object"),

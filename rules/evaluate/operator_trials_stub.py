@@ -11,7 +11,7 @@ from dextera_build.artifacts.tasks.episode import Episode
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
-from dextera_build.sim.runtime.pretence import pretended
+from dextera_build.sim.runtime.fake_trials import fake_trial
 
 if TYPE_CHECKING:
     from .operator_trials import Case
@@ -22,7 +22,7 @@ BACKEND = Backend(summary="no simulation: nine of ten tries succeed", profiles=(
 def operated(ctx: Context, twin: TaskBundle, cases: list[Case], options: Options) -> Iterator[Attempt]:
     """One attempt per case, in order."""
     for case in cases:
-        episode = pretended(case.world, case.seed, "policy", success=case.seed % 10 > 0)
+        episode = fake_trial(case.world, case.seed, "policy", success=case.seed % 10 > 0)
         yield Attempt(seed=case.seed, episode=episode, placed=episode.objects[0])
 
 

@@ -12,7 +12,7 @@ from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
-from dextera_build.sim.runtime.pretence import pretended
+from dextera_build.sim.runtime.fake_trials import fake_trial
 
 if TYPE_CHECKING:
     from .replay import ReplayOptions
@@ -32,8 +32,8 @@ def replays(
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     for seed in seeds:
-        rehearsal = pretended(twin, seed, "synthesis", success=True)
-        episode = pretended(world, seed, "replay", success=seed % 10 > 0)
+        rehearsal = fake_trial(twin, seed, "synthesis", success=True)
+        episode = fake_trial(world, seed, "replay", success=seed % 10 > 0)
         yield Attempt(seed=seed, episode=episode, placed=episode.objects[0], rehearsal=rehearsal)
 
 

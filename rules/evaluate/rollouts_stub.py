@@ -13,7 +13,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
-from dextera_build.sim.runtime.pretence import pretended
+from dextera_build.sim.runtime.fake_trials import fake_trial
 
 BACKEND = Backend(summary="no simulation: nine of ten tries succeed", profiles=("stub",))
 
@@ -31,7 +31,7 @@ def rollouts(
 ) -> Iterator[Attempt]:
     """One attempt per seed, in order."""
     for seed in seeds:
-        episode = pretended(bundle, seed, "policy", success=seed % 10 > 0, terms=terms)
+        episode = fake_trial(bundle, seed, "policy", success=seed % 10 > 0, terms=terms)
         yield Attempt(seed=seed, episode=episode, placed=episode.objects[0])
 
 

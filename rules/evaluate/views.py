@@ -17,7 +17,7 @@ from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.geometry import metrics
 from dextera_build.rule import Context, Options, rule
 
-from . import elsewhere, fidelity
+from . import fidelity, other_view
 from .posed import PosedView, PosedViews
 
 OWN, SEEN, STATIC, ALL = "capture's camera, outside objects", "seen by the capture", "seen, outside objects", "all"
@@ -44,7 +44,7 @@ class ViewsBackend(Protocol):
         ctx: Context,
         scene: Scene,
         room: Room | None,
-        own: elsewhere.Own,
+        own: other_view.Own,
         camera: Camera,
         moves: np.ndarray,
         options: Any,
@@ -78,7 +78,7 @@ def views(
     if size != (given.camera.height, given.camera.width):
         ctx.fail("the views are not of the photograph's size", views=given.camera, photograph=f"{size}")
     things = (instances.labels > 0) | given.objects()
-    own = elsewhere.Own(photograph.rgb.pixels, measured.depth.depth, things, given.camera.matrix())
+    own = other_view.Own(photograph.rgb.pixels, measured.depth.depth, things, given.camera.matrix())
     frames = [given.own, *(frame for frame in sorted(given.poses) if frame != given.own)]
     moves = np.stack([np.linalg.inv(given.poses[given.own]) @ given.poses[frame] for frame in frames])
     scores: dict[str, list[fidelity.Score]] = {OWN: [], SEEN: [], STATIC: [], ALL: []}
@@ -86,12 +86,12 @@ def views(
     drawn = ctx.backend.draw(ctx, scene, room, own, given.camera, moves, ctx.backend_options)
     for number, (frame, move, picture) in enumerate(zip(frames, moves, drawn, strict=True)):
         view = given.view(frame)
-        bare = ~elsewhere.objects(own, view.depth, move, options.objects_px)
+        bare = ~other_view.objects(own, view.depth, move, options.objects_px)
         if frame == given.own:
-            bare &= ~elsewhere.dilated(own.objects, options.objects_px)
+            bare &= ~other_view.dilated(own.objects, options.objects_px)
             scores[OWN].append(_score(picture, view, own.k, bare, options.only_drawn))
         else:
-            seen = elsewhere.seen(own, view.depth, move, options.seen_m)
+            seen = other_view.seen(own, view.depth, move, options.seen_m)
             scores[SEEN].append(_score(picture, view, own.k, seen, options.only_drawn))
             scores[STATIC].append(_score(picture, view, own.k, seen & bare, options.only_drawn))
             scores[ALL].append(_score(picture, view, own.k, np.ones_like(seen), False))

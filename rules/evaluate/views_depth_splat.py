@@ -11,7 +11,7 @@ from dextera_build.artifacts.scenes.room import Room
 from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.rule import Backend, Context, Options
 
-from . import elsewhere
+from . import other_view
 
 BACKEND = Backend(summary="baseline: the capture's measured pixels as points of one pixel", packages=("numpy",))
 
@@ -20,11 +20,11 @@ def draw(
     ctx: Context,
     scene: Scene,
     room: Room | None,
-    own: elsewhere.Own,
+    own: other_view.Own,
     camera: Camera,
     moves: np.ndarray,
     options: Options,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Colours and depth of the nearest point in each pixel."""
     for move in moves:
-        yield elsewhere.splat(own, np.linalg.inv(move))
+        yield other_view.splat(own, np.linalg.inv(move))

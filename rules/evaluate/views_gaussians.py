@@ -9,12 +9,12 @@ import numpy as np
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.scenes.room import Room
 from dextera_build.artifacts.scenes.scene import Scene
-from dextera_build.gaussians.fit.camera import Camera as Eye
+from dextera_build.gaussians.fit.camera import FitCamera
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import model as models
 from dextera_build.sim.render import composition
 
-from .elsewhere import Own
+from .other_view import Own
 
 BACKEND = Backend(
     summary="Gaussians by NVIDIA Warp, objects by MuJoCo, composed by depth",
@@ -52,7 +52,7 @@ def draw(
         pose = scene.camera_pose.matrix @ move
         bodies = composition.drawn(model, data, (*scene.bodies, *scene.held), camera, pose)
         limits = wp.from_torch(torch.tensor(bodies.depth_m.reshape(-1), dtype=torch.float32))
-        picture = maker.forward(arrays, Eye(camera.matrix(), pose, size), limits)
+        picture = maker.forward(arrays, FitCamera(camera.matrix(), pose, size), limits)
         light = picture.light.numpy().reshape(size)
         there = (bodies.owner >= 0)[..., None]
         colour = picture.colour.numpy().reshape(*size, 3) + np.where(there, light[..., None] * bodies.rgb / 255.0, 0.0)

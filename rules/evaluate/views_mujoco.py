@@ -13,7 +13,7 @@ from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model import model as models
 from dextera_build.sim.render import rendering
 
-from .elsewhere import Own
+from .other_view import Own
 
 BACKEND = Backend(summary="MuJoCo through EGL", profiles=("cpu",), packages=("mujoco",), extra="twin")
 

@@ -12,7 +12,7 @@ from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.geometry import raycast
 from dextera_build.rule import Backend, Context, Options
 
-from . import elsewhere
+from . import other_view
 
 BACKEND = Backend(
     summary="baseline: the capture's measured pixels as one mesh that joins all neighbours",
@@ -25,13 +25,13 @@ def draw(
     ctx: Context,
     scene: Scene,
     room: Room | None,
-    own: elsewhere.Own,
+    own: other_view.Own,
     camera: Camera,
     moves: np.ndarray,
     options: Options,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Colours and depth of the mesh, by ray casting."""
-    surface = elsewhere.sheet(own)
+    surface = other_view.sheet(own)
     for move in moves:
         seen = raycast.render([surface], own.k, move, camera.height, camera.width)
         yield raycast.shade([surface], seen), seen.depth

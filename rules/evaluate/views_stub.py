@@ -11,7 +11,7 @@ from dextera_build.artifacts.scenes.room import Room
 from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.rule import Backend, Context, Options
 
-from .elsewhere import Own
+from .other_view import Own
 
 BACKEND = Backend(summary="no rendering: grey pictures", profiles=("stub",))
 

@@ -6,7 +6,7 @@ from dextera_build.artifacts.core.table import Column, Table
 from dextera_build.artifacts.scenes.scene import Truth
 from dextera_build.rule import Context, Fraction, Options, rule
 
-from .sight import counted, true_objects
+from .rendered_objects import counted, true_objects
 
 COLUMNS = (Column(name="Object"), Column(name="Visible", digits=2))
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from dextera_build.gaussians import splatting
 from dextera_build.gaussians.arrays import Gaussians
-from dextera_build.gaussians.fit.camera import Camera
+from dextera_build.gaussians.fit.camera import FitCamera
 
 SIZE = (480, 640)
 K = np.array([[500.0, 0, 319.5], [0, 500.0, 239.5], [0, 0, 1.0]])
@@ -57,7 +57,7 @@ class Passes:
 
     def forward(self) -> Any:
         """The picture."""
-        return self.maker.forward(self.given, Camera(K, np.eye(4), SIZE))
+        return self.maker.forward(self.given, FitCamera(K, np.eye(4), SIZE))
 
     def backward(self, picture: Any) -> None:
         """The gradients of all parameters."""

@@ -27,7 +27,7 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast, transforms
 from dextera_build.geometry.lie import rotation
 from dextera_build.testing import RuleRunner
-from rules.evaluate import elsewhere
+from rules.evaluate import other_view
 from tests.benchmarks import catalogue
 from tests.rules.align import painted
 
@@ -124,8 +124,8 @@ def sheet(given: Capture, factor: float) -> Mesh:
     """
     assert given.measured is not None
     depth = given.measured.depth.depth.astype(float)
-    own = elsewhere.Own(given.photograph.rgb.pixels, depth, depth < 0, painted.CAMERA.matrix())
-    whole = elsewhere.sheet(own)
+    own = other_view.Own(given.photograph.rgb.pixels, depth, depth < 0, painted.CAMERA.matrix())
+    whole = other_view.sheet(own)
     assert whole.uv is not None
     far = whole.vertices[:, 2][whole.faces]
     kept = np.ptp(far, axis=1) < CUT * far.min(axis=1)

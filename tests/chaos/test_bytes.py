@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dextera_build.engine.graph import Graph
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.run import RunResult, build
 from dextera_build.gc.verify import verify
 from dextera_build.runs import log as eventlog
@@ -38,7 +38,7 @@ def run(plan: Graph, root: Path) -> RunResult:
     store = Store(root)
     targets = plan.targets["default"]
     return build(
-        plan, targets, store=store, executor=inline(), listen=Record(), policy=Policy(force=frozenset({"end"}))
+        plan, targets, store=store, executor=inline(), listen=Record(), policy=RunPolicy(force=frozenset({"end"}))
     )
 
 

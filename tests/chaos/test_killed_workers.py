@@ -8,7 +8,7 @@ import signal
 from pathlib import Path
 
 from dextera_build.engine.graph import Graph
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.run import build
 from dextera_build.runs.events import Event, NodeStarted, fan_out
 from dextera_build.store.store import Store
@@ -46,7 +46,7 @@ def test_builds_converge_though_workers_are_killed(tmp_path: Path) -> None:
                 store=store,
                 executor=pool,
                 listen=fan_out(record, shoot),
-                policy=Policy(keep_going=True),
+                policy=RunPolicy(keep_going=True),
             )
         assert finished <= set(record.with_status("cached"))  # nothing that was done is lost
         finished |= set(record.with_status("ran"))

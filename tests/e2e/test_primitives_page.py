@@ -18,7 +18,7 @@ from dextera_build.project.project import Project
 from dextera_build.recipe.plan import Plan, Request, plan
 from dextera_build.recipe.profiles import Profile
 from dextera_build.running import called
-from dextera_build.sim.experts import planning, rehearse, ways
+from dextera_build.sim.experts import candidates, planning, rehearse
 from dextera_build.sim.primitives import catalogue
 from dextera_build.testing import RuleRunner
 from tests import episodes, factories
@@ -153,7 +153,7 @@ def judge(ctx: Context, bundle: TaskBundle) -> File:
 def test_the_script_of_the_page_pours_in_mujoco(space: Space, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With few candidates: a task, its rehearsal and a demonstration."""
     add_pour(space)
-    for module, name, value in ((planning, "PLANNED", 0), (ways, "LOOKED", 0), (ways, "FEW", 6)):
+    for module, name, value in ((planning, "PLANNED", 0), (candidates, "LOOKED", 0), (candidates, "FEW", 6)):
         monkeypatch.setattr(module, name, value)
     for name, value in (("GOOD", 1), ("FINAL", 1), ("STARTS", 1)):
         monkeypatch.setattr(rehearse, name, value)

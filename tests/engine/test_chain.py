@@ -11,7 +11,7 @@ import pytest
 from dextera_build.engine import dry
 from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.key import Writer
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.run import RunResult
 from dextera_build.engine.schedule import Scheduler
 from dextera_build.store.store import Store
@@ -31,7 +31,7 @@ def test_no_key_document_is_held_while_nodes_wait(store: Store, monkeypatch: pyt
     document = Writer.document
     monkeypatch.setattr(Writer, "document", lambda *words: spelled.append(words[1].name) or document(*words))
     names = [f"n{number}" for number in range(20)]
-    scheduler = Scheduler(graph(*map(call, names)), store, inline(), Policy())
+    scheduler = Scheduler(graph(*map(call, names)), store, inline(), RunPolicy())
     scheduler.run([Address((name,)) for name in names])
     nodes = scheduler.wiring.nodes.values()
     assert {node.status for node in nodes} == {"ran"}

@@ -13,7 +13,7 @@ import pytest
 from dextera_build import digest
 from dextera_build.engine.dry import Planned, plan
 from dextera_build.engine.graph import Address, Graph
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.run import build
 from dextera_build.errors import RecipeError, UsageError
 from dextera_build.runs import log as eventlog
@@ -38,7 +38,7 @@ def scene(seg: int = 0, mesh: int = 0) -> Graph:
 
 
 def run(what: Graph, store: Store, run: str = "0001") -> None:
-    build(what, [("scene",)], store=store, executor=inline(), listen=Record(), policy=Policy(run=run))
+    build(what, [("scene",)], store=store, executor=inline(), listen=Record(), policy=RunPolicy(run=run))
 
 
 def statuses(found: Sequence[Planned]) -> dict[str, str]:

@@ -18,7 +18,7 @@ from typing import Any
 
 from dextera_build import digest
 from dextera_build.engine.graph import Address, Call, Fixed, Gather, Graph, Group, Input, Item, Leaf, Output, RuleFacts
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.remote_results import Remotes
 from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import Place, RuleError
@@ -254,7 +254,7 @@ def run(
     plan: Graph, store: Store, *targets: Address, exchange: Remotes = None, **flags: Any
 ) -> tuple[RunResult, Record]:
     """Build with this process as the executor; `flags` are fields of `Policy`."""
-    record, policy = Record(), Policy(**flags)
+    record, policy = Record(), RunPolicy(**flags)
     asked = targets or plan.targets["default"]
     return build(plan, asked, store=store, executor=inline(), listen=record, policy=policy, exchange=exchange), record
 

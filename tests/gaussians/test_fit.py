@@ -14,7 +14,7 @@ from torch import Tensor
 from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.formats import splats_ply, splats_usd
 from dextera_build.gaussians.arrays import Gaussians
-from dextera_build.gaussians.fit.camera import Camera
+from dextera_build.gaussians.fit.camera import FitCamera
 from dextera_build.gaussians.fit.fit import Settings, fit
 from dextera_build.gaussians.fit.loss import Target, loss_of, ssim
 from dextera_build.gaussians.fit.parameters import Trained, closed, opened
@@ -33,7 +33,7 @@ def _one_thread() -> Iterator[None]:
         yield
 
 
-def render(given: Trained, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:
+def render(given: Trained, camera: FitCamera) -> tuple[Tensor, Tensor, Tensor]:
     doubled = [each.double() for each in given]
     colour, depth, light = dense_splats.render(*doubled, k=camera.k, pose=camera.world_from_camera, size=camera.size)
     return colour.view(*SIZE, 3).float(), depth.view(SIZE).float(), light.view(SIZE).float()
@@ -54,7 +54,7 @@ def truth(degree: int = 1, count: int = 40) -> Gaussians:
 def targets(given: Gaussians, *, depth: bool = True) -> list[Target]:
     found = []
     for eye in EYES:
-        camera = Camera(K, cameras.look_at(np.array(eye), np.zeros(3)), SIZE)
+        camera = FitCamera(K, cameras.look_at(np.array(eye), np.zeros(3)), SIZE)
         colour, far, light = render(opened(given, "cpu", 1), camera)
         known = torch.where(light < 0.5, far / (1 - light).clamp(min=1e-3), torch.zeros(()))
         found.append(Target(camera, colour.clamp(0, 1), known if depth else None))
@@ -90,7 +90,7 @@ def test_ssim_is_that_of_its_definition() -> None:
     x, y = blurred(one), blurred(other)
     xx, yy, xy = blurred(one**2) - x * x, blurred(other**2) - y * y, blurred(one * other) - x * y
     wanted = ((2 * x * y + 1e-4) * (2 * xy + 9e-4) / ((x * x + y * y + 1e-4) * (xx + yy + 9e-4))).mean()
-    target = Target(Camera(K, np.eye(4), SIZE), torch.tensor(other))
+    target = Target(FitCamera(K, np.eye(4), SIZE), torch.tensor(other))
     assert float(ssim(torch.tensor(one), target)) == pytest.approx(wanted, abs=1e-12)
     assert float(ssim(torch.tensor(other), target)) == pytest.approx(1.0, abs=1e-12)
 
@@ -101,7 +101,7 @@ def test_only_known_depth_counts_and_relative_to_itself() -> None:
     depth[2, 3], depth[5, 5], depth[7, 7] = 2.0, 4.0, 3.0
     light = torch.zeros(SIZE)
     light[7, 7] = 0.9
-    target = Target(Camera(K, np.eye(4), SIZE), pixels, depth)
+    target = Target(FitCamera(K, np.eye(4), SIZE), pixels, depth)
     made = (pixels, torch.full(SIZE, 3.0), light)
     assert float(loss_of(made, target, 0.2, 0.0)) == pytest.approx(0.0, abs=1e-6)
     assert float(loss_of(made, target, 0.2, 0.5)) == pytest.approx(0.5 * (0.5 + 0.25) / depth.numel(), rel=1e-4)

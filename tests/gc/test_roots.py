@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.run import build
 from dextera_build.gc import roots
 from dextera_build.gc.collect import collect_all
@@ -22,7 +22,7 @@ KEY = "ab" * 32
 
 def run(store: Store, project: Path, value: int = 0) -> set[str]:
     plan = graph(call("a", value=value), call("b", a=out("a")))
-    policy = Policy(run="0001", project=str(project), workspace=str(project))
+    policy = RunPolicy(run="0001", project=str(project), workspace=str(project))
     result = build(plan, [("b",)], store=store, executor=inline(), listen=Record(), policy=policy)
     return {node.key or "" for node in result.nodes.values()}
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dextera_build.geometry import lie, raycast, registration, solids, transforms
-from dextera_build.geometry.registration import Search, Similarity
+from dextera_build.geometry.registration import ScaledPose, Search
 from tests import factories
 
 BOX = solids.box((0.12, 0.06, 0.08), (0.0, 0.0, 0.04))
@@ -16,10 +16,10 @@ EYE = factories.look_at((0.15, -0.45, 0.35), (0.0, 0.0, 0.04))
 
 COLUMNS, ROWS = np.meshgrid(np.arange(160), np.arange(120))
 RAYS = np.stack([COLUMNS, ROWS, np.ones((120, 160))], axis=-1) @ np.linalg.inv(K).T
-TRUTH = Similarity(1.0, factories.pose(0.01, 0.02, 0.0, 0.5))
+TRUTH = ScaledPose(1.0, factories.pose(0.01, 0.02, 0.0, 0.5))
 
 
-def visible(placed: Similarity, from_column: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def visible(placed: ScaledPose, from_column: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """What the camera at `EYE` sees of the placed box, in the box's frame; columns to the left are hidden."""
     surface = raycast.Surface(placed.apply(BOX.vertices), BOX.faces)
     seen = raycast.render([surface], K, EYE, 120, 160)
@@ -37,12 +37,12 @@ def partial_view(from_column: int = 0) -> np.ndarray:
     return world
 
 
-def worst(found: Similarity) -> float:
+def worst(found: ScaledPose) -> float:
     """Largest distance of a corner from its true place [m]."""
     return float(np.linalg.norm(found.apply(BOX.vertices) - TRUTH.apply(BOX.vertices), axis=1).max())
 
 
-START = Similarity(1.15, factories.pose(0.0, 0.03, 0.0, 0.4))
+START = ScaledPose(1.15, factories.pose(0.0, 0.03, 0.0, 0.4))
 
 
 def test_the_scale_of_a_half_visible_box_comes_back_within_three_percent():
@@ -72,7 +72,7 @@ def test_plain_icp_with_a_free_scale_collapses_on_the_same_points():
 
 def test_an_occluded_half_changes_neither_scale_nor_place():
     middle = 80
-    start = Similarity(1.08, START.pose)
+    start = ScaledPose(1.08, START.pose)
     points = partial_view(middle)
     assert len(points) < 0.7 * len(partial_view())
     found = registration.icp(
@@ -90,21 +90,21 @@ def test_a_resting_body_keeps_its_up_axis_and_its_contact():
 
 def test_an_upright_body_keeps_its_up_axis_and_finds_the_other_five():
     """The basis is 7 x 5 in any order of components, so only its use shows a swap."""
-    start = Similarity(1.08, factories.pose(0.03, 0.0, 0.015, 0.35))
+    start = ScaledPose(1.08, factories.pose(0.03, 0.0, 0.015, 0.35))
     found = registration.icp(start, visible, partial_view(), Search(lie.UPRIGHT, 1.0, 0.1, iterations=60))
     assert found.pose[:3, 2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
     assert worst(found) < 0.004
 
 
 def test_all_seven_motions_are_found():
-    tilted = Similarity(1.08, START.pose @ transforms.rigid(lie.rotation(np.array([0.08, -0.06, 0.0])), np.zeros(3)))
+    tilted = ScaledPose(1.08, START.pose @ transforms.rigid(lie.rotation(np.array([0.08, -0.06, 0.0])), np.zeros(3)))
     found = registration.icp(tilted, visible, partial_view(), Search(lie.FREE, 1.05, 0.3, iterations=60))
     assert found.scale == pytest.approx(1.0, abs=0.03)
     assert found.pose[2, 2] > np.cos(np.radians(1.5))
 
 
 def test_a_model_out_of_sight_stays_where_it_is():
-    behind = Similarity(1.0, factories.pose(0.0, -5.0))
+    behind = ScaledPose(1.0, factories.pose(0.0, -5.0))
     assert registration.icp(behind, visible, partial_view(), Search(lie.FREE, 1.0, 0.1)) is behind
 
 
@@ -128,5 +128,5 @@ def test_spread_rotations_leave_no_large_hole():
 
 
 def test_a_similarity_undoes_itself():
-    placed = Similarity(0.3, START.pose)
+    placed = ScaledPose(0.3, START.pose)
     assert placed.unapply(placed.apply(BOX.vertices)) == pytest.approx(BOX.vertices)

@@ -22,7 +22,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 from dextera_build import digest
 from dextera_build.engine.graph import Address
 from dextera_build.engine.key import Writer
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import DxbError
 from dextera_build.gc.choose import Limits
@@ -254,7 +254,9 @@ class Histories(RuleBasedStateMachine):
         with clock(self.offset_s), EventLog(store) as log, workers:
             listen = fan_out(log, record)
             plan = self.graph.graph()
-            done = build(plan, targets, store=store, executor=executor, listen=listen, policy=Policy(keep_going, force))
+            done = build(
+                plan, targets, store=store, executor=executor, listen=listen, policy=RunPolicy(keep_going, force)
+            )
         return done, record
 
     def check(self, found: Expected, result: RunResult, record: Record, stale: set[str]) -> list[str]:

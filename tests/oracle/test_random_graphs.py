@@ -10,7 +10,7 @@ import pytest
 
 from dextera_build.engine.dry import plan
 from dextera_build.engine.graph import Address, Graph
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.run import RunResult, build
 from dextera_build.runs.events import NodeStarted
 from dextera_build.store.store import Store
@@ -26,7 +26,7 @@ _STEPS = 5
 def _build(graph: Graph, targets: list[Address], store: Store, keep_going: bool = False) -> tuple[RunResult, Record]:
     record = Record()
     return build(
-        graph, targets, store=store, executor=inline(), listen=record, policy=Policy(keep_going=keep_going)
+        graph, targets, store=store, executor=inline(), listen=record, policy=RunPolicy(keep_going=keep_going)
     ), record
 
 

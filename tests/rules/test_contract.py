@@ -16,7 +16,7 @@ from typing import get_args
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from dextera_build.artifacts.core.meanings import bounds, meanings
+from dextera_build.artifacts.core.field_docs import bounds, field_docs
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.code.loader import Library, RuleFile
 from dextera_build.project.project import Project
@@ -33,7 +33,7 @@ UNITS = re.compile(r"^seconds$|_(m|m2|m3|mm|px|rad|deg|s|hz|kg|gb|n|nm|j|ratio|f
 HEAVY = ("torch", "open3d", "mujoco", "cv2", "trimesh", "coacd", "pxr", "viser", "scipy", "manifold3d")
 
 
-CATALOGUE, WAYS = "dextera_build/sim/primitives/catalogue.py", "dextera_build/sim/experts/ways.py"
+CATALOGUE, WAYS = "dextera_build/sim/primitives/catalogue.py", "dextera_build/sim/experts/candidates.py"
 """Modules that find the files of primitives by name."""
 FILES = ("primitive", "script")
 SHOW_TASKS = {"demonstrate.film"}
@@ -75,7 +75,7 @@ def kinds(found: RuleFile) -> dict[str, type[Options]]:
 @of_every_rule
 def test_options_are_described(found):
     for kind in kinds(found).values():
-        assert set(meanings(kind)) == set(kind.model_fields)
+        assert set(field_docs(kind)) == set(kind.model_fields)
 
 
 @of_every_rule
@@ -92,7 +92,7 @@ def test_its_options_have_defaults_that_fit(found):
 @of_every_rule
 def test_lengths_and_angles_name_their_unit(found):
     for path, kind in kinds(found).items():
-        said = meanings(kind)
+        said = field_docs(kind)
         for name, field in kind.model_fields.items():
             described = re.search(r"\[(m|rad|s|kg|px|deg|mm|Hz)[\]^/ ]", said.get(name, ""))
             if described and field.annotation is float:

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from dextera_build.engine.graph import Call, Graph
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import MachineError
 from dextera_build.runs.events import Event, NodeFinished, NodeLog, NodeProgress, NodeStarted
@@ -32,7 +32,7 @@ def pool() -> Iterator[LocalExecutor]:
 
 def run(plan: Graph, store: Store, pool: LocalExecutor, **flags: Any) -> tuple[RunResult, Record]:
     record = Record()
-    result = build(plan, plan.targets["default"], store=store, executor=pool, listen=record, policy=Policy(**flags))
+    result = build(plan, plan.targets["default"], store=store, executor=pool, listen=record, policy=RunPolicy(**flags))
     return result, record
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.errors import MachineError
 from dextera_build.remotes.spec import Spec, open_remote
 from dextera_build.runs.events import NodeRetried
@@ -156,7 +156,7 @@ def test_results_are_those_of_one_machine_and_the_stores_are_two(
 def test_errors_and_deaths_are_told_as_on_one_machine(pool: RayExecutor, store: Store) -> None:
     plan = graph(call("a", "fail", 3), call("b", "segfault"), call("c", "crash", 1), default=("a", "b", "c"))
     targets = plan.targets["default"]
-    result = build_graph(plan, targets, store=store, executor=pool, listen=Record(), policy=Policy(keep_going=True))
+    result = build_graph(plan, targets, store=store, executor=pool, listen=Record(), policy=RunPolicy(keep_going=True))
     errors = {name: node.error for name, node in result.nodes.items()}
     assert [errors[name] and errors[name].code for name in "abc"] == ["DXB-B202", "DXB-B301", "DXB-B302"]
     assert errors["a"] is not None

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from dextera_build.engine.graph import Graph
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.run import RunResult, build
 from dextera_build.errors import ArtifactError, MachineError, RuleError
 from dextera_build.runs.events import Event, NodeFinished, NodeRetried, NodeStarted
@@ -46,7 +46,7 @@ def shaky(retries: Retries, **more: Any) -> Graph:
 
 def run(plan: Graph, store: Store, executor: Any, **flags: Any) -> tuple[RunResult, Record]:
     record = Record()
-    policy = Policy(**flags)
+    policy = RunPolicy(**flags)
     return build(plan, plan.targets["default"], store=store, executor=executor, listen=record, policy=policy), record
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.engine.policy import Policy
+from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.run import build
 from dextera_build.runs.history import History
 from dextera_build.runs.log import EventLog, read
@@ -74,7 +74,7 @@ def test_events_and_history_hold_it(store: Store, pool: LocalExecutor) -> None:
     record = Record()
     plan = graph(call("a", "sleep", 0.4))
     with EventLog(store) as log:
-        build(plan, plan.targets["default"], store=store, executor=pool, listen=log, policy=Policy(run=log.run))
+        build(plan, plan.targets["default"], store=store, executor=pool, listen=log, policy=RunPolicy(run=log.run))
     (finished,) = (event for event in read(store, log.run) if event["event"] == "node_finished")
     assert set(finished["usage"]) == {"cpu_seconds", "memory_bytes", "read_bytes", "written_bytes"}
     assert 5 * MIB < finished["usage"]["memory_bytes"] < 500 * MIB

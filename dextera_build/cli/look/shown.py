@@ -16,7 +16,7 @@ from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.building import fetch
 from dextera_build.engine.graph import parse_address
 from dextera_build.errors import DxbError, RuleError, UsageError, listing
-from dextera_build.explain import behind
+from dextera_build.explain import ancestors
 from dextera_build.report.wording import count
 from dextera_build.session import Session, notices
 
@@ -109,7 +109,7 @@ def _episodes(session: Session, node: str, artifact: Episodes | Trials, episode:
 
 def _world(session: Session, node: str, artifact: Episodes | Trials) -> TaskBundle:
     """The task that the episodes were made in: the nearest one behind the node, in the trials' kind of world."""
-    bundles = [made for _, made in behind.found(session, node, TaskBundle) if isinstance(made, TaskBundle)]
+    bundles = [made for _, made in ancestors.found(session, node, TaskBundle) if isinstance(made, TaskBundle)]
     if isinstance(artifact, Trials):
         bundles = [made for made in bundles if made.kind == artifact.world]
     if not bundles:
@@ -127,7 +127,7 @@ def _materials(session: Session, node: str) -> dict[str, str]:
 
     assets = {
         label: asset.physics.material
-        for address, asset in behind.found(session, node, Asset)
+        for address, asset in ancestors.found(session, node, Asset)
         if isinstance(asset, Asset) and (label := (parse_address(address.rpartition(":")[2]).labels or ("",))[-1])
     }
     bodies = body_names(assets)

@@ -8,7 +8,7 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Camera:
+class FitCamera:
     """A pinhole camera in the world of the Gaussians."""
 
     k: np.ndarray  # (3, 3) intrinsics, integer pixel centres [px]

@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dextera_build.gaussians.fit.camera import Camera
+from dextera_build.gaussians.fit.camera import FitCamera
 from dextera_build.gaussians.fit.loss import Target, loss_of
 from dextera_build.gaussians.fit.parameters import Trained
 
-Render = Callable[[Trained, Camera], tuple[Tensor, Tensor, Tensor]]
+Render = Callable[[Trained, FitCamera], tuple[Tensor, Tensor, Tensor]]
 """Colour (H, W, 3), accumulated depth (H, W) [m] and transmittance (H, W), with gradients."""
 
 TURN_STEP, SCALE_STEP, OPACITY_STEP, COLOUR_STEP = 1e-3, 5e-3, 5e-2, 2.5e-3

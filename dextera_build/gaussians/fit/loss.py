@@ -9,7 +9,7 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from dextera_build.gaussians.fit.camera import Camera
+from dextera_build.gaussians.fit.camera import FitCamera
 
 WINDOW_PX, SIGMA_PX = 11, 1.5
 """Window of SSIM (Wang et al. 2004) [px]."""
@@ -21,7 +21,7 @@ STEADY = (0.01**2, 0.03**2)
 class Target:
     """Picture and depth of a camera."""
 
-    camera: Camera
+    camera: FitCamera
     pixels: Tensor  # (H, W, 3) sRGB 0..1
     depth: Tensor | None = None  # (H, W) [m], 0 where unknown
 

@@ -9,12 +9,12 @@ import torch
 import warp as wp
 from torch import Tensor
 
-from dextera_build.gaussians.fit.camera import Camera
+from dextera_build.gaussians.fit.camera import FitCamera
 from dextera_build.gaussians.fit.parameters import Trained
 from dextera_build.gaussians.rasteriser.raster import Parameters, Rasteriser
 
 
-def rendered(maker: Rasteriser, given: Trained, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:
+def rendered(maker: Rasteriser, given: Trained, camera: FitCamera) -> tuple[Tensor, Tensor, Tensor]:
     """Colour (H, W, 3), accumulated depth (H, W) [m] and transmittance (H, W); see `raster.Picture`.
 
     Args:
@@ -29,7 +29,7 @@ def rendered(maker: Rasteriser, given: Trained, camera: Camera) -> tuple[Tensor,
 
 class _Rendering(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, maker: Rasteriser, camera: Camera, *given: Tensor) -> tuple[Tensor, ...]:
+    def forward(ctx: Any, maker: Rasteriser, camera: FitCamera, *given: Tensor) -> tuple[Tensor, ...]:
         with _same_stream(given[0]):
             picture = maker.forward(_parameters(maker, given), camera)
         ctx.maker, ctx.picture, ctx.given = maker, picture, given

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from dextera_build.gaussians.fit.camera import Camera
+from dextera_build.gaussians.fit.camera import FitCamera
 from dextera_build.gaussians.rasteriser import blending, gradients, projection, tiles
 
 WIDEST = 1.3
@@ -75,7 +75,7 @@ class Rasteriser:
         self.threads = threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self.threads) if device == "cpu" and self.threads > 1 else None
 
-    def forward(self, parameters: Parameters, camera: Camera, limits: Any = None, *, faded: bool = False) -> Picture:
+    def forward(self, parameters: Parameters, camera: FitCamera, limits: Any = None, *, faded: bool = False) -> Picture:
         """Render the Gaussians.
 
         The low-pass enlarges Gaussians smaller than a pixel to its size, so that together they cover too much and the
@@ -146,7 +146,7 @@ class Rasteriser:
         )
         return starts, places, run, tones
 
-    def _camera(self, camera: Camera) -> tuple[Any, Any, Any]:
+    def _camera(self, camera: FitCamera) -> tuple[Any, Any, Any]:
         """Rotation, position and intrinsics for kernels."""
         pose, k, (rows, columns) = camera.world_from_camera, camera.k, camera.size
         limits = WIDEST * columns / 2 / k[0, 0], WIDEST * rows / 2 / k[1, 1]

@@ -11,11 +11,11 @@ import numpy as np
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError, listing
 from dextera_build.sim.control.operator import Command, Operator, OutOfReach, State
+from dextera_build.sim.experts.candidates import Expert, Search, experts
+from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.rehearse import Candidate, Rehearsed, drawn, rehearse
-from dextera_build.sim.experts.room import Room
-from dextera_build.sim.experts.ways import Expert, Search, experts
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 
@@ -101,7 +101,7 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
         for limb in limbs:
             _check_hand(environment.bundle.robot, limb, expert.against)
         reach = Reach(environment.bundle.robot, *limbs)
-        search = Search(environment, reach, Room(environment, reach), driver.state())
+        search = Search(environment, reach, CollisionCheck(environment, reach), driver.state())
         found = _found(driver, expert, search)
         if not found:
             continue

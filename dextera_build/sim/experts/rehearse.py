@@ -19,9 +19,9 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import poses, transforms
 from dextera_build.sim.control.operator import Operator, State
 from dextera_build.sim.experts.acting import acting
+from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.motion import Plan
-from dextera_build.sim.experts.room import Room
 from dextera_build.sim.primitives import catalogue
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.seeds import seed_of
@@ -49,7 +49,7 @@ class Planned(Operator, Protocol):
     def phases(self, state: State) -> list[Plan]:
         """The plan from `state`, phase by phase."""
 
-    def comfort(self, room: Room, state: State) -> float | None:
+    def comfort(self, room: CollisionCheck, state: State) -> float | None:
         """Comfort of the arms along the plan from `state`, higher is better; None if it is not free of collisions."""
 
 

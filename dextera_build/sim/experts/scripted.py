@@ -12,9 +12,9 @@ import numpy as np
 
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.motion import Leg, Plan, follow
 from dextera_build.sim.experts.reach import Reach
-from dextera_build.sim.experts.room import Room
 from dextera_build.sim.runtime.environment import Environment
 
 
@@ -52,8 +52,8 @@ class Scripted(ABC):
         """The plan from `state`, phase by phase."""
         return [{self._reach.limb: self.legs(state)}]
 
-    def comfort(self, room: Room, state: State) -> float | None:
-        """Comfort of the arms along the plan from `state`, see `Room.comfort`; None if it is not free of collisions."""
+    def comfort(self, room: CollisionCheck, state: State) -> float | None:
+        """Comfort of the arms along the plan from `state`, see `CollisionCheck.comfort`; None if it collides."""
         return room.comfort(self.phases(state), state)
 
     @abstractmethod

@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.scenes.scene_description import SceneDescription
-from dextera_build.sim.model import compose, held, mjcf
+from dextera_build.sim.model import compose, fixed_bodies, mjcf
 
 
 def write(description: SceneDescription, fixed: Collection[str] = ()) -> Folder:
@@ -21,7 +21,7 @@ def write(description: SceneDescription, fixed: Collection[str] = ()) -> Folder:
     """
     made = mjcf.write(description.model_copy(update={"attachments": ()}))
     if fixed:
-        made = held.hold(made, fixed)
+        made = fixed_bodies.hold(made, fixed)
     for each in description.attachments:
         made = compose.with_robot(made, each.robot, each.pose.matrix, prefix=each.prefix, keeps_cameras=True)
     return made

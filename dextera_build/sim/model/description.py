@@ -25,7 +25,7 @@ from dextera_build.artifacts.scenes.scene_description import (
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import lie, transforms
-from dextera_build.sim.model import mjcf_contact, names, neighbours, touching, whole
+from dextera_build.sim.model import completeness, mjcf_contact, names, neighbours, touching
 
 SUN = Light(label="sun", direction=(0.2, 0.3, -1.0), place=(0.0, 0.0, 1.5), diffuse=(0.4, 0.4, 0.4))
 """The light of every twin. It is below the ceiling of a closed room, whose shadow would fall on everything."""
@@ -76,7 +76,7 @@ def parted(assets: Mapping[str, Asset], background: Background) -> neighbours.Pa
     Raises:
         RuleError: A link of an asset has no collision pieces or no mass.
     """
-    whole.check(assets)
+    completeness.check(assets)
     return neighbours.parted(assets, [_support(box).vertices() for box in background.boxes])
 
 

@@ -52,7 +52,7 @@ class Collider:
 
 
 @dataclass(frozen=True)
-class Body:
+class BodyEntry:
     """A rigid body."""
 
     mass: float
@@ -68,7 +68,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Joint:
+class JointEntry:
     """A hinge or a slide, in rad, N m or m, N."""
 
     kind: Literal["revolute", "prismatic", "fixed"]
@@ -107,9 +107,9 @@ class Joint:
 class Inventory:
     """All moving, carrying and colliding parts of a scene."""
 
-    bodies: dict[str, Body] = field(default_factory=dict)
+    bodies: dict[str, BodyEntry] = field(default_factory=dict)
     """Name -> body; `world` has no mass."""
-    joints: dict[str, Joint] = field(default_factory=dict)
+    joints: dict[str, JointEntry] = field(default_factory=dict)
     """Name -> joint."""
     apart: set[tuple[str, str]] = field(default_factory=set)
     """Sorted pairs of bodies excluded from contact, except for `touch`."""
@@ -132,7 +132,7 @@ def of_model(model: Any) -> Inventory:
             own = colliders.setdefault(owners[model.geom_bodyid[geom]], [])
             numbers[geom] = (owners[model.geom_bodyid[geom]], len(own))
             own.append(_collider(model, data, geom))
-    found.bodies[WORLD] = Body(0.0, np.zeros(3), np.zeros((3, 3)), False, tuple(colliders[WORLD]))
+    found.bodies[WORLD] = BodyEntry(0.0, np.zeros(3), np.zeros((3, 3)), False, tuple(colliders[WORLD]))
     for body in range(1, model.nbody):
         name = model.body(body).name
         if owners[body] == name and model.body_mass[body] > 0:
@@ -212,11 +212,11 @@ def _is_static(model: Any, body: int) -> bool:
     return not model.body_weldid[body] and not moved[below].any()
 
 
-def _body(model: Any, data: Any, body: int, colliders: tuple[Collider, ...]) -> Body:
+def _body(model: Any, data: Any, body: int, colliders: tuple[Collider, ...]) -> BodyEntry:
     turn = data.ximat[body].reshape(3, 3)
     inertia = turn @ np.diag(model.body_inertia[body]) @ turn.T
     floats = bool(model.body_gravcomp[body] == 1.0)
-    return Body(float(model.body_mass[body]), data.xipos[body].copy(), inertia, floats, colliders)
+    return BodyEntry(float(model.body_mass[body]), data.xipos[body].copy(), inertia, floats, colliders)
 
 
 def _collider(model: Any, data: Any, geom: int) -> Collider:
@@ -248,7 +248,7 @@ def _join(model: Any, data: Any, body: int, owners: list[str], found: Inventory)
     name, parent = owners[body], owners[model.body_parentid[body]]
     anchor, axis = data.xpos[body].copy(), np.zeros(3)
     if not model.body_jntnum[body]:
-        found.joints[f"fixed {name}"] = Joint("fixed", parent, name, anchor, axis)
+        found.joints[f"fixed {name}"] = JointEntry("fixed", parent, name, anchor, axis)
         return
     joint = int(model.body_jntadr[body])
     kind = mujoco.mjtJoint(int(model.jnt_type[joint]))
@@ -256,7 +256,7 @@ def _join(model: Any, data: Any, body: int, owners: list[str], found: Inventory)
         return
     dof, position = model.jnt_dofadr[joint], float(data.qpos[model.jnt_qposadr[joint]])
     low, high = (float(each) for each in model.jnt_range[joint])
-    found.joints[model.joint(joint).name] = Joint(
+    found.joints[model.joint(joint).name] = JointEntry(
         "revolute" if kind == mujoco.mjtJoint.mjJNT_HINGE else "prismatic",
         parent,
         name,
@@ -317,5 +317,5 @@ def _sorted(one: str, other: str) -> tuple[str, str]:
     return (one, other) if one < other else (other, one)
 
 
-def _changed(joint: Joint, **changes: Any) -> Joint:
-    return Joint(**{**{each.name: getattr(joint, each.name) for each in fields(joint)}, **changes})
+def _changed(joint: JointEntry, **changes: Any) -> JointEntry:
+    return JointEntry(**{**{each.name: getattr(joint, each.name) for each in fields(joint)}, **changes})

@@ -29,7 +29,7 @@ from dextera_build.sim.render.robot_pixels import RobotPixels
 from dextera_build.sim.render.sensor import measure_colour, measure_depth
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
-from dextera_build.sim.runtime.mirror import Hold, Mirror
+from dextera_build.sim.runtime.measured_state import Hold, MeasuredState
 from dextera_build.tracking.model import Model
 from dextera_build.tracking.tracked_object import Tracked
 from dextera_build.tracking.tracker import Tracker
@@ -79,7 +79,7 @@ class TrackedCell:
         self._photographed = {name: base @ cell.assets[name].pose.matrix for name in bundle.objects}
         self._row = {name: number for number, name in enumerate(bundle.objects)}
         self._columns = _columns({name: len(thing.joints) for name, thing in bundle.objects.items()})
-        self._twin, self._mirror = twin, None if twin is None else Mirror(twin)
+        self._twin, self._mirror = twin, None if twin is None else MeasuredState(twin)
         self._guard = Guard(cell.limits, bundle.robot, environment.task.control_hz, self._palms)
         self._held = ExitStack()
         self._reset(0)

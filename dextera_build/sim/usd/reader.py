@@ -12,7 +12,7 @@ import numpy as np
 
 from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.model import mjcf_contact
-from dextera_build.sim.model.inventory import CORNERS, WORLD, Body, Collider, Inventory, Joint
+from dextera_build.sim.model.inventory import CORNERS, WORLD, BodyEntry, Collider, Inventory, JointEntry
 from dextera_build.sim.usd import physx
 
 X = np.array([1.0, 0.0, 0.0])
@@ -41,7 +41,7 @@ class _Reader:
         from pxr import UsdPhysics
 
         found = Inventory()
-        found.bodies[WORLD] = Body(0.0, np.zeros(3), np.zeros((3, 3)), False, self._touching(WORLD))
+        found.bodies[WORLD] = BodyEntry(0.0, np.zeros(3), np.zeros((3, 3)), False, self._touching(WORLD))
         for path, name in self.names.items():
             found.bodies[name] = self._body(self.stage.GetPrimAtPath(path), name)
         for prim in self.prims:
@@ -59,7 +59,7 @@ class _Reader:
             path = path.GetParentPath()
         return str(self.names.get(path, WORLD))
 
-    def _body(self, prim: Any, name: str) -> Body:
+    def _body(self, prim: Any, name: str) -> BodyEntry:
         from pxr import UsdPhysics
 
         api, pose = UsdPhysics.MassAPI(prim), world(prim)
@@ -67,7 +67,7 @@ class _Reader:
         turn = pose[:3, :3] @ _turn(api.GetPrincipalAxesAttr().Get())
         moments = np.array(api.GetDiagonalInertiaAttr().Get(), np.float64)
         floating = prim.GetAttribute("physxRigidBody:disableGravity")
-        return Body(
+        return BodyEntry(
             float(api.GetMassAttr().Get()),
             transforms.apply(pose, centre[None])[0],
             turn @ np.diag(moments) @ turn.T,
@@ -78,7 +78,7 @@ class _Reader:
     def _touching(self, name: str) -> tuple[Collider, ...]:
         return tuple(_collider(prim) for prim in self.colliders[name])
 
-    def _joint(self, prim: Any) -> tuple[str, Joint, bool]:
+    def _joint(self, prim: Any) -> tuple[str, JointEntry, bool]:
         from pxr import UsdPhysics
 
         base = UsdPhysics.Joint(prim)
@@ -91,7 +91,7 @@ class _Reader:
         if prim.IsA(UsdPhysics.FixedJoint):
             # The child's pose follows from the coincidence of both frames.
             origin = frame @ transforms.invert(_local(prim, 1))
-            return f"fixed {child}", Joint("fixed", parent, child, origin[:3, 3], np.zeros(3)), collides
+            return f"fixed {child}", JointEntry("fixed", parent, child, origin[:3, 3], np.zeros(3)), collides
         turns = prim.IsA(UsdPhysics.RevoluteJoint)
         typed = UsdPhysics.RevoluteJoint(prim) if turns else UsdPhysics.PrismaticJoint(prim)
         axis = {"X": X, "Y": np.roll(X, 1), "Z": np.roll(X, 2)}[typed.GetAxisAttr().Get()]
@@ -99,7 +99,7 @@ class _Reader:
         limits = [each.Get() for each in (typed.GetLowerLimitAttr(), typed.GetUpperLimitAttr())]
         low, high = (float(each) / physx.unit(turns) for each in limits)
         drive = UsdPhysics.DriveAPI.Get(prim, "angular" if turns else "linear")
-        joint = Joint(
+        joint = JointEntry(
             "revolute" if turns else "prismatic",
             parent,
             child,

@@ -11,7 +11,7 @@ from dextera_build.artifacts.objects.view import Seen
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import kinematics, metrics, registration, transforms
-from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.registration import ScaledPose
 
 from . import model_view
 from .placed import Placed
@@ -37,7 +37,7 @@ def model_points(body: Body) -> np.ndarray:
     return metrics.sample_surface(*kinematics.posed_surface(body), POINTS, 0)
 
 
-def principal(model: np.ndarray, seen: np.ndarray) -> Similarity:
+def principal(model: np.ndarray, seen: np.ndarray) -> ScaledPose:
     """Align the boxes along the principal axes of both point sets; the scale is the ratio of their diagonals."""
     boxes = []
     for points in (model, seen):
@@ -49,20 +49,20 @@ def principal(model: np.ndarray, seen: np.ndarray) -> Similarity:
         boxes.append((axes, middle + axes @ ((low + high) / 2.0), float(np.linalg.norm(high - low))))
     (own, own_middle, own_size), (its, its_middle, its_size) = boxes
     scale, turn = its_size / own_size, its @ own.T
-    return Similarity(scale, transforms.rigid(turn, its_middle - scale * turn @ own_middle))
+    return ScaledPose(scale, transforms.rigid(turn, its_middle - scale * turn @ own_middle))
 
 
-def upright(model: np.ndarray, seen: np.ndarray) -> list[Similarity]:
+def upright(model: np.ndarray, seen: np.ndarray) -> list[ScaledPose]:
     """The 24 axis-aligned rotations at the scale of the boxes' diagonals, with coincident centres."""
     scale = float(np.linalg.norm(np.ptp(seen, axis=0)) / np.linalg.norm(np.ptp(model, axis=0)))
     own, its = ((points.min(axis=0) + points.max(axis=0)) / 2.0 for points in (model, seen))
     turns = registration.cube_rotations()
-    return [Similarity(scale, transforms.rigid(turn, its - scale * turn @ own)) for turn in turns]
+    return [ScaledPose(scale, transforms.rigid(turn, its - scale * turn @ own)) for turn in turns]
 
 
 def sim3_icp(
-    model: np.ndarray, seen: np.ndarray, starts: Sequence[Similarity], *, backwards: bool = False
-) -> Similarity:
+    model: np.ndarray, seen: np.ndarray, starts: Sequence[ScaledPose], *, backwards: bool = False
+) -> ScaledPose:
     """Open3D's point-to-point ICP with scaling; returns the best fitness, and among equal ones the lowest RMSE.
 
     Results whose scale changed by a factor of ten or more are discarded.
@@ -79,7 +79,7 @@ def sim3_icp(
     clouds = [o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)) for points in (model, seen)]
     estimation = o3d.pipelines.registration.TransformationEstimationPointToPoint(with_scaling=True)
     criteria = o3d.pipelines.registration.ICPConvergenceCriteria(max_iteration=60)
-    ends: list[tuple[float, float, Similarity]] = []
+    ends: list[tuple[float, float, ScaledPose]] = []
     for start in starts:
         guess = start.pose.copy()
         guess[:3, :3] *= start.scale
@@ -94,16 +94,16 @@ def sim3_icp(
     return min(ends, key=lambda end: end[:2])[2] if ends else starts[0]
 
 
-def _similarity(matrix: np.ndarray, *, backwards: bool) -> Similarity | None:
+def _similarity(matrix: np.ndarray, *, backwards: bool) -> ScaledPose | None:
     """The similarity of a (4, 4) matrix or of its inverse; None if it collapsed."""
     if not np.isfinite(matrix).all() or np.linalg.det(matrix[:3, :3]) < 1e-30:
         return None
     found = np.linalg.inv(matrix) if backwards else np.asarray(matrix)
     scale = float(np.cbrt(np.linalg.det(found[:3, :3])))
-    return Similarity(scale, transforms.rigid(found[:3, :3] / scale, found[:3, 3]))
+    return ScaledPose(scale, transforms.rigid(found[:3, :3] / scale, found[:3, 3]))
 
 
-def judged(body: Body, seen: Seen, found: Similarity, method: str) -> Placed:
+def judged(body: Body, seen: Seen, found: ScaledPose, method: str) -> Placed:
     """The placement of a baseline, which has no uncertainty, and how its render agrees with the view."""
     vertices, faces = kinematics.posed_surface(body)
     score = model_view.ModelView(vertices, faces, seen).score(found)

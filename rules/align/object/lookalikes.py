@@ -10,7 +10,7 @@ from scipy import ndimage
 from dextera_build.artifacts.objects.object import Body
 from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import transforms
-from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.registration import ScaledPose
 from dextera_build.geometry.symmetry import Symmetry
 
 from .model_view import ModelView
@@ -26,13 +26,13 @@ APART = np.radians(12.0)
 class Chosen(NamedTuple):
     """The placement, and alternatives that remain undecided."""
 
-    best: Similarity
+    best: ScaledPose
     rivals: int  # placements with another rotation that depth, mask and colours do not distinguish from it
     by_colour: bool
 
 
 def choose(
-    model: ModelView, body: Body, seen: Seen, best: Similarity, others: list[Similarity], symmetry: Symmetry
+    model: ModelView, body: Body, seen: Seen, best: ScaledPose, others: list[ScaledPose], symmetry: Symmetry
 ) -> Chosen:
     """Compare the colours of the best placement, its images under finite symmetries, and other equally good placements.
 
@@ -56,17 +56,17 @@ def _beats(one: float, other: float) -> bool:
     return one > other + CLEARLY or 1.0 - one < 0.5 * (1.0 - other)
 
 
-def _angle(symmetry: Symmetry, one: Similarity, other: Similarity) -> float:
+def _angle(symmetry: Symmetry, one: ScaledPose, other: ScaledPose) -> float:
     return symmetry.angle(one.pose[:3, :3], other.pose[:3, :3])
 
 
-def _turned(placed: Similarity, turn: np.ndarray, centre: np.ndarray) -> Similarity:
+def _turned(placed: ScaledPose, turn: np.ndarray, centre: np.ndarray) -> ScaledPose:
     """The placement of the model turned about its centre."""
     about = transforms.rigid(turn, placed.scale * (centre - turn @ centre))
-    return Similarity(placed.scale, placed.pose @ about)
+    return ScaledPose(placed.scale, placed.pose @ about)
 
 
-def _likeness(model: ModelView, body: Body, seen: Seen, placed: Similarity) -> float | None:
+def _likeness(model: ModelView, body: Body, seen: Seen, placed: ScaledPose) -> float | None:
     """Correlation of rendered and seen colours over common pixels, -1 to 1; None if the asset has no pattern there."""
     drawn, where = model.painted(placed, body)
     if where.sum() < 100:

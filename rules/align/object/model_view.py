@@ -10,7 +10,7 @@ import numpy as np
 from dextera_build.artifacts.objects.object import Body
 from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import cameras, raycast
-from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.registration import ScaledPose
 
 from ..canonical import bodies
 
@@ -105,7 +105,7 @@ class ModelView:
         self._known = ~seen.occluder[rows, columns]
         self._mask = seen.mask[rows, columns]
 
-    def visible(self, placed: Similarity) -> tuple[np.ndarray, np.ndarray]:
+    def visible(self, placed: ScaledPose) -> tuple[np.ndarray, np.ndarray]:
         """Model-frame points (N, 3) and outward normals (N, 3) visible to the camera, without occluded ones."""
         depth, normals = self._cast(placed)
         here = np.isfinite(depth) & self._known
@@ -113,7 +113,7 @@ class ModelView:
         points = self._origin + depth[here][thin, None] * self._directions[here][thin]
         return placed.unapply(points), normals[here][thin]
 
-    def score(self, placed: Similarity) -> Score:
+    def score(self, placed: ScaledPose) -> Score:
         """Compare the render of the placed model with the view."""
         depth, _ = self._cast(placed)
         drawn = np.isfinite(depth) & self._known
@@ -126,7 +126,7 @@ class ModelView:
         violation = float(in_front.sum() / max(int(drawn.sum()), 1))
         return Score(float((drawn & seen).sum() / union) if union else 0.0, residual, violation)
 
-    def compare(self, placed: Similarity) -> Compared:
+    def compare(self, placed: ScaledPose) -> Compared:
         """The placed model and the view."""
         depth, normals = self._cast(placed)
         return Compared(
@@ -142,7 +142,7 @@ class ModelView:
             stride=self._stride,
         )
 
-    def painted(self, placed: Similarity, body: Body) -> tuple[np.ndarray, np.ndarray]:
+    def painted(self, placed: ScaledPose, body: Body) -> tuple[np.ndarray, np.ndarray]:
         """Unlit colours (h, w, 3), 0..1, of the placed body, and its pixels inside the mask, (h, w) bool."""
         hits = self._hits(placed)
         where = np.isfinite(hits.distance) & self._known & self._mask
@@ -157,7 +157,7 @@ class ModelView:
         step = int(self._stride)
         return pixels[step // 2 :: step, step // 2 :: step]
 
-    def distances(self, placed: Similarity, points: np.ndarray) -> np.ndarray:
+    def distances(self, placed: ScaledPose, points: np.ndarray) -> np.ndarray:
         """Distance (N,) of world points to the placed surface [m]."""
         return np.asarray(self._scene.distances(placed.unapply(points)) * placed.scale, np.float64)
 
@@ -165,7 +165,7 @@ class ModelView:
         """Distance (N,) of model points (N, 3) to the surface, in model units."""
         return self._scene.distances(points).astype(np.float64)
 
-    def _cast(self, placed: Similarity) -> tuple[np.ndarray, np.ndarray]:
+    def _cast(self, placed: ScaledPose) -> tuple[np.ndarray, np.ndarray]:
         """Depth (h, w) [m], inf if empty, and model-frame normals (h, w, 3) towards the camera."""
         hits = self._hits(placed)
         directions = self._directions @ placed.pose[:3, :3]
@@ -173,7 +173,7 @@ class ModelView:
         away = (normals * directions).sum(axis=-1) > 0.0
         return hits.distance.astype(np.float64), np.where(away[..., None], -normals, normals)
 
-    def _hits(self, placed: Similarity) -> raycast.Hits:
+    def _hits(self, placed: ScaledPose) -> raycast.Hits:
         # Rays are transformed to the model's frame; their parameter, and so the depth, is unchanged.
         rotation = placed.pose[:3, :3]
         origin = (self._origin - placed.pose[:3, 3]) @ rotation / placed.scale

@@ -11,7 +11,7 @@ from dextera_build.artifacts.objects.object import Body, Placement
 from dextera_build.artifacts.objects.view import Seen
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import kinematics, lie, registration, symmetry, transforms
-from dextera_build.geometry.registration import Search, Similarity
+from dextera_build.geometry.registration import ScaledPose, Search
 from dextera_build.rule import Backend, Context
 
 from . import lookalikes, overlay_picture, polish, silhouette, spread, starts
@@ -47,7 +47,7 @@ def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: 
     if not (seen.depth > 0).any():
         return _by_silhouette(model, vertices, faces, seen)
     points = seen_points(seen)
-    guess = None if body.pose is None else Similarity(1.0, np.array(body.pose.matrix))
+    guess = None if body.pose is None else ScaledPose(1.0, np.array(body.pose.matrix))
     score = None if guess is None else model.score(guess)
     alike = symmetry.find(vertices, faces, model.model_distances)
     ambiguous = alike.round_axis is not None
@@ -87,8 +87,8 @@ def _by_silhouette(model: ModelView, vertices: np.ndarray, faces: np.ndarray, se
 
 
 def _refined(
-    model: ModelView, vertices: np.ndarray, points: np.ndarray, guess: Similarity, score: Score, options: IcpOptions
-) -> tuple[Similarity, str]:
+    model: ModelView, vertices: np.ndarray, points: np.ndarray, guess: ScaledPose, score: Score, options: IcpOptions
+) -> tuple[ScaledPose, str]:
     freedom = lie.FREE
     if guess.pose[2, 2] > _VERTICAL:
         standing = abs(_lowest(vertices, guess)) <= options.rest_m
@@ -101,11 +101,11 @@ def _refined(
     return refined, f"guess refined (gained {gain:.3f})"
 
 
-def _lowest(vertices: np.ndarray, placed: Similarity) -> float:
+def _lowest(vertices: np.ndarray, placed: ScaledPose) -> float:
     return float(placed.apply(vertices)[:, 2].min())
 
 
-def _rested(model: ModelView, vertices: np.ndarray, placed: Similarity, options: IcpOptions) -> tuple[Similarity, str]:
+def _rested(model: ModelView, vertices: np.ndarray, placed: ScaledPose, options: IcpOptions) -> tuple[ScaledPose, str]:
     """Move a body that nearly touches the support onto it, unless the view contradicts."""
     lowest = _lowest(vertices, placed)
     if abs(lowest) > options.rest_m:
@@ -119,7 +119,7 @@ def _rested(model: ModelView, vertices: np.ndarray, placed: Similarity, options:
 
 
 def _result(
-    model: ModelView, vertices: np.ndarray, points: np.ndarray, placed: Similarity, method: str, *, ambiguous: bool
+    model: ModelView, vertices: np.ndarray, points: np.ndarray, placed: ScaledPose, method: str, *, ambiguous: bool
 ) -> Placed:
     distances = np.sort(model.distances(placed, points))
     score = model.score(placed)
@@ -138,7 +138,7 @@ def _with_spread(
     placement: Placement,
     model: ModelView,
     vertices: np.ndarray,
-    placed: Similarity,
+    placed: ScaledPose,
     seen: Seen,
     of_shape: np.ndarray | None,
     options: IcpOptions,

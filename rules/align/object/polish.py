@@ -7,7 +7,7 @@ from itertools import islice
 import numpy as np
 
 from dextera_build.geometry import least_squares
-from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.registration import ScaledPose
 
 from . import spread
 from .model_view import ModelView
@@ -20,7 +20,7 @@ _WORSE = 0.02
 """Maximum increase of the render's cost per step; unlike the residuals, the cost includes smeared pixels."""
 
 
-def polished(model: ModelView, placed: Similarity, scale_sigma: float, freedom: np.ndarray) -> Similarity:
+def polished(model: ModelView, placed: ScaledPose, scale_sigma: float, freedom: np.ndarray) -> ScaledPose:
     """Gauss-Newton steps on the residuals of the covariance; the unchanged placement if they do not improve it.
 
     Args:
@@ -30,7 +30,7 @@ def polished(model: ModelView, placed: Similarity, scale_sigma: float, freedom: 
         freedom: See `spread.covariance`.
     """
 
-    def step(now: Similarity, _: int) -> tuple[np.ndarray, Similarity]:
+    def step(now: ScaledPose, _: int) -> tuple[np.ndarray, ScaledPose]:
         change, covariance = spread.step(model, now, scale_sigma, freedom)
         deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-18))
         return change / (_SMALL * deviations + 1e-9), _moved(now, change)
@@ -43,5 +43,5 @@ def polished(model: ModelView, placed: Similarity, scale_sigma: float, freedom: 
     return best[1]
 
 
-def _moved(placed: Similarity, step: np.ndarray) -> Similarity:
+def _moved(placed: ScaledPose, step: np.ndarray) -> ScaledPose:
     return placed.moved(np.append(step[:6], np.clip(step[6], -0.1, 0.1)))

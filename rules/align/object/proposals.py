@@ -11,7 +11,7 @@ import numpy as np
 
 from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import transforms
-from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.registration import ScaledPose
 
 CELLS = 20
 """Cells of the grid along each side of the mask's box."""
@@ -157,10 +157,10 @@ def different(rotations: np.ndarray, ranked: np.ndarray, most: int) -> list[int]
     return chosen
 
 
-def in_world(starts: Starts, index: int, seen: Seen) -> Similarity:
+def in_world(starts: Starts, index: int, seen: Seen) -> ScaledPose:
     """One start in the world's frame."""
     local = transforms.rigid(starts.rotations[index], starts.places[index])
-    return Similarity(float(starts.scales[index]), seen.world_from_camera @ local)
+    return ScaledPose(float(starts.scales[index]), seen.world_from_camera @ local)
 
 
 def _side() -> int:

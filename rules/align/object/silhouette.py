@@ -6,7 +6,7 @@ import numpy as np
 
 from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import cameras, lie, transforms
-from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.registration import ScaledPose
 
 from .model_view import ModelView
 
@@ -22,7 +22,7 @@ _HIDDEN = 0.1
 """Weight of a side of the mask at which an occluder may hide the object."""
 
 
-def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen) -> Similarity:
+def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen) -> ScaledPose:
     """The standing placement with the best mask IoU over all rotations about the vertical.
 
     Position and scale of each rotation follow from the extent of the mask; the best ones are refined by the render
@@ -43,12 +43,12 @@ def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen
     return min(ends, key=lambda placed: model.score(placed).cost)
 
 
-def _standing(vertices: np.ndarray, four: np.ndarray) -> Similarity:
+def _standing(vertices: np.ndarray, four: np.ndarray) -> ScaledPose:
     """The placement with x, y, log scale and yaw [rad]; its lowest point is on the support."""
     x, y, size, turn = four
     scale = float(np.exp(size))
     rotation = lie.rotation(np.array([0.0, 0.0, turn]))
-    return Similarity(scale, transforms.rigid(rotation, np.array([x, y, -scale * float(vertices[:, 2].min())])))
+    return ScaledPose(scale, transforms.rigid(rotation, np.array([x, y, -scale * float(vertices[:, 2].min())])))
 
 
 def _fitted(points: np.ndarray, vertices: np.ndarray, seen: Seen, turn: float) -> np.ndarray:

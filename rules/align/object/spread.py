@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.geometry import lie, planes, transforms, uncertainty
-from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.registration import ScaledPose
 
 from .model_view import Compared, ModelView
 
@@ -32,7 +32,7 @@ ANY_TURN = float(np.pi / np.sqrt(3.0))
 
 
 def covariance(
-    model: ModelView, placed: Similarity, size_m: float, scale_sigma: float, freedom: np.ndarray
+    model: ModelView, placed: ScaledPose, size_m: float, scale_sigma: float, freedom: np.ndarray
 ) -> np.ndarray:
     """Covariance (7, 7) of translation [m], rotation vector [rad] and log scale, in the axes of the world.
 
@@ -49,7 +49,7 @@ def covariance(
 
 
 def step(
-    model: ModelView, placed: Similarity, scale_sigma: float, freedom: np.ndarray
+    model: ModelView, placed: ScaledPose, scale_sigma: float, freedom: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The Gauss-Newton step (7,) of depth and outline, and the covariance (7, 7) without it; see `covariance`.
 
@@ -60,7 +60,7 @@ def step(
 
 def _solved(
     model: ModelView,
-    placed: Similarity,
+    placed: ScaledPose,
     size_m: float,
     scale_sigma: float,
     freedom: np.ndarray,

@@ -9,7 +9,7 @@ import numpy as np
 
 from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import lie, metrics, planes, registration, transforms
-from dextera_build.geometry.registration import Search, Similarity
+from dextera_build.geometry.registration import ScaledPose, Search
 
 from . import proposals
 from .model_view import ModelView, seen_points
@@ -42,8 +42,8 @@ _SQUARE = np.radians(6.0)
 class Found(NamedTuple):
     """Result of a search."""
 
-    best: Similarity
-    others: list[Similarity]  # equally good placements
+    best: ScaledPose
+    others: list[ScaledPose]  # equally good placements
     method: str
 
 
@@ -67,15 +67,15 @@ def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen
     hull = _hull(vertices)
     corners = vertices if hull is None else vertices[hull.vertices]
 
-    def cost(placed: Similarity) -> float:
+    def cost(placed: ScaledPose) -> float:
         return judge.score(placed).cost + _sunk(corners, placed)
 
-    def registered(starts: list[Similarity], iterations: int) -> list[Similarity]:
+    def registered(starts: list[ScaledPose], iterations: int) -> list[ScaledPose]:
         step = [Search(lie.FREE, one.scale, options.start_scale_sigma, iterations) for one in starts]
         return [registration.icp(one, few.visible, points, how) for one, how in zip(starts, step, strict=True)]
 
     centre = metrics.surface_centroid(vertices, faces)
-    ends: list[Similarity] = []
+    ends: list[ScaledPose] = []
     enough = options.enough_cost + 0.8 * _noise(seen) / 0.02
     for more in (1, 4):
         starts = ranked(samples, seen, options.finalists * more, more)
@@ -90,7 +90,7 @@ def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen
     return Found(_finished(judge, corners, ends[0], seen, options), others, f"best of {144 + _SPREAD} starts")
 
 
-def ranked(samples: np.ndarray, seen: Seen, most: int, more: int = 1) -> list[Similarity]:
+def ranked(samples: np.ndarray, seen: Seen, most: int, more: int = 1) -> list[ScaledPose]:
     """The starts that agree best with mask and depth, with distinct rotations.
 
     Args:
@@ -137,33 +137,33 @@ def _hull(vertices: np.ndarray) -> Any:
         return None
 
 
-def _sunk(corners: np.ndarray, placed: Similarity) -> float:
+def _sunk(corners: np.ndarray, placed: ScaledPose) -> float:
     """Depth of the hull's lowest corner below the support, in units of 2 cm: no object is inside the table."""
     return max(0.0, -float(placed.apply(corners)[:, 2].min()) - _TOUCHING_M) / 0.02
 
 
-def _sorted(cost: Callable[[Similarity], float], starts: list[Similarity]) -> list[Similarity]:
+def _sorted(cost: Callable[[ScaledPose], float], starts: list[ScaledPose]) -> list[ScaledPose]:
     costs = [cost(start) for start in starts]
     return [starts[index] for index in np.argsort(costs, kind="stable")]
 
 
-def _distinct(ranked: list[Similarity], most: int) -> list[Similarity]:
+def _distinct(ranked: list[ScaledPose], most: int) -> list[ScaledPose]:
     rotations = np.array([one.pose[:3, :3] for one in ranked])
     return [ranked[k] for k in proposals.different(rotations, np.arange(len(ranked)), most)]
 
 
-def _turns(samples: np.ndarray, centre: np.ndarray, placed: Similarity) -> list[Similarity]:
+def _turns(samples: np.ndarray, centre: np.ndarray, placed: ScaledPose) -> list[ScaledPose]:
     """The placement rotated about the vertical and the principal axes through `centre` (model frame), in 12 steps."""
     own = np.linalg.eigh(np.cov((samples - centre).T))[1].T @ placed.pose[:3, :3].T
     middle = placed.apply(centre[None])[0]
     return [
-        Similarity(placed.scale, lie.turned(axis, middle, angle) @ placed.pose)
+        ScaledPose(placed.scale, lie.turned(axis, middle, angle) @ placed.pose)
         for axis in (np.array([0.0, 0.0, 1.0]), *own)
         for angle in np.arange(1, 12) * np.pi / 6.0
     ]
 
 
-def _finished(model: ModelView, corners: np.ndarray, start: Similarity, seen: Seen, options: IcpOptions) -> Similarity:
+def _finished(model: ModelView, corners: np.ndarray, start: ScaledPose, seen: Seen, options: IcpOptions) -> ScaledPose:
     """The candidate registered with more points, and placed flat if nearly so on a face of its hull's `corners`."""
     points = seen_points(seen, 3 * _POINTS)
     how = Search(lie.FREE, start.scale, options.start_scale_sigma, options.iterations)
@@ -173,8 +173,8 @@ def _finished(model: ModelView, corners: np.ndarray, start: Similarity, seen: Se
 
 
 def _squared(
-    model: ModelView, vertices: np.ndarray, placed: Similarity, points: np.ndarray, options: IcpOptions
-) -> list[Similarity]:
+    model: ModelView, vertices: np.ndarray, placed: ScaledPose, points: np.ndarray, options: IcpOptions
+) -> list[ScaledPose]:
     """The placement with the downward face of its hull flat on the support, refined; empty without such a face."""
     rotation = placed.pose[:3, :3]
     down = _base_normal(vertices, rotation)
@@ -183,12 +183,12 @@ def _squared(
     upright = transforms.rotation_between(rotation @ down, np.array([0.0, 0.0, -1.0])) @ rotation
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     place = placed.apply(middle[None])[0] - placed.scale * upright @ middle
-    square = Similarity(placed.scale, transforms.rigid(upright, place))
+    square = ScaledPose(placed.scale, transforms.rigid(upright, place))
     lowest = float(square.apply(vertices)[:, 2].min())
     freedom = lie.UPRIGHT
     if abs(lowest) <= options.rest_m:
         freedom = lie.resting()
-        square = Similarity(placed.scale, transforms.rigid(upright, place - [0.0, 0.0, lowest]))
+        square = ScaledPose(placed.scale, transforms.rigid(upright, place - [0.0, 0.0, lowest]))
     search = Search(freedom, placed.scale, options.start_scale_sigma, options.iterations)
     return [registration.icp(square, model.visible, points, search)]
 

@@ -10,7 +10,7 @@ import numpy as np
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.gaussians import merging
-from dextera_build.gaussians.fit.camera import Camera as Eye
+from dextera_build.gaussians.fit.camera import FitCamera
 from dextera_build.geometry import raycast
 from dextera_build.geometry.photo_terms import Drawn
 from dextera_build.geometry.scene_alignment import Render
@@ -81,7 +81,7 @@ class SplatScene:
         arrays = placed(self._given, self._device)
 
         def render(place: np.ndarray, k: np.ndarray, size: tuple[int, int]) -> Drawn:
-            eye = Eye(k, place, size, self._near)
+            eye = FitCamera(k, place, size, self._near)
             sharp = self._drawn(arrays, eye, faded=False)
             # Feature points need sharp edges. Their depth is the mean over the surface in a pixel: the nearest of
             # several noisy Gaussians would be too near.
@@ -103,9 +103,9 @@ class SplatScene:
         for k, size in sorted(views, key=lambda view: -view[1][1]):  # valid for a small picture, too
             fewer = merging.merged(fewer, k, place, size, CELL_PX)
             arrays[size] = placed(fewer, self._device)
-        return lambda near, k, size: self._drawn(arrays[size], Eye(k, near, size, self._near), faded=True)
+        return lambda near, k, size: self._drawn(arrays[size], FitCamera(k, near, size, self._near), faded=True)
 
-    def _drawn(self, arrays: Any, eye: Eye, limits: np.ndarray | None = None, *, faded: bool) -> Drawn:
+    def _drawn(self, arrays: Any, eye: FitCamera, limits: np.ndarray | None = None, *, faded: bool) -> Drawn:
         import warp as wp
 
         size = eye.size

@@ -8,7 +8,7 @@ from torch import Tensor
 from dextera_build.artifacts.cameras.views import Views
 from dextera_build.artifacts.scenes.room import Room
 from dextera_build.artifacts.scenes.scene import Background
-from dextera_build.gaussians.fit.camera import Camera
+from dextera_build.gaussians.fit.camera import FitCamera
 from dextera_build.gaussians.fit.parameters import Trained
 from dextera_build.rule import Backend, Context
 
@@ -32,7 +32,7 @@ def compose(ctx: Context, views: Views, background: Background | None, options: 
     return optimised(ctx, views, background, options, rendered)
 
 
-def rendered(given: Trained, camera: Camera) -> tuple[Tensor, Tensor, Tensor]:
+def rendered(given: Trained, camera: FitCamera) -> tuple[Tensor, Tensor, Tensor]:
     """Colour (H, W, 3), accumulated depth (H, W) [m] and transmittance (H, W)."""
     from gsplat import rasterization
 

@@ -11,7 +11,7 @@ from dextera_build.artifacts.scenes.room import Room
 from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.artifacts.spatial.point_cloud import PointCloud
-from dextera_build.gaussians.fit.camera import Camera as Eye
+from dextera_build.gaussians.fit.camera import FitCamera
 from dextera_build.gaussians.fit.fit import Render, Settings, fit
 from dextera_build.gaussians.fit.loss import Target
 from dextera_build.gaussians.fit.parameters import Trained, closed, opened
@@ -86,7 +86,7 @@ def _footprints(points: PointCloud) -> np.ndarray:
 def _target(views: Views, name: str, points: PointCloud, device: str) -> Target:
     lens, pose = views.lens(name), views.pose(name).matrix
     size = (lens.height, lens.width)
-    eye = Eye(lens.matrix(), pose, size)  # type: ignore[union-attr]
+    eye = FitCamera(lens.matrix(), pose, size)  # type: ignore[union-attr]
     pixels = torch.tensor(views.pixels(name), dtype=torch.float32, device=device) / 255
     depth = torch.tensor(seen_depth(points.points, eye), dtype=torch.float32, device=device)
     return Target(eye, pixels, depth)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.gaussians.fit.camera import Camera
+from dextera_build.gaussians.fit.camera import FitCamera
 from dextera_build.geometry import cameras, transforms
 
 SAME = 0.03
 """A pixel deeper than the least depth around it by this relative difference shows a surface behind, between points."""
 
 
-def seen_depth(points: np.ndarray, camera: Camera) -> np.ndarray:
+def seen_depth(points: np.ndarray, camera: FitCamera) -> np.ndarray:
     """Depth (H, W) [m] of the nearest point in each pixel; 0 if there is none, or only one behind a nearer surface."""
     rows, columns = camera.size
     local = transforms.apply(transforms.invert(camera.world_from_camera), points.astype(np.float64))

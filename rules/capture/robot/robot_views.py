@@ -14,7 +14,7 @@ from dextera_build.rule import Context, rule
 
 from ..facts import NAME, read
 from ..taken import DepthOptions, Lenses, take
-from . import agreement, moved, stood, target
+from . import agreement, moved, robot_states, target
 from .moved import doubt_poses
 from .seen import doubt_pictures
 
@@ -47,8 +47,8 @@ def robot_views(
     facts = read(ctx, folder.files[NAME])
     mount = target.mount_of(ctx, facts)
     board = target.board_of(ctx, facts, mount)
-    views = stood.views_of(ctx, facts, folder)
-    effectors, joints = stood.effectors_of(ctx, views), stood.joints_of(ctx, views)
+    views = robot_states.views_of(ctx, facts, folder)
+    effectors, joints = robot_states.effectors_of(ctx, views), robot_states.joints_of(ctx, views)
     if joints is not None and robot is None:
         agreement.doubt_units(ctx, joints)
     elif joints is not None and robot is not None:
@@ -79,7 +79,7 @@ def robot_views(
         effectors=effectors,
         effector_frame=frame,
         board=board,
-        skew_s=stood.skews_of(ctx, views),
+        skew_s=robot_states.skews_of(ctx, views),
     )
     ctx.preview(next(iter(captures.values())).photograph.rgb.pixels, "first picture")
     ctx.say(", ".join(found.facts()))

@@ -11,7 +11,7 @@ from dextera_build.artifacts.scenes.world import RobotStand, World
 from dextera_build.geometry import transforms
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.model.forward import Kinematics
-from dextera_build.sim.worlds.tried import TriedWorld
+from dextera_build.sim.worlds.pose_trials import TriedWorld
 
 BACKEND = Backend(
     summary="MuJoCo's OpenGL renderer (EGL, on the CPU or a GPU), at a quarter of the resolution",

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.rule import Backend, Context, Options
-from dextera_build.sim.worlds import steady as runner
+from dextera_build.sim.worlds import hold_unstable as runner
 
 from .settle_mujoco import rests
 

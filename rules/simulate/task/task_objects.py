@@ -13,7 +13,7 @@ from dextera_build.artifacts.tasks.task import Cavity, TaskObject
 from dextera_build.errors import listing
 from dextera_build.geometry import cavities, kinematics, metrics
 from dextera_build.rule import Context
-from dextera_build.sim.model import names, whole
+from dextera_build.sim.model import completeness, names
 
 
 def check(ctx: Context, scene: Scene, labels: Mapping[str, str], assets: Collection[Asset]) -> None:
@@ -33,7 +33,7 @@ def check(ctx: Context, scene: Scene, labels: Mapping[str, str], assets: Collect
             scene=listing(scene.bodies, most=20),
             hint="give the assets that `simulate.scene` was given",
         )
-    whole.check({label: assets.items[label] for label in labels})
+    completeness.check({label: assets.items[label] for label in labels})
 
 
 def described(assets: Collection[Asset], label: str, count: int) -> TaskObject:

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.registration import ScaledPose
 from rules.align.object import object_icp
 from rules.align.object.icp_options import IcpOptions
 from rules.align.object.object import ObjectOptions, misfit
@@ -38,7 +38,7 @@ def ours(known: Known) -> dict[str, Any]:
     placed = object_icp.place(context, known.asset, known.seen, ObjectOptions(), IcpOptions())
     placement = placed.placement
     return {
-        "found": Similarity(placement.scale, placement.pose.matrix),
+        "found": ScaledPose(placement.scale, placement.pose.matrix),
         "refused": misfit(placed, ObjectOptions()),
         "ambiguous": placement.ambiguous,
         "how": placement.method,

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dextera_build.geometry import kinematics, metrics
-from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.registration import ScaledPose
 from rules.align.object import boxed, starts
 from rules.align.object.icp_options import IcpOptions
 
 from .scenes import Known
 
 
-def bounding_box(known: Known) -> Similarity:
+def bounding_box(known: Known) -> ScaledPose:
     """Boxes along the principal axes of both point sets, laid onto each other by the size of their diagonals."""
     return boxed.principal(boxed.model_points(known.asset), boxed.seen_points(known.seen))
 
 
-def open3d_icp(known: Known, *, backwards: bool = False, ranked: bool = False) -> Similarity:
+def open3d_icp(known: Known, *, backwards: bool = False, ranked: bool = False) -> ScaledPose:
     """Open3D's point-to-point ICP with scaling; the best fitness is taken, and of equal ones the least RMSE.
 
     Args:
@@ -28,6 +28,6 @@ def open3d_icp(known: Known, *, backwards: bool = False, ranked: bool = False) -
     return boxed.sim3_icp(model, seen, begin, backwards=backwards)
 
 
-def _starts(known: Known) -> list[Similarity]:
+def _starts(known: Known) -> list[ScaledPose]:
     vertices, faces = kinematics.posed_surface(known.asset)
     return starts.ranked(metrics.sample_surface(vertices, faces, 200, 0), known.seen, IcpOptions().finalists)

@@ -20,7 +20,7 @@ from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.objects.object import Body, Link
 from dextera_build.artifacts.robots.noise import DepthNoise
 from dextera_build.geometry import kinematics, lie, raycast, registration, solids, transforms
-from dextera_build.geometry.registration import Search, Similarity
+from dextera_build.geometry.registration import ScaledPose, Search
 from dextera_build.sim.render import sensor
 from dextera_build.statistics import wilson
 from rules.align.object import polish, spread
@@ -59,7 +59,7 @@ def draw(number: int, seed: int) -> tuple[str, float, float]:
     vertices, faces = kinematics.posed_surface(body)
     model = ModelView(vertices, faces, seen)
     off = transforms.rigid(lie.rotation(random.normal(0.0, 0.02, 3)), random.normal(0.0, 0.003, 3))
-    start = Similarity(float(np.exp(random.normal(0.0, 0.03))), pose @ off)
+    start = ScaledPose(float(np.exp(random.normal(0.0, 0.03))), pose @ off)
     options = IcpOptions()
     search = Search(lie.FREE, start.scale, options.start_scale_sigma, options.iterations)
     near = registration.icp(start, model.coarser(seen, 3000).visible, seen_points(seen, 800), search)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from dextera_build.geometry import kinematics, metrics, symmetry, transforms
 from dextera_build.geometry.raycast import RayScene
-from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.registration import ScaledPose
 from dextera_build.geometry.symmetry import Symmetry
 
 from .scenes import Known
@@ -20,7 +20,7 @@ from .scenes import Known
 class Truth:
     """What errors are measured against."""
 
-    placed: Similarity
+    placed: ScaledPose
     symmetry: Symmetry  # of the asset
     points: np.ndarray  # (N, 3) on the asset's surface, its units
 
@@ -39,13 +39,13 @@ def truth(known: Known) -> Truth:
     """Symmetry and samples of a view's object."""
     vertices, faces = kinematics.posed_surface(known.asset)
     return Truth(
-        Similarity(known.scale, known.pose),
+        ScaledPose(known.scale, known.pose),
         symmetry.find(vertices, faces, RayScene((vertices, faces)).distances, samples=1000),
         metrics.sample_surface(vertices, faces, 40000, 0),
     )
 
 
-def error(truth: Truth, found: Similarity) -> Error:
+def error(truth: Truth, found: ScaledPose) -> Error:
     """See `Error`."""
     true, placed = truth.placed.apply(truth.points[:1000]), found.apply(truth.points)
     centre = truth.symmetry.centre[None]
@@ -57,7 +57,7 @@ def error(truth: Truth, found: Similarity) -> Error:
     )
 
 
-def surprise(truth: Truth, found: Similarity, covariance: np.ndarray) -> float | None:
+def surprise(truth: Truth, found: ScaledPose, covariance: np.ndarray) -> float | None:
     """Squared error of position and rotation (6) over its stated covariance; None for round bodies and wrong turns.
 
     The truth is the nearest one over the finite symmetries.

@@ -18,7 +18,7 @@ from dextera_build.artifacts.objects.view import Seen
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.geometry import cameras, robot_mask, transforms
-from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.registration import ScaledPose
 from dextera_build.sim.model import tessellate
 from dextera_build.sim.model.forward import Kinematics
 from dextera_build.sim.model.robot import CONTACT_GROUP
@@ -58,7 +58,7 @@ def gicp(body: Body, seen: Seen, small_gicp: ModuleType) -> Placement:
         )
         ends.append((-done.num_inliers, done.error, start.scale, np.linalg.inv(done.T_target_source)))
     _, _, scale, pose = min(ends, key=lambda end: end[:2])
-    return boxed.judged(body, seen, Similarity(scale, np.asarray(pose)), "small_gicp").placement
+    return boxed.judged(body, seen, ScaledPose(scale, np.asarray(pose)), "small_gicp").placement
 
 
 def hydra(

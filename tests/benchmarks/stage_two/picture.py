@@ -11,7 +11,7 @@ from PIL import Image as Pillow
 from dextera_build.artifacts.core.base import Collection
 from dextera_build.artifacts.objects.object import Body, Placement
 from dextera_build.geometry import metrics
-from rules.evaluate import sight
+from rules.evaluate import rendered_objects
 
 if TYPE_CHECKING:
     from .__main__ import Scenes
@@ -44,7 +44,7 @@ def _panel(scenes: Scenes, label: str) -> np.ndarray | None:
     }
     masks, colours = _seen(drawn, support, camera)
     outlined = photo.photograph.rgb.pixels.copy()
-    for known in sight.true_objects(truth).values():
+    for known in rendered_objects.true_objects(truth).values():
         outlined[metrics.boundary(known.mask)] = TRUE
     for mask in masks:
         outlined[metrics.boundary(mask)] = FOUND
@@ -63,5 +63,5 @@ def _seen(
     good = {name: (body, placed) for name, (body, placed) in drawn.items() if body is not None and placed is not None}
     bodies = Collection[Body](items={name: body for name, (body, _) in good.items()})
     placements = Collection[Placement](items={name: placed for name, (_, placed) in good.items()})
-    found, colours, _ = sight.render(sight.placed_bodies(bodies, placements, support), camera)
+    found, colours, _ = rendered_objects.render(rendered_objects.placed_bodies(bodies, placements, support), camera)
     return [thing.mask for thing in found.values()], colours

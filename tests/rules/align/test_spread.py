@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from dextera_build.artifacts.objects.object import Placement
 from dextera_build.geometry import lie, solids, transforms
-from dextera_build.geometry.registration import Similarity
+from dextera_build.geometry.registration import ScaledPose
 from dextera_build.testing import RuleRunner
 from rules.align.object import polish, spread
 from rules.align.object.model_view import ModelView
@@ -67,13 +67,13 @@ def model():
     )
 
 
-def moved_by(step: np.ndarray) -> Similarity:
+def moved_by(step: np.ndarray) -> ScaledPose:
     """The true placement without a twist: translation, rotation vector and log scale about its origin."""
     turn = Rotation.from_rotvec(-step[3:6]).as_matrix() @ TRUTH[:3, :3]
-    return Similarity(float(np.exp(-step[6])), transforms.rigid(turn, TRUTH[:3, 3] - step[:3]))
+    return ScaledPose(float(np.exp(-step[6])), transforms.rigid(turn, TRUTH[:3, 3] - step[:3]))
 
 
-def left(placed: Similarity) -> np.ndarray:
+def left(placed: ScaledPose) -> np.ndarray:
     """The twist (7,) from a placement to the true one."""
     turn = Rotation.from_matrix(TRUTH[:3, :3] @ placed.pose[:3, :3].T).as_rotvec()
     return np.concatenate([TRUTH[:3, 3] - placed.pose[:3, 3], turn, [-np.log(placed.scale)]])

@@ -24,7 +24,7 @@ from dextera_build.sim.model import model as models
 from dextera_build.testing import RuleRunner
 from rules.background import static_planes
 from rules.background.static import StaticOptions, static
-from rules.evaluate import elsewhere
+from rules.evaluate import other_view
 from rules.evaluate.posed import PosedViews
 from rules.simulate.scene.scene import scene
 from tests import factories
@@ -92,10 +92,10 @@ def test_no_triangle_joins_surfaces_that_are_apart(built: tuple[Capture, Support
     pose = table.camera_pose.matrix
     assert len(made.mesh.faces) > 1000
     assert joins(made.mesh.vertices, made.mesh.faces) == 0
-    own = elsewhere.Own(
+    own = other_view.Own(
         capture.photograph.rgb.pixels, capture.measured.depth.depth, np.zeros((480, 640), bool), LENS.matrix()
     )
-    sheet = elsewhere.sheet(own)
+    sheet = other_view.sheet(own)
     naive = joins(transforms.apply(pose, sheet.vertices), sheet.faces)
     assert naive > 500, "one sheet over everything is what this test is there to see"
 
@@ -285,14 +285,14 @@ def test_a_real_kitchen_is_kept_in_views_that_it_was_not_made_from(tmp_path: Pat
     nothing = InstanceMap(labels=np.zeros((480, 640), np.int32), fixed=np.zeros((480, 640), bool))
     made = runner.run("background.static", instances=nothing, support=table, **factories.shot(capture))
     shapes, k = [surface_of(made.mesh), surface_of(made.invented)], given.camera.matrix()
-    own = elsewhere.Own(capture.photograph.rgb.pixels, capture.measured.depth.depth, nothing.fixed, k)
+    own = other_view.Own(capture.photograph.rgb.pixels, capture.measured.depth.depth, nothing.fixed, k)
     likeness, errors, cover = [], [], []
     for view in given.others():
         if view.frame not in (290, 310, 340, 470, 500):
             continue
         move = np.linalg.inv(given.poses[given.own]) @ view.pose
         drawn = raycast.render(shapes, k, table.camera_pose.matrix @ move, 480, 640)
-        seen = elsewhere.seen(own, view.depth, move, 0.05)
+        seen = other_view.seen(own, view.depth, move, 0.05)
         likeness.append(metrics.psnr(raycast.shade(shapes, drawn), view.rgb, seen))
         errors.append(metrics.depth_errors(drawn.depth, view.depth, seen))
         cover.append((drawn.depth > 0).mean())

@@ -10,7 +10,7 @@ import pytest
 from dextera_build.artifacts.tasks.trials import Operated
 from dextera_build.errors import RuleError
 from dextera_build.policy.observation import DeployableObservation
-from dextera_build.sim.experts import planning, rehearse, ways
+from dextera_build.sim.experts import candidates, planning, rehearse
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.testing import RuleRunner
 from tests import episodes, factories, gate, openarm_tasks
@@ -156,7 +156,12 @@ def test_trials_that_were_done_are_not_made_again(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_a_scripted_operator_lifts_a_box_in_a_world_that_is_late(runner, tmp_path, monkeypatch):
     """The whole way, with few candidates: rehearsal, planning from what is measured, inverse kinematics, verdict."""
-    for module, name, value in ((planning, "PLANNED", 0), (ways, "ENOUGH", 3), (ways, "LOOKED", 40), (ways, "FEW", 2)):
+    for module, name, value in (
+        (planning, "PLANNED", 0),
+        (candidates, "ENOUGH", 3),
+        (candidates, "LOOKED", 40),
+        (candidates, "FEW", 2),
+    ):
         monkeypatch.setattr(module, name, value)
     for name, value in (("TRIED", 3), ("FINAL", 1), ("STARTS", 1)):
         monkeypatch.setattr(rehearse, name, value)

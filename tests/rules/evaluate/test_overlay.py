@@ -16,7 +16,7 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import metrics, raycast
 from dextera_build.rule import Context, Options
 from dextera_build.sim.model import model as models
-from dextera_build.sim.model.held import hold
+from dextera_build.sim.model.fixed_bodies import hold
 from dextera_build.sim.render import framing, rendering
 from rules.background import static_planes
 from rules.background.static import StaticOptions, static

@@ -26,7 +26,7 @@ from dextera_build.rule import Context
 from dextera_build.testing import RuleRunner
 from rules.background import static_planes
 from rules.background.static import StaticOptions, static
-from rules.evaluate import elsewhere
+from rules.evaluate import other_view
 from rules.simulate.scene.scene import scene
 from tests import factories
 
@@ -160,13 +160,13 @@ def test_the_stub_draws_nothing(twin: tuple[dict[str, object], Scene], tmp_path:
 def test_a_pixel_is_seen_if_its_surface_is_in_the_capture() -> None:
     rgb, depth, pose = taken(10)
     _, other, there = taken(20)
-    own = elsewhere.Own(rgb, depth, np.zeros(depth.shape, bool), LENS.matrix())
+    own = other_view.Own(rgb, depth, np.zeros(depth.shape, bool), LENS.matrix())
     move = np.linalg.inv(pose) @ there
-    seen = elsewhere.seen(own, other, move, 0.05)
+    seen = other_view.seen(own, other, move, 0.05)
     assert 0.5 < seen.mean() < (other > 0).mean()
     # Some of the wall behind the red box is hidden from one eye and not from the other.
     assert (~seen & (other > 0))[:, 40:-40].sum() > 20
-    assert elsewhere.seen(own, other, move, 1e-9).sum() < 0.02 * seen.sum(), "a tolerance that nothing keeps"
+    assert other_view.seen(own, other, move, 1e-9).sum() < 0.02 * seen.sum(), "a tolerance that nothing keeps"
 
 
 @pytest.mark.parametrize(

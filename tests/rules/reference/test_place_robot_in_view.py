@@ -14,7 +14,7 @@ from dextera_build.artifacts.scenes.world import World
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import cameras, transforms
-from dextera_build.sim.worlds.tried import TriedWorld
+from dextera_build.sim.worlds.pose_trials import TriedWorld
 from dextera_build.testing import RuleRunner
 from tests.installed import needs
 from tests.rules.reference.drawn_objects import block

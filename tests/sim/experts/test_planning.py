@@ -6,9 +6,9 @@ import pytest
 
 from dextera_build.errors import RuleError
 from dextera_build.sim.experts import planning
+from dextera_build.sim.experts.candidates import Expert
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.rehearse import Candidate, taking_turns
-from dextera_build.sim.experts.ways import Expert
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
 from tests import task_bundles

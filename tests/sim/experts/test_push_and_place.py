@@ -7,11 +7,11 @@ import pytest
 
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.goals import Goal
+from dextera_build.sim.experts.candidates import Search, experts
+from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.grasps import candidates
 from dextera_build.sim.experts.reach import Reach
-from dextera_build.sim.experts.room import Room
-from dextera_build.sim.experts.ways import Search, experts
 from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal
 from dextera_build.sim.primitives.pick_and_place.script import Place
 from dextera_build.sim.primitives.poses import Tolerance
@@ -69,11 +69,11 @@ def test_plans_are_made_with_the_robot_where_it_is_believed_to_stand(robot: Robo
     made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
     environment, reach, found = made.environment, Reach(robot, "arm"), []
     (expert,) = experts("push")
-    (first, *_) = expert.plan(Search(environment, reach, Room(environment, reach), made.state()))
+    (first, *_) = expert.plan(Search(environment, reach, CollisionCheck(environment, reach), made.state()))
     # The second base is so low that the hand would be in the table.
     for low in (0.0, -0.2):
         environment.begin(environment.start.model_copy(update={"base_error": (0.0, 0.0, low, 0.0, 0.0, 0.0)}))
-        found.append(first.operator.comfort(Room(environment, reach), made.state()))
+        found.append(first.operator.comfort(CollisionCheck(environment, reach), made.state()))
     assert found[0] is not None
     assert found[0] == found[1]
 
@@ -83,7 +83,7 @@ def test_fingertips_push_a_box_to_its_target(robot: RobotModel) -> None:
     made = driver(robot, PushGoal(place_m=(0.1, 0.0), yaw_rad=None, upright=(1, 0, 0, 0), tolerance=NEAR))
     reach = Reach(robot, "arm")
     (expert,) = experts("push")
-    found = expert.plan(Search(made.environment, reach, Room(made.environment, reach), made.state()))
+    found = expert.plan(Search(made.environment, reach, CollisionCheck(made.environment, reach), made.state()))
     start = starts.photographed(made.environment.bundle, made.environment.model)
     episodes = [made.run(each.operator, start, origin="operator") for each in found[:8]]
     # A rehearsal keeps the best of them.
@@ -94,7 +94,7 @@ def test_fingertips_push_a_box_to_its_target(robot: RobotModel) -> None:
 def test_a_box_is_carried_and_set_down(robot: RobotModel) -> None:
     made = driver(robot, PlaceGoal(place_m=(0.05, -0.18, 0.0), tolerance=NEAR))
     environment, reach = made.environment, Reach(robot, "arm")
-    room, state = Room(environment, reach), made.state()
+    room, state = CollisionCheck(environment, reach), made.state()
     grasps = list(candidates(environment.bundle.objects["box"].points.astype(np.float64), reach.grips, reach.fingers))
     drawn = np.random.default_rng(0).permutation(len(grasps))
     places = (Place(environment, reach, grasps[number]) for number in drawn)

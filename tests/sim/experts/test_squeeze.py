@@ -8,12 +8,12 @@ import pytest
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import transforms
 from dextera_build.sim.experts import planning
+from dextera_build.sim.experts.candidates import Search
+from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.pushing import Pushed
 from dextera_build.sim.experts.reach import Reach
-from dextera_build.sim.experts.room import Room
 from dextera_build.sim.experts.squeeze import PRESS_M, squeezes
-from dextera_build.sim.experts.ways import Search
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.runtime import starts
 from dextera_build.sim.runtime.environment import Environment
@@ -61,7 +61,7 @@ def test_two_hands_lift_a_packet_that_is_too_wide_for_one(robot: RobotModel) -> 
     reach = Reach(robot, "left", "right")
     ((limbs, expert),) = planning.teams(driver.environment)
     assert set(limbs) == {"left", "right"}
-    found = expert.plan(Search(driver.environment, reach, Room(driver.environment, reach), driver.state()))
+    found = expert.plan(Search(driver.environment, reach, CollisionCheck(driver.environment, reach), driver.state()))
     start = starts.photographed(bundle, driver.environment.model)
     episodes = [driver.run(each.operator, start, origin="operator") for each in found[:3]]
     assert any(episode.success for episode in episodes), [episode.reason for episode in episodes]

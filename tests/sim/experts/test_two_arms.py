@@ -8,10 +8,10 @@ import pytest
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.sim.experts import planning
+from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.grasps import candidates
 from dextera_build.sim.experts.reach import Reach
-from dextera_build.sim.experts.room import Room
 from dextera_build.sim.primitives.handover.primitive import HandoverGoal
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.primitives.lift.script import Lift
@@ -70,7 +70,7 @@ def test_either_hand_lifts_a_box_and_the_other_stays(robot: RobotModel, side: st
     bundle = task(robot, side)
     driver = Driver(Environment(bundle))
     reach = Reach(robot, side)
-    room, state = Room(driver.environment, reach), driver.state()
+    room, state = CollisionCheck(driver.environment, reach), driver.state()
     points = bundle.objects["box"].points.astype(np.float64)
     lifts = (
         Lift(driver.environment, reach, grasp)

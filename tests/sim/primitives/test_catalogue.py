@@ -13,7 +13,7 @@ from dextera_build.artifacts.tasks.goals import Goal
 from dextera_build.code.loader import bundled
 from dextera_build.errors import RuleError
 from dextera_build.sim import primitives
-from dextera_build.sim.experts.ways import experts
+from dextera_build.sim.experts.candidates import experts
 from dextera_build.sim.observe.progress import Progress
 from dextera_build.sim.primitives import base, catalogue, folders
 from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal

@@ -93,7 +93,7 @@ def test_thin_gaussians_tint_what_is_behind_them(bodies: composition.Drawn) -> N
 
 def test_the_rasteriser_composes_alike(bodies: composition.Drawn) -> None:
     wp = pytest.importorskip("warp", reason="warp-lang is not installed: extra `warp`")
-    from dextera_build.gaussians.fit.camera import Camera as Eye
+    from dextera_build.gaussians.fit.camera import FitCamera
     from dextera_build.gaussians.fit.parameters import opened
     from dextera_build.gaussians.rasteriser.raster import Parameters, Rasteriser
 
@@ -104,7 +104,7 @@ def test_the_rasteriser_composes_alike(bodies: composition.Drawn) -> None:
     given = [each.numpy() for each in opened(room, "cpu", 0)]
     arrays = Parameters(*(wp.array(each, dtype=kind, device="cpu") for each, kind in zip(given, kinds, strict=True)))
     limits = wp.array(bodies.depth_m.ravel(), dtype=wp.float32, device="cpu")
-    picture = maker.forward(arrays, Eye(CAMERA.matrix(), POSE, (80, 120)), limits)
+    picture = maker.forward(arrays, FitCamera(CAMERA.matrix(), POSE, (80, 120)), limits)
     behind = np.where(bodies.owner[..., None] >= 0, bodies.rgb / 255.0, 0.0).reshape(-1, 3)
     mixed = picture.colour.numpy() + picture.light.numpy()[:, None] * behind
     made = composition.among(bodies, room, CAMERA, POSE).reshape(-1, 3)

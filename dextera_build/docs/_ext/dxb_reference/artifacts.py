@@ -11,8 +11,8 @@ from pydantic.fields import FieldInfo
 
 from dextera_build import artifacts
 from dextera_build.artifacts.core.base import Artifact, Value
+from dextera_build.artifacts.core.field_docs import field_docs
 from dextera_build.artifacts.core.frames import Frames
-from dextera_build.artifacts.core.meanings import meanings
 from dextera_build.artifacts.core.schema import array_specs
 from dextera_build.recipe.kinds import type_name
 
@@ -44,7 +44,7 @@ def _type(field: FieldInfo) -> str:
 
 
 def _kind(kind: type[Artifact] | type[Value]) -> str:
-    arrays, said = array_specs(kind), meanings(kind)
+    arrays, said = array_specs(kind), field_docs(kind)
     rows = [
         [
             code(name),

@@ -10,11 +10,7 @@ import numpy as np
 from dextera_build.geometry import lie, transforms
 from dextera_build.sim.control.mechanism import Mechanism
 from dextera_build.sim.control.operator import State
-from dextera_build.sim.experts.motion import Leg, minimum_jerk
-from dextera_build.sim.experts.pushing import Pushing, Stroke
-from dextera_build.sim.experts.reach import Reach
-from dextera_build.sim.experts.rehearse import Candidate
-from dextera_build.sim.experts.ways import (
+from dextera_build.sim.experts.candidates import (
     ABOVE_M,
     LEANS,
     LOOKED,
@@ -26,6 +22,10 @@ from dextera_build.sim.experts.ways import (
     mixed,
     pushing,
 )
+from dextera_build.sim.experts.motion import Leg, minimum_jerk
+from dextera_build.sim.experts.pushing import Pushing, Stroke
+from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.rehearse import Candidate
 from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal
 from dextera_build.sim.runtime.environment import Environment
 

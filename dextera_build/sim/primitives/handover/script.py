@@ -9,13 +9,13 @@ import numpy as np
 
 from dextera_build.geometry import lie
 from dextera_build.sim.control.operator import State
+from dextera_build.sim.experts.candidates import Expert, Search, grips, mixed
+from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.rehearse import Candidate, taking_turns
-from dextera_build.sim.experts.room import Room
 from dextera_build.sim.experts.scripted import Taking
-from dextera_build.sim.experts.ways import Expert, Search, grips, mixed
 from dextera_build.sim.runtime.environment import Environment
 
 RISES_M = (0.16, 0.24)
@@ -87,13 +87,13 @@ class Handover(Taking):
             self._receiver: [*legs, *(self._held(taken.palm, received.closed, s, n) for s, n in _rest())],
         }
 
-    def comfort(self, room: Room, state: State) -> float | None:
+    def comfort(self, room: CollisionCheck, state: State) -> float | None:
         """Comfort of the less comfortable arm, over the giver's path and the receiver's approach."""
         there = held_at(self._reach.one(self._giver), state, self.given, self._object, self.meeting)
         given, taken = super().comfort(room, state), None if there is None else self.received_comfort(room, there)
         return None if given is None or taken is None else min(given, taken)
 
-    def received_comfort(self, room: Room, there: State) -> float | None:
+    def received_comfort(self, room: CollisionCheck, there: State) -> float | None:
         """Comfort of the receiver's approach, with the object in the giver's hand at the meeting place."""
         return room.comfort([{self._receiver: self.phases(there)[1][self._receiver][:4]}], there)
 
@@ -137,7 +137,7 @@ def _handovers(search: Search) -> list[Candidate]:
     environment, reach, room, state = search.environment, search.reach, search.room, search.state
     name = environment.task.object
     giver, receiver = (reach.one(limb) for limb in reach.limbs)
-    own = Room(environment, giver)
+    own = CollisionCheck(environment, giver)
     free = (each for each in grips(environment, giver) if _given(own, giver, each, name, state) is not None)
     gives = list(itertools.islice(free, SOME))
     takes = grips(environment, receiver)
@@ -163,7 +163,7 @@ def _handovers(search: Search) -> list[Candidate]:
     return taking_turns(ordered, [each.way for each in ordered])
 
 
-def _given(room: Room, giver: Reach, grasp: Grasp, name: str, state: State) -> float | None:
+def _given(room: CollisionCheck, giver: Reach, grasp: Grasp, name: str, state: State) -> float | None:
     up = room.up
     return room.comfort([{giver.limb: grasp.taking(name, state.objects[name], up)}], state)
 

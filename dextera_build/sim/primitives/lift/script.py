@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dextera_build.sim.control.operator import State
+from dextera_build.sim.experts.candidates import Expert, Search, grasps, together
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.rehearse import Candidate
 from dextera_build.sim.experts.scripted import Scripted
 from dextera_build.sim.experts.squeeze import SECONDS, Squeeze
-from dextera_build.sim.experts.ways import Expert, Search, grasps, together
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
 from dextera_build.sim.runtime.environment import Environment
 

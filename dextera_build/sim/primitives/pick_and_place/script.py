@@ -9,13 +9,13 @@ import numpy as np
 from dextera_build.artifacts.tasks.task import Cavity
 from dextera_build.geometry import lie, quaternions, transforms
 from dextera_build.sim.control.operator import State
+from dextera_build.sim.experts.candidates import Expert, Search, grasps, together
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.rehearse import Candidate
 from dextera_build.sim.experts.scripted import Taking
 from dextera_build.sim.experts.squeeze import PRESS_M, Squeeze
-from dextera_build.sim.experts.ways import Expert, Search, grasps, together
 from dextera_build.sim.primitives.pick_and_place.primitive import PlaceGoal
 from dextera_build.sim.runtime.environment import Environment
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from dextera_build.geometry import quaternions
 from dextera_build.sim.control.operator import State
+from dextera_build.sim.experts.candidates import Expert, Search, grasps
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.rehearse import Candidate
 from dextera_build.sim.experts.scripted import Taking
-from dextera_build.sim.experts.ways import Expert, Search, grasps
 from dextera_build.sim.primitives.pick_and_reorient.primitive import ReorientGoal
 from dextera_build.sim.runtime.environment import Environment
 

@@ -9,11 +9,21 @@ import numpy as np
 
 from dextera_build.geometry import lie, transforms
 from dextera_build.sim.control.operator import State
+from dextera_build.sim.experts.candidates import (
+    ABOVE_M,
+    LEANS,
+    PITCHES,
+    TURNS,
+    Expert,
+    Search,
+    comfortable,
+    mixed,
+    pushing,
+)
 from dextera_build.sim.experts.motion import Leg, minimum_jerk
 from dextera_build.sim.experts.pushing import Pushing, Stroke
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.rehearse import Candidate
-from dextera_build.sim.experts.ways import ABOVE_M, LEANS, PITCHES, TURNS, Expert, Search, comfortable, mixed, pushing
 from dextera_build.sim.primitives.push.primitive import PushGoal
 from dextera_build.sim.runtime.environment import Environment
 

@@ -16,7 +16,7 @@ from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.errors import DxbError, RuleError
 from dextera_build.gaussians import spherical_harmonics
 from dextera_build.gaussians.arrays import Gaussians
-from dextera_build.gaussians.fit.camera import Camera
+from dextera_build.gaussians.fit.camera import FitCamera
 from dextera_build.gaussians.fit.fit import Settings, fit
 from dextera_build.gaussians.fit.loss import Target
 from dextera_build.gaussians.fit.parameters import Trained, opened
@@ -116,7 +116,7 @@ def test_gsplat_renders_as_the_dense_renderer() -> None:
 
 def check_renders_and_fits(device: str) -> None:
     given = small(device)
-    eye = Camera(K, cameras.look_at(np.array([0.2, -1.0, 0.5]), np.zeros(3)), (24, 32))
+    eye = FitCamera(K, cameras.look_at(np.array([0.2, -1.0, 0.5]), np.zeros(3)), (24, 32))
     parts = (each.cpu().double() for each in given)
     wanted = dense_splats.render(*parts, k=K, pose=eye.world_from_camera, size=eye.size)
     made = compose_gsplat.rendered(given, eye)
@@ -169,17 +169,17 @@ def test_points_without_a_stated_distance_thin_too() -> None:
 def test_a_camera_sees_the_depth_of_the_nearest_surface_only() -> None:
     given = cloud()
     side = 60
-    eye = Camera(np.array([[side, 0, side / 2], [0, side, side / 2], [0, 0, 1.0]]), np.eye(4), (side, side))
+    eye = FitCamera(np.array([[side, 0, side / 2], [0, side, side / 2], [0, 0, 1.0]]), np.eye(4), (side, side))
     assert np.allclose(seen_depth(given.points, eye), 1.0, atol=1e-5)
     # Nearer by half, the plane has gaps, through which the wall must not shine.
     pose = np.eye(4)
     pose[2, 3] = 0.5
-    nearer = seen_depth(given.points, Camera(eye.k, pose, eye.size))
+    nearer = seen_depth(given.points, FitCamera(eye.k, pose, eye.size))
     known = nearer > 0
     assert 0.2 < known.mean() < 0.6
     assert np.allclose(nearer[known], 0.5, atol=1e-5)
     pose[2, 3] = 5.0
-    assert not seen_depth(given.points, Camera(eye.k, pose, eye.size)).any()
+    assert not seen_depth(given.points, FitCamera(eye.k, pose, eye.size)).any()
 
 
 def test_degrees_are_those_of_the_counts() -> None:

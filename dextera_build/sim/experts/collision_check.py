@@ -31,7 +31,7 @@ EVERY = 2
 """Control steps between collision checks along a path."""
 
 
-class Room:
+class CollisionCheck:
     """Checks plans against the collision shapes of a task's model; objects do not move.
 
     Args:

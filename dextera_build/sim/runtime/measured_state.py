@@ -44,7 +44,7 @@ class Hold:
         return {name: later.palms[limb] @ transforms.invert(self.palms[limb]) for name, limb in self.objects.items()}
 
 
-class Mirror:
+class MeasuredState:
     """Judges one episode at a time from measurements.
 
     Args:

@@ -17,7 +17,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 
-def meanings(kind: type[BaseModel]) -> dict[str, str]:
+def field_docs(kind: type[BaseModel]) -> dict[str, str]:
     """Field -> its docstring, if it has one; a `description` of the field takes precedence."""
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):

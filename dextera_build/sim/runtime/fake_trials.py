@@ -16,7 +16,7 @@ from dextera_build.sim.primitives import catalogue
 STEPS = 4
 
 
-def pretended(
+def fake_trial(
     bundle: TaskBundle, seed: int, origin: Origin, *, success: bool, terms: Collection[TermSpec] = ()
 ) -> Episode:
     """A trial of `STEPS` control periods in which robot and objects stay as photographed; added `terms` are 0."""

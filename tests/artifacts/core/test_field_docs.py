@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 from pydantic import BaseModel, Field, PositiveFloat
 
 from dextera_build.artifacts.core.base import Collection, File
-from dextera_build.artifacts.core.meanings import bounds, meanings
+from dextera_build.artifacts.core.field_docs import bounds, field_docs
 from dextera_build.rule import Fraction
 
 T = TypeVar("T")
@@ -44,8 +44,8 @@ class Box(BaseModel, Generic[T]):
 
 
 def test_docstrings_are_found_and_the_nearest_counts() -> None:
-    assert meanings(Above) == {"one": "The first\nof two.", "two": "The second.", "shown": "As it bears it."}
-    assert meanings(Below) == {**meanings(Above), "two": "Another."}
+    assert field_docs(Above) == {"one": "The first\nof two.", "two": "The second.", "shown": "As it bears it."}
+    assert field_docs(Below) == {**field_docs(Above), "two": "Another."}
 
 
 def test_a_class_within_a_function_and_one_without_source_have_what_can_be_had() -> None:
@@ -53,15 +53,15 @@ def test_a_class_within_a_function_and_one_without_source_have_what_can_be_had()
         three: int = 3
         """Within."""
 
-    assert meanings(Inner)["three"] == "Within."
-    assert meanings(Box[int]) == {"inside": "What it holds."}
+    assert field_docs(Inner)["three"] == "Within."
+    assert field_docs(Box[int]) == {"inside": "What it holds."}
     made: dict[str, object] = {}
     exec("from pydantic import BaseModel\nclass Made(BaseModel):\n    a: int\n    'Lost.'\n", made)
-    assert meanings(made["Made"]) == {}  # type: ignore[arg-type]
+    assert field_docs(made["Made"]) == {}  # type: ignore[arg-type]
 
 
 def test_artifacts_say_what_they_hold() -> None:
-    assert set(meanings(Collection[File])) == {"items"}
+    assert set(field_docs(Collection[File])) == {"items"}
 
 
 class Bounded(BaseModel):

@@ -9,12 +9,12 @@ from typing import TypeVar
 import numpy as np
 
 from dextera_build.sim.control.operator import State
+from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.grasps import candidates
 from dextera_build.sim.experts.pushing import Stroke
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.experts.rehearse import Candidate, Planned, taking_turns
-from dextera_build.sim.experts.room import Room
 from dextera_build.sim.experts.squeeze import Squeeze, in_object, squeezes
 from dextera_build.sim.primitives import folders
 from dextera_build.sim.runtime.environment import Environment
@@ -42,7 +42,7 @@ class Search:
     """The task; only its data are used."""
     reach: Reach
     """Kinematics of the limbs."""
-    room: Room
+    room: CollisionCheck
     """The task's collision checker."""
     state: State
     """Poses of the robot and the objects."""

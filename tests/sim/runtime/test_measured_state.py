@@ -7,7 +7,7 @@ import pytest
 
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.runtime.environment import Environment
-from dextera_build.sim.runtime.mirror import Mirror
+from dextera_build.sim.runtime.measured_state import MeasuredState
 from tests import task_bundles
 
 OVER, AROUND, CLOSED, UP = (
@@ -27,11 +27,16 @@ def environment() -> Environment:
 
 
 @pytest.fixture(scope="module")
-def mirror() -> Mirror:
-    return Mirror(task_bundles.lift())
+def mirror() -> MeasuredState:
+    return MeasuredState(task_bundles.lift())
 
 
-def verdicts(environment: Environment, mirror: Mirror, *places: np.ndarray, noise_m: float = 0.0) -> tuple[bool, bool]:
+def verdicts(
+    environment: Environment,
+    mirror: MeasuredState,
+    *places: np.ndarray,
+    noise_m: float = 0.0,
+) -> tuple[bool, bool]:
     """Whether the box was lifted, by the simulator, and by the mirror, which gets it as far off as noise moves it."""
     random = np.random.default_rng(0)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from dextera_build.artifacts.core.base import Folder
 from dextera_build.sim.model import model as models
-from dextera_build.sim.model.held import hold
+from dextera_build.sim.model.fixed_bodies import hold
 from dextera_build.sim.worlds.settle import Motion, let_go
 
 OVERLAP_M = 0.001
