@@ -8,16 +8,9 @@ from typing import Any
 import numpy as np
 
 from dextera_build.artifacts.cameras.image import png, smaller
-from dextera_build.artifacts.cameras.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt
+from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular, KannalaBrandt
 from dextera_build.artifacts.core.base import Artifact
 from dextera_build.geometry import lenses
-from dextera_build.geometry.plot import Line, plot
-
-
-def _picture_of_depth_noise(noise: DepthNoise) -> bytes:
-    """Standard deviation over depth, from the nearest to the farthest."""
-    depth = np.linspace(noise.nearest_m, min(noise.farthest_m, 5.0), 200)
-    return png(plot([Line(np.column_stack([depth, 1000.0 * noise.sigma(depth)]))], "depth [m]", "sigma [mm]"))
 
 
 def _facts(lens: BrownConrady | KannalaBrandt) -> Iterator[str]:
@@ -46,7 +39,6 @@ FACTS: Mapping[type[Artifact], Callable[[Any], Iterator[str]]] = {
 }
 PICTURES: Mapping[type[Artifact], Callable[[Any], bytes]] = {
     BrownConrady: _checker,
-    DepthNoise: _picture_of_depth_noise,
     Equirectangular: _checker,
     KannalaBrandt: _checker,
 }

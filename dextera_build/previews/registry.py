@@ -13,7 +13,7 @@ from dextera_build.previews import text
 MODULES = {
     "clouds": ("PointCloud", "Room", "Splats"),
     "images": ("DepthImage", "Image", "InstanceMap", "LabelImage", "ObjectView", "Panorama"),
-    "lenses": ("BrownConrady", "DepthNoise", "Equirectangular", "KannalaBrandt"),
+    "lenses": ("BrownConrady", "Equirectangular", "KannalaBrandt"),
     "plain": ("Collection", "File", "Folder", "Matches"),
     "poses": ("AlignedScene", "Pose", "SceneFit", "Similarity", "Track", "Tracking", "Trajectory"),
     "recordings": ("MaskTrack", "RgbdVideo", "Stream", "Video"),

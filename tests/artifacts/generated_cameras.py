@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from dextera_build.artifacts.cameras.calibration import Board, Calibration
 from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.cameras.image import DepthImage, Image
-from dextera_build.artifacts.cameras.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt, Lens
+from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular, KannalaBrandt, Lens
 from dextera_build.artifacts.cameras.mask_track import MaskTrack
 from dextera_build.artifacts.cameras.panorama import Panorama
 from dextera_build.artifacts.cameras.rgbd_video import RgbdVideo
@@ -52,10 +52,6 @@ def _brown_conrady(draw: Draw) -> dict[str, Any]:
 
 def _kannala_brandt(draw: Draw) -> dict[str, Any]:
     return _lens(draw, "k1", "k2", "k3", "k4")
-
-
-def _depth_noise(draw: Draw) -> dict[str, Any]:
-    return {name: draw(st.floats(0.01, 1)) for name in DepthNoise.model_fields}
 
 
 def series(draw: Draw) -> dict[str, Any]:
@@ -241,7 +237,6 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     BrownConrady: _brown_conrady,
     KannalaBrandt: _kannala_brandt,
     Equirectangular: _size,
-    DepthNoise: _depth_noise,
     Trajectory: series,
     Track: _track,
     Views: _views,

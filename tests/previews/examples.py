@@ -16,7 +16,7 @@ import numpy as np
 
 from dextera_build.artifacts.cameras.calibration import Board, Calibration
 from dextera_build.artifacts.cameras.image import DepthImage, Image
-from dextera_build.artifacts.cameras.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt
+from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular, KannalaBrandt
 from dextera_build.artifacts.cameras.mask_track import MaskTrack
 from dextera_build.artifacts.cameras.panorama import Panorama
 from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame, RgbdVideo
@@ -264,7 +264,6 @@ EXAMPLES: dict[str, Callable[[], Artifact]] = {
     "BrownConrady": lambda: BrownConrady(**tabletops.FINE.model_dump(), k1=-0.28, k2=0.07, p1=0.001, p2=0.0),
     "KannalaBrandt": lambda: KannalaBrandt(width=640, height=480, fx=210.0, fy=210.0, cx=320.0, cy=240.0, k1=-0.02),
     "Equirectangular": lambda: Equirectangular(width=640, height=320),
-    "DepthNoise": lambda: DepthNoise(constant_m=0.001, quadratic_per_m=0.002, farthest_m=3.0),
     "Calibration": calibration,
     "Trajectory": trajectory,
     "Track": track,

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.cameras.image import DepthImage
 from dextera_build.artifacts.core.base import Artifact
 from dextera_build.geometry import lenses
 
@@ -139,39 +138,6 @@ class Equirectangular(Artifact):
 
 Lens = Camera | BrownConrady | KannalaBrandt | Equirectangular
 """Every camera has `width`, `height`, `project`, `unproject` and `intrinsics`."""
-
-
-class DepthNoise(Artifact):
-    """Errors of a depth camera: noise that grows with depth, missing pixels, quantisation."""
-
-    constant_m: NonNegativeFloat = 0.0
-    """Standard deviation at any depth [m]."""
-    linear: NonNegativeFloat = 0.0
-    """Standard deviation per depth."""
-    quadratic_per_m: NonNegativeFloat = 0.0
-    """Standard deviation per depth squared [1/m]; stereo has subpixel / (focal * baseline)."""
-    dropout: Chance = 0.0
-    """Fraction of the pixels that are lost at random."""
-    step_m: NonNegativeFloat = 0.0
-    """Quantisation [m]; 0: none."""
-    nearest_m: NonNegativeFloat = 0.0
-    """Smallest depth that is measured [m]."""
-    farthest_m: Annotated[PositiveFloat, Field(allow_inf_nan=False)] = 65.535
-    """Largest depth that is measured [m]."""
-
-    def sigma(self, depth: np.ndarray) -> np.ndarray:
-        """Standard deviation [m] at depths [m] of any shape, without quantisation."""
-        return np.asarray(self.constant_m + depth * (self.linear + depth * self.quadratic_per_m))
-
-    def sample(self, depth: DepthImage, seed: int) -> DepthImage:
-        """One measurement of a true depth; independent errors per pixel, 0 where nothing is measured."""
-        random, true = np.random.default_rng(seed), depth.depth.astype(np.float64)
-        noisy = true + self.sigma(true) * random.standard_normal(true.shape)
-        there = (true >= self.nearest_m) & (true <= self.farthest_m) & (true > 0)
-        there &= random.uniform(size=true.shape) >= self.dropout
-        if self.step_m:
-            noisy = np.round(noisy / self.step_m) * self.step_m
-        return DepthImage(depth=np.where(there, np.maximum(noisy, 0), 0).astype(np.float32))
 
 
 def _pixels(lens: BrownConrady | KannalaBrandt, plane: np.ndarray) -> np.ndarray:

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image as Pillow
 
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.cameras.image import DepthImage
-from dextera_build.artifacts.cameras.lens import BrownConrady, DepthNoise, Equirectangular, KannalaBrandt
+from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular, KannalaBrandt
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import colmap, registry
 from dextera_build.formats import lens as lens_files
@@ -235,26 +234,3 @@ def test_the_picture_shows_squares_of_ten_degrees(lens):
     picture = np.asarray(Pillow.open(io.BytesIO(lens.picture())))
     assert picture.shape == (480, 640)
     assert len(np.unique(picture)) > 5
-
-
-def test_depth_noise_has_the_declared_spread():
-    noise = DepthNoise(constant_m=0.001, linear=0.002, quadratic_per_m=0.003, dropout=0.1, nearest_m=0.3, farthest_m=3)
-    for depth in (0.5, 2.0):
-        found = noise.sample(DepthImage(depth=np.full((300, 300), depth, np.float32)), seed=1).depth
-        kept = found[found > 0]
-        assert np.isclose(len(kept) / found.size, 0.9, atol=0.005)
-        assert np.isclose(kept.std(), 0.001 + 0.002 * depth + 0.003 * depth**2, rtol=0.02)
-        assert np.isclose(kept.mean(), depth, atol=1e-4)
-    outside = noise.sample(DepthImage(depth=np.array([[0.0, 0.2, 3.1]], np.float32)), seed=1)
-    assert not outside.depth.any()
-
-
-def test_depth_is_counted_in_steps():
-    noise = DepthNoise(constant_m=0.01, step_m=0.004)
-    found = noise.sample(DepthImage(depth=np.full((50, 50), 1.0, np.float32)), seed=2).depth
-    counts = found / 0.004
-    assert np.allclose(counts, np.round(counts), atol=1e-3)
-    assert len(np.unique(found)) > 5
-    again = noise.sample(DepthImage(depth=np.full((50, 50), 1.0, np.float32)), seed=2).depth
-    assert (again == found).all()
-    assert noise.picture()
