@@ -52,7 +52,7 @@ class Nursery:
                 env={**basic, **environment},
                 stdin=subprocess.DEVNULL,
             )
-        self._libc = ctypes.CDLL(None)
+        self._libc, self._owner = ctypes.CDLL(None), os.getpid()
 
     def fork(self, words: Sequence[str], descriptors: Sequence[int], **process: object) -> int:
         """Process id of a new worker, which becomes a child of this process.
@@ -73,9 +73,10 @@ class Nursery:
         return pid
 
     def close(self) -> None:
-        """End the process; its workers stay."""
-        self._channel.close()
-        self._process.wait()
+        """End the process; its workers stay. A fork of the tests, which holds the channel too, ends nothing."""
+        if os.getpid() == self._owner:
+            self._channel.shutdown(socket.SHUT_RDWR)
+            self._process.wait()
 
 
 _nurseries: dict[str, Nursery] = {}
