@@ -30,6 +30,8 @@ _RUNNER = "dextera_build.running.worker_entry:run_task"
 _SUBREAPER = 36
 _LARGEST = 1 << 17
 """Bound of the size of a request [bytes]."""
+_ORPHAN = b"is an orphan"
+"""Reply when the process between the nursery and a worker has ended."""
 _AT_START = ("PYTHON", "LC_", "LANG", "TZ", "LD_", "MALLOC_", "OMP_", "OPENBLAS_", "MKL_")
 """Variables with such names are read before a worker could be told otherwise."""
 
@@ -67,10 +69,10 @@ class Nursery:
         self._libc.prctl(_SUBREAPER, 1, 0, 0, 0)
         try:
             socket.send_fds(self._channel, [told], descriptors)
-            pid, _ = int(self._channel.recv(16)), self._channel.recv(16)
+            replies = {self._channel.recv(16), self._channel.recv(16)}
         finally:
             self._libc.prctl(_SUBREAPER, 0, 0, 0, 0)
-        return pid
+        return int(*(replies - {_ORPHAN}))
 
     def close(self) -> None:
         """End the process; its workers stay. A fork of the tests, which holds the channel too, ends nothing."""
@@ -148,9 +150,10 @@ def _serve(channel: socket.socket, modules: Sequence[str]) -> None:
         between = os.fork()
         if not between:
             between = os.getpid()
-            if worker := os.fork():
-                channel.send(str(worker).encode())
+            if os.fork():
                 os._exit(0)
+            os.setsid()
+            channel.send(str(os.getpid()).encode())  # whoever knows it may kill its group
             channel.close()
             while os.getppid() == between:
                 time.sleep(0.0001)
@@ -158,12 +161,11 @@ def _serve(channel: socket.socket, modules: Sequence[str]) -> None:
         for each in descriptors:
             os.close(each)
         os.waitpid(between, 0)
-        channel.send(b"is an orphan")
+        channel.send(_ORPHAN)
 
 
 def _become(told: dict[str, Any], log: int, pool: int) -> None:
     """Be the worker that was asked for."""
-    os.setsid()
     os.chdir(told["folder"])
     os.dup2(log, 1)
     os.dup2(log, 2)

@@ -79,7 +79,7 @@ def test_saturated_depth_is_not_measured(tmp_path: Path):
 
 def test_a_frame_of_another_size_is_refused(tmp_path: Path):
     wrong = CAMERA.model_copy(update={"width": 20})
-    with pytest.raises(ArtifactError, match="not of the size") as caught:
+    with pytest.raises(ArtifactError, match="not have the size") as caught:
         RgbdVideo.write(tmp_path / "a.zip", wrong, frames())
     assert caught.value.code == "DXB-A547"
 

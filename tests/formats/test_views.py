@@ -128,7 +128,7 @@ def test_parts_that_do_not_fit_are_refused(change, code, said):
 def test_a_picture_of_another_size_is_refused():
     one = views()
     other = one.model_copy(update={"images": one.images | {"left/1.png": encoded(np.zeros((3, 4, 3), np.uint8))}})
-    with pytest.raises(ArtifactError, match="not of the size") as caught:
+    with pytest.raises(ArtifactError, match="not have the size") as caught:
         other.pixels("left/1.png")
     assert caught.value.code == "DXB-A510"
     assert caught.value.facts == {"picture": "4 x 3 px", "camera": "8 x 6 px"}

@@ -203,7 +203,7 @@ def test_views_are_read(runner, tmp_path):
 def test_pictures_of_views_are_checked(runner, tmp_path):
     views().save(tmp_path / "out" / "transforms.json")
     encoded(np.zeros((2, 2, 3), np.uint8)).place(tmp_path / "out" / "images" / "left" / "1.png")
-    with pytest.raises(ArtifactError, match="not of the size"):
+    with pytest.raises(ArtifactError, match="not have the size"):
         opened(runner, "Views", folder(tmp_path / "out"))
     with pytest.raises(RuleError, match="no picture has a pose"):
         opened(runner, "Views", Folder(files={"transforms.json": b'{"frames": []}'}))

@@ -176,7 +176,7 @@ def test_a_pixel_is_seen_if_its_surface_is_in_the_capture() -> None:
         ({"views.json": b"[]"}, "must hold an object"),
         ({"views.json": b"{}"}, "incomplete"),
         ({"20.png": b"no picture"}, "no readable picture"),
-        ({"20.png": file_of(np.zeros((10, 10, 3), np.uint8))}, "not of the size"),
+        ({"20.png": file_of(np.zeros((10, 10, 3), np.uint8))}, "not have the size"),
         ({"capture.json": b'{"frame": 11}'}, "lacks the frame"),
     ],
 )

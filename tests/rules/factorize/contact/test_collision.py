@@ -119,7 +119,7 @@ def test_the_line_says_what_was_reached_and_what_was_not(runner):
     body = object_views.body(object_views.mesh(object_views.bowl()), hollow=True)
     pieces(runner, body, coacd={"pieces": 12, "attempts": 1})
     assert runner.outcome.line.startswith("base: 12 by wedges, cavity filled ")
-    assert "%, 5% was asked, volume +" in runner.outcome.line
+    assert "%, 5% was requested, volume +" in runner.outcome.line
     assert len(runner.outcome.previews) == 1
 
 
