@@ -61,7 +61,7 @@ def test_what_is_far_from_the_task_s_own_place_is_said(tmp_path: Path) -> None:
     runner.run("simulate.moved_base", bundle=bundle, base=far)
     assert runner.outcome.warnings == [
         "the base is 300 mm and 0.0 deg from where the task was planned: look at the calibration, or make the task"
-        " anew with `base` of `simulate.task`"
+        " again with `base` of `simulate.task`"
     ]
 
 
