@@ -18,6 +18,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -54,7 +55,7 @@ class Nursery:
                 env={**basic, **environment},
                 stdin=subprocess.DEVNULL,
             )
-        self._libc, self._owner = ctypes.CDLL(None), os.getpid()
+        self._libc, self._owner, self._turn = ctypes.CDLL(None), os.getpid(), threading.Lock()
 
     def fork(self, words: Sequence[str], descriptors: Sequence[int], **process: object) -> int:
         """Process id of a new worker, which becomes a child of this process.
@@ -65,13 +66,14 @@ class Nursery:
             process: Its variables and folder.
         """
         told = json.dumps({"words": words, **process}).encode()
-        # A process whose parent has ended goes to the nearest ancestor that asked for such processes.
-        self._libc.prctl(_SUBREAPER, 1, 0, 0, 0)
-        try:
-            socket.send_fds(self._channel, [told], descriptors)
-            replies = {self._channel.recv(16), self._channel.recv(16)}
-        finally:
-            self._libc.prctl(_SUBREAPER, 0, 0, 0, 0)
+        with self._turn:
+            # A process whose parent has ended goes to the nearest ancestor that asked for such processes.
+            self._libc.prctl(_SUBREAPER, 1, 0, 0, 0)
+            try:
+                socket.send_fds(self._channel, [told], descriptors)
+                replies = {self._channel.recv(16), self._channel.recv(16)}
+            finally:
+                self._libc.prctl(_SUBREAPER, 0, 0, 0, 0)
         return int(*(replies - {_ORPHAN}))
 
     def close(self) -> None:
@@ -82,6 +84,7 @@ class Nursery:
 
 
 _nurseries: dict[str, Nursery] = {}
+_making = threading.Lock()
 _loaded: list[str] = []
 """Modules of `workers_with`."""
 
@@ -89,10 +92,11 @@ _loaded: list[str] = []
 def _nursery(environment: Mapping[str, str]) -> Nursery:
     at_start = {name: value for name, value in environment.items() if name.startswith(_AT_START)}
     key = json.dumps([os.getpid(), at_start, _loaded], sort_keys=True)
-    if key not in _nurseries:
-        _nurseries[key] = Nursery(at_start, _loaded)
-        atexit.register(_nurseries[key].close)
-    return _nurseries[key]
+    with _making:
+        if key not in _nurseries:
+            _nurseries[key] = Nursery(at_start, _loaded)
+            atexit.register(_nurseries[key].close)
+        return _nurseries[key]
 
 
 def _started(words: list[str], **asked: Any) -> Any:

@@ -24,7 +24,7 @@ def session(monkeypatch: pytest.MonkeyPatch) -> Any:
     def found(session: Any, node: str, kind: type[Artifact]) -> Iterator[tuple[str, Artifact]]:
         yield from ((address, each) for address, each in made.behind if isinstance(each, kind))
 
-    monkeypatch.setattr(shown.behind, "found", found)
+    monkeypatch.setattr(shown.ancestors, "found", found)
     monkeypatch.setattr(shown.fetch, "bring", lambda session, nodes: made.bare & {*nodes})
     made.artifact = made.artifacts.__getitem__
     return made

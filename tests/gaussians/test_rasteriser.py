@@ -69,7 +69,7 @@ def arrays(given: Scene, real: Any) -> Any:
 
 
 def camera() -> Any:
-    return raster.Camera(K, pose(), SIZE)
+    return raster.FitCamera(K, pose(), SIZE)
 
 
 def rendered(given: Scene, *, double: bool = True, threads: int = 2) -> tuple[np.ndarray, ...]:
@@ -195,7 +195,7 @@ def test_a_small_picture_shows_the_mean_of_what_was_measured_with_noise() -> Non
     turns = np.tile([1.0, 0, 0, 0], (len(z), 1))
     scales = np.repeat(np.log(0.45 * z / 200)[:, None], 3, axis=1)
     given = Scene(means, turns, scales, np.full(len(z), 3.5), np.zeros((len(z), 1, 3)))
-    small = raster.Camera(np.array([[50.0, 0, 19.5], [0, 50.0, 14.5], [0, 0, 1]]), np.eye(4), (30, 40))
+    small = raster.FitCamera(np.array([[50.0, 0, 19.5], [0, 50.0, 14.5], [0, 0, 1]]), np.eye(4), (30, 40))
     maker = raster.Rasteriser(double=True)
     off = []
     for faded in (True, False):
