@@ -160,6 +160,6 @@ def test_the_commands_of_the_page_run_and_only_what_was_added_runs(space: Space)
     assert "palm_to_object" in done.out
     space.edit("rules/terms/palm_to_object.py", "worlds.palms[..., :3]", "2.0 * worlds.palms[..., :3]")
     why = space.dxb("why", "task/palm:palm_twin", "--profile", "stub")
-    assert "`measure` of rules+2/terms/palm_to_object.py" in why.out, why.out
+    assert "`measure` of rules/terms/palm_to_object.py" in why.out, why.out
     # Without a simulator the term is 0 as before, so the policy is not trained again.
     assert space.build("task/palm", "--profile", "stub").nodes("ran") == ADDED - {"palm_act"}
