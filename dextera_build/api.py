@@ -22,7 +22,7 @@ from dextera_build.runs.events import Listener
 from dextera_build.session import Session, addresses
 
 if TYPE_CHECKING:
-    from dextera_build.artifacts.core.base import Artifact
+    from dextera_build.artifacts.base import Artifact
     from dextera_build.engine.dry import Planned
     from dextera_build.errors import DxbError
     from dextera_build.explain.causes import Cause

@@ -17,7 +17,7 @@ from dextera_build.runs.snapshot import LAST
 
 # A no-op build loads none of these.
 if TYPE_CHECKING:
-    from dextera_build.artifacts.core.base import Artifact
+    from dextera_build.artifacts.base import Artifact
     from dextera_build.engine.graph import Address, Graph
     from dextera_build.project.lockfile import Bindings
     from dextera_build.recipe.plan import Plan

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build import digest
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.building import examples
 from dextera_build.code.companions import of_paths
 from dextera_build.code.loader import Library, RuleFile

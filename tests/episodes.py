@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.robots.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.tasks.episode import Episode, Episodes, Segment, Start
 from dextera_build.artifacts.tasks.task import TaskBundle, TaskObject, TaskSpec, View

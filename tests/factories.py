@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.cameras.image import DepthImage, Image
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.artifacts.objects.object import (
     Asset,
     Body,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build import digest
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import DepthImage, Image
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.artifacts.objects.object import Body, Link, Shape
 from dextera_build.artifacts.objects.view import Instance, MeasuredView, ObjectView, Seen, Traits
 from dextera_build.artifacts.shapes.mesh import Hull, Mesh

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.robots.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.scenes.world import World

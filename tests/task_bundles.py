@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.tasks.task import Reset, TaskBundle, TaskObject, TaskSpec
 from dextera_build.geometry import quaternions

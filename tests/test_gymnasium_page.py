@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from dextera_build.artifacts.core import trees
-from dextera_build.artifacts.core.packed import pack
+from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.tasks.task import Reset
 from tests import task_bundles
 

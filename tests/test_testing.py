@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.errors import RuleError
 from dextera_build.rule import Context
 from dextera_build.running.runner import run_task
@@ -15,7 +15,7 @@ from dextera_build.testing import RuleRunner
 
 COUNT = '''
 """toy.count: says how often it was started."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class CountOptions(Options):

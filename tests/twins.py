@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.artifacts.scenes.scene_description import SceneDescription

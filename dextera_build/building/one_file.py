@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from dextera_build.artifacts.core.base import Artifact, File
+from dextera_build.artifacts.base import Artifact, File
 from dextera_build.errors import UsageError, listing
 from dextera_build.formats.registry import suffixes
 

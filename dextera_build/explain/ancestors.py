@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.errors import DxbError
 from dextera_build.explain.origins import Event, Origins, document
 from dextera_build.session import Session

@@ -27,10 +27,10 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import numpy as np
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
+from dextera_build.artifacts.base import Artifact, File, Folder
 from dextera_build.artifacts.cameras.image import Image, png
 from dextera_build.artifacts.cameras.mask_track import MaskTrack
 from dextera_build.artifacts.core.arrays import Array, check_array
-from dextera_build.artifacts.core.base import Artifact, File, Folder
 from dextera_build.artifacts.core.content import SMALL
 from dextera_build.artifacts.core.labels import path_fault
 from dextera_build.artifacts.shapes.mesh import Mesh

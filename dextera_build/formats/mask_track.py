@@ -12,7 +12,7 @@ import numpy as np
 
 from dextera_build.artifacts.cameras.mask_track import DAMAGE, FORM, MaskTrack, indices, member
 from dextera_build.artifacts.core.file_errors import unreadable
-from dextera_build.artifacts.core.packed import DAY
+from dextera_build.artifacts.packed import DAY
 from dextera_build.formats.files import suffix_among
 
 _META = "meta.json"

@@ -10,8 +10,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.cameras.lens import Lens
-from dextera_build.artifacts.core.base import File
 from dextera_build.artifacts.core.file_errors import unreadable
 from dextera_build.artifacts.robots.stream import Channel, Stream
 from dextera_build.artifacts.spatial.joints import Joints

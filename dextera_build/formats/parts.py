@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.core.arrays import is_array
-from dextera_build.artifacts.core.base import Artifact
 
 
 def export(whole: Artifact, folder: Path, stem: str) -> list[Path]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.core.file_errors import unreadable
 from dextera_build.formats import parts
 from dextera_build.formats.files import no_format, suffix_among

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.rgbd_video import DAMAGE, FORM, RgbdVideo
-from dextera_build.artifacts.core.base import File
 from dextera_build.artifacts.core.file_errors import unreadable
-from dextera_build.artifacts.core.packed import DAY
+from dextera_build.artifacts.packed import DAY
 from dextera_build.formats.files import suffix_among
 
 _META = "meta.json"

@@ -6,7 +6,7 @@ import csv
 import io
 from pathlib import Path
 
-from dextera_build.artifacts.core.table import Table
+from dextera_build.artifacts.table import Table
 
 
 def save(table: Table, path: Path) -> list[Path]:

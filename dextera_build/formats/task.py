@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dextera_build.artifacts.core.packed import pack
+from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.formats import parts
 

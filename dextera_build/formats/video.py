@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.cameras.video import Video
-from dextera_build.artifacts.core.base import File
 from dextera_build.formats.files import suffix_among
 from dextera_build.formats.h264 import Encoder
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.cameras.views import Views, decoded
-from dextera_build.artifacts.core.base import File
 from dextera_build.artifacts.core.file_errors import unreadable
 from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.errors import ArtifactError, listing

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError
 from dextera_build.policy.layout import Layout

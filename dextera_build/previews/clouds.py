@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.image import png
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.artifacts.scenes.room import Room
 from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.artifacts.spatial.point_cloud import PointCloud

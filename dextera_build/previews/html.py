@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from html import escape
 
-from dextera_build.artifacts.core.table import Table
+from dextera_build.artifacts.table import Table
 
 
 def of_table(table: Table, said: str) -> str:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.image import DepthImage, Image, LabelImage, faded, png, smaller
 from dextera_build.artifacts.cameras.panorama import Panorama
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.artifacts.objects.view import InstanceMap, ObjectView
 
 

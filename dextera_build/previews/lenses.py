@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.image import png, smaller
 from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular, KannalaBrandt
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.geometry import lenses
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from dextera_build.artifacts.base import Artifact, Collection, File, Folder
 from dextera_build.artifacts.cameras.matches import Matches
-from dextera_build.artifacts.core.base import Artifact, Collection, File, Folder
 from dextera_build.artifacts.core.lazy import sizes
 from dextera_build.previews import text
 

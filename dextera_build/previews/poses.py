@@ -7,8 +7,8 @@ from typing import Any, get_args
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.image import png
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.artifacts.scenes.scene_fit import AlignedScene, SceneFit
 from dextera_build.artifacts.spatial.pose import Pose, Similarity
 from dextera_build.artifacts.spatial.track import Status, Track

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.image import png, smaller
 from dextera_build.artifacts.cameras.mask_track import MaskTrack, palette
 from dextera_build.artifacts.cameras.rgbd_video import RgbdVideo
 from dextera_build.artifacts.cameras.video import Video
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.formats import mcap
 from dextera_build.geometry.plot import COLOURS, Line, plot

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from importlib import import_module
 from typing import Any
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.core.schema import array_specs
 from dextera_build.previews import text
 
@@ -52,7 +52,7 @@ def picture(value: Artifact) -> bytes | None:
 
 def html(value: Artifact) -> str:
     """A value as HTML, for notebooks."""
-    from dextera_build.artifacts.core.table import Table
+    from dextera_build.artifacts.table import Table
     from dextera_build.previews import html as pages
 
     if isinstance(value, Table):

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.calibration import Calibration
 from dextera_build.artifacts.cameras.image import png, smaller
 from dextera_build.artifacts.cameras.rig import Rig
 from dextera_build.artifacts.cameras.views import Views
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.geometry.plot import COLOURS, Line, plot
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.image import png
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.artifacts.objects.object import Body
 from dextera_build.artifacts.scenes.scene_description import SceneDescription
 from dextera_build.artifacts.shapes.mesh import Mesh

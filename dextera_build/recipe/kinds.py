@@ -71,7 +71,7 @@ def field_type(kind: Any, fields: tuple[str, ...], where: Place) -> Any:
     Raises:
         RecipeError: There is no such field, or it is not an artifact.
     """
-    from dextera_build.artifacts.core.base import Artifact
+    from dextera_build.artifacts.base import Artifact
 
     if kind is Any:
         return Any

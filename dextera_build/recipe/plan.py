@@ -348,6 +348,6 @@ class _Planner:
 
 
 def _leaf_type(kind: str) -> Any:
-    from dextera_build.artifacts.core import base
+    from dextera_build.artifacts import base
 
     return getattr(base, kind)

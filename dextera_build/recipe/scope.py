@@ -141,7 +141,7 @@ def _gathered(inner: Bound, where: Place) -> Bound:
         raise RecipeError("only the outputs of a group's nodes can be used outside it", code="DXB-R104", where=where)
 
     def kind() -> Any:
-        from dextera_build.artifacts.core.base import Collection
+        from dextera_build.artifacts.base import Collection
 
         return Collection[inner.kind()]  # type: ignore[misc]
 

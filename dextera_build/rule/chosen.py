@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.errors import RuleError, did_you_mean, listing
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, NoReturn, Protocol, TypeVar, cas
 
 import typing_extensions
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.calls.context import Calling
 from dextera_build.errors import RuleError, listing
 from dextera_build.rule.options import Options

@@ -31,7 +31,7 @@ from dextera_build.store.questions import Look, Recording
 from dextera_build.store.store import Store, opened
 
 if TYPE_CHECKING:
-    from dextera_build.artifacts.core.base import File
+    from dextera_build.artifacts.base import File
     from dextera_build.remotes.exchange import Exchange
     from dextera_build.rule.outside import Outside
 
@@ -257,7 +257,7 @@ class ProjectReads(Recording):
 
     def file(self, path: str) -> File:
         """See `Context.file`."""
-        from dextera_build.artifacts.core.base import File  # few rules discover inputs
+        from dextera_build.artifacts.base import File  # few rules discover inputs
 
         return File.decode(self.digest_of(path), self._store.reader)
 

@@ -1,4 +1,4 @@
-"""Reads artifact headers as plain JSON, without artifact types; `artifacts/core/base.py` describes the format."""
+"""Reads artifact headers as plain JSON, without artifact types; `artifacts/base.py` describes the format."""
 
 from __future__ import annotations
 

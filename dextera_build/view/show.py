@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact, Collection
 from dextera_build.artifacts.cameras.camera import Camera, Capture, Photograph
 from dextera_build.artifacts.cameras.image import Image
-from dextera_build.artifacts.core.base import Artifact, Collection
 from dextera_build.artifacts.objects.object import Asset, Body, Collision, Shape, Support
 from dextera_build.artifacts.objects.view import Instance, ObjectView, Segmentation
 from dextera_build.artifacts.scenes.room import Room

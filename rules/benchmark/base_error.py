@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.core.table import Table
 from dextera_build.artifacts.scenes.world import World
 from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.artifacts.table import Table
 from dextera_build.rule import Context, rule
 
 from . import errors

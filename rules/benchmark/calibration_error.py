@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.cameras.calibration import Calibration
-from dextera_build.artifacts.core.table import Table
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.artifacts.scenes.world import World
 from dextera_build.artifacts.spatial.joints import Joints
+from dextera_build.artifacts.table import Table
 from dextera_build.geometry import transforms
 from dextera_build.rule import Context, Options, rule
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Cell, Column, Table
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.scenes.draw import Draw
+from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.geometry import metrics
 from dextera_build.geometry.plot import COLOURS, Line, plot
 from dextera_build.rule import Context, rule

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, PositiveFloat
 
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Cell, Column, Table
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.scenes.draw import Draw
+from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.rule import Context, rule
 from dextera_build.statistics import bootstrap
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dextera_build.artifacts.core.table import Cell, Column, Table
+from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.geometry import lie, transforms
 
 COLUMNS = (

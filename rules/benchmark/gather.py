@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Column, Table
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.table import Column, Table
 from dextera_build.rule import Context, rule
 
 

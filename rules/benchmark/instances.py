@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.cameras.image import LabelImage
-from dextera_build.artifacts.core.table import Cell, Column, Table
 from dextera_build.artifacts.objects.view import Segmentation
+from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.rule import Context, Fraction, Options, rule
 
 

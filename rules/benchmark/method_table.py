@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Cell, Column, Table
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.geometry import metrics
 from dextera_build.rule import Context, rule
 

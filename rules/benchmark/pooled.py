@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.core.table import Table
+from dextera_build.artifacts.table import Table
 from dextera_build.errors import RuleError
 
 from ..evaluate import objects

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Table
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Body, Placement, Support
 from dextera_build.artifacts.scenes.world import Thing, World
+from dextera_build.artifacts.table import Table
 from dextera_build.geometry import kinematics, symmetry, transforms
 from dextera_build.geometry.raycast import RayScene
 from dextera_build.geometry.symmetry import Symmetry

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.core.table import Table
 from dextera_build.artifacts.scenes.draw import Viewpoint
 from dextera_build.artifacts.scenes.scene_fit import SceneFit
 from dextera_build.artifacts.scenes.world import World
+from dextera_build.artifacts.table import Table
 from dextera_build.geometry import transforms
 from dextera_build.rule import Context, rule
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.core.base import Collection, Folder
-from dextera_build.artifacts.core.table import Cell, Column, Table
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.scenes.scene_fit import SceneFit
+from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Context, Options, rule
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from dextera_build.artifacts.core.table import Column, Table
 from dextera_build.artifacts.scenes.scene import SettleReport
+from dextera_build.artifacts.table import Column, Table
 from dextera_build.rule import Context, rule
 
 

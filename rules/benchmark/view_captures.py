@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pydantic import NonNegativeInt
 
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.cameras.camera import Capture, Measured, Photograph
 from dextera_build.artifacts.cameras.image import DepthImage, Image
-from dextera_build.artifacts.core.base import Collection, Folder
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Options, rule
 

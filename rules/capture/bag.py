@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.errors import RuleError, listing
 from dextera_build.formats import mcap

@@ -6,7 +6,7 @@ from typing import Literal, Self
 
 from pydantic import PositiveFloat, model_validator
 
-from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import MachineError, install_extra
 from dextera_build.rule import Context, Options, rule

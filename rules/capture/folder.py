@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Capture
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.errors import listing
 from dextera_build.rule import Context, rule
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.errors import listing
 from dextera_build.formats import lens as lens_files
 from dextera_build.rule import Context

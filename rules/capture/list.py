@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 
-from dextera_build.artifacts.core.base import Collection, Folder
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Options, rule
 

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact, File, Folder
 from dextera_build.artifacts.cameras.calibration import Calibration
 from dextera_build.artifacts.cameras.image import Image, LabelImage
 from dextera_build.artifacts.cameras.lens import Lens
@@ -16,7 +17,6 @@ from dextera_build.artifacts.cameras.panorama import Panorama
 from dextera_build.artifacts.cameras.rig import Rig
 from dextera_build.artifacts.cameras.video import Video
 from dextera_build.artifacts.cameras.views import Views
-from dextera_build.artifacts.core.base import Artifact, File, Folder
 from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.shapes.mesh_repair import repaired

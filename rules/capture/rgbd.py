@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from pydantic import PositiveFloat
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame, RgbdVideo
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.errors import listing
 from dextera_build.formats import mcap

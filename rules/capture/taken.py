@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import PositiveFloat
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.cameras.image import DepthImage, Image
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.rule import Context, Options
 
 from . import doubts, exif

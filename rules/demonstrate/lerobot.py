@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.core.lazy import sizes
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View

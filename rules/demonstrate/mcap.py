@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.core.lazy import sizes
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.reasons import spelled
 from dextera_build.artifacts.tasks.task import TaskBundle

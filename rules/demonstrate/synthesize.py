@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.episode import Episodes, Shard
 from dextera_build.artifacts.tasks.reasons import spelled
 from dextera_build.artifacts.tasks.task import TaskBundle

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import TypeVar
 
-from dextera_build.artifacts.core.packed import pack, unpack
+from dextera_build.artifacts.packed import pack, unpack
 from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.rule import Context
 

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
-from dextera_build.artifacts.core.table import Column, Table
+from dextera_build.artifacts.table import Column, Table
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.reasons import spelled
 from dextera_build.artifacts.tasks.task import TaskBundle

@@ -8,11 +8,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Cell, Column, Table
 from dextera_build.artifacts.objects.object import Body, Placement, Support
 from dextera_build.artifacts.scenes.scene import Truth
+from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.geometry import metrics
 from dextera_build.rule import ROUNDING, Context, Fraction, Options, Tolerance, rule
 

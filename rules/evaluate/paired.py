@@ -6,9 +6,9 @@ from itertools import combinations
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Cell as Entry
-from dextera_build.artifacts.core.table import Column, Table
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.table import Cell as Entry
+from dextera_build.artifacts.table import Column, Table
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.rule import Context, rule
 from dextera_build.statistics import Paired

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.errors import listing
 from dextera_build.rule import Context
 

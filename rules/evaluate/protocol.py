@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dextera_build import digest
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.reasons import spelled, tally
 from dextera_build.artifacts.tasks.task import TaskBundle

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Collection
 from dextera_build.artifacts.objects.object import Body, Placement, Support
 from dextera_build.artifacts.scenes.scene import Truth
 from dextera_build.geometry import kinematics, raycast, transforms

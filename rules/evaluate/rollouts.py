@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.robots.cell import Cell
 from dextera_build.artifacts.tasks.episode import Episode
 from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from pydantic import Field
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.rule import Context, Options
 from dextera_build.statistics import Rate

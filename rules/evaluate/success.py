@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dextera_build.artifacts.core import table
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts import table
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.rule import Context, rule
 from dextera_build.statistics import Rate, mean

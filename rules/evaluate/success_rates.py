@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Cell, Column, Table
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.artifacts.tasks.reasons import spelled
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.rule import Context, rule

@@ -8,12 +8,12 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Camera, Measured, Photograph
-from dextera_build.artifacts.core.base import Folder
-from dextera_build.artifacts.core.table import Table
 from dextera_build.artifacts.objects.view import InstanceMap
 from dextera_build.artifacts.scenes.room import Room
 from dextera_build.artifacts.scenes.scene import Scene
+from dextera_build.artifacts.table import Table
 from dextera_build.geometry import metrics
 from dextera_build.rule import Context, Options, rule
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.core.table import Column, Table
 from dextera_build.artifacts.scenes.scene import Truth
+from dextera_build.artifacts.table import Column, Table
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from .rendered_objects import counted, true_objects

@@ -15,10 +15,10 @@ from pydantic import BaseModel
 from scipy.spatial.transform import Rotation
 
 import dextera_build.artifacts as package
+from dextera_build.artifacts.base import Artifact, Folder
 from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.cameras.image import DepthImage, Image
 from dextera_build.artifacts.core.arrays import Array
-from dextera_build.artifacts.core.base import Artifact, Folder
 from dextera_build.artifacts.core.frames import Frames
 from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
 from dextera_build.artifacts.robots.robot import RobotModel

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from scipy.spatial.transform import Rotation
 
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.cameras.calibration import Board, Calibration
 from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.cameras.image import DepthImage, Image
@@ -20,7 +21,6 @@ from dextera_build.artifacts.cameras.rgbd_video import RgbdVideo
 from dextera_build.artifacts.cameras.rig import Rig
 from dextera_build.artifacts.cameras.video import Video
 from dextera_build.artifacts.cameras.views import Views, encoded
-from dextera_build.artifacts.core.base import File
 from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.artifacts.robots.stream import Channel, Stream
 from dextera_build.artifacts.spatial.joints import Joints

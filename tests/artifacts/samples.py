@@ -18,8 +18,8 @@ from hypothesis import HealthCheck, Phase, given, settings
 from pydantic import BaseModel
 
 from dextera_build import digest
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.core.arrays import Array
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.artifacts.core.frames import Frames
 from dextera_build.artifacts.core.identity import spelled
 from dextera_build.artifacts.core.value import Value

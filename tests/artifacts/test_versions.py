@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 
 import pytest
 
+from dextera_build.artifacts.base import Artifact, Collection, File
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.comparison.difference import differences
-from dextera_build.artifacts.core.base import Artifact, Collection, File
 from dextera_build.artifacts.core.identity import identity, parse, spelled
 from dextera_build.errors import ArtifactError
 from dextera_build.store.store import Store

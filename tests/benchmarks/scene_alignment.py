@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Capture, Measured, Photograph
 from dextera_build.artifacts.cameras.image import DepthImage, Image
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.scenes.scene_fit import SceneFit
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import RuleError

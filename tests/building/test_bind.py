@@ -86,7 +86,7 @@ def crop(ctx: Context, view: ObjectView) -> Image:
 ''',
     "grasp": '''
 """toy.grasp: a task on one object, by its name."""
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.image import Image
 from dextera_build.rule import Context, Options, rule
 

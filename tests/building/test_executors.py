@@ -12,7 +12,7 @@ import locale
 import os
 import time
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Artifact, Collection, File
 from dextera_build.artifacts.cameras.image import Image
-from dextera_build.artifacts.core.base import Artifact, Collection, File
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.building import one_file
 from dextera_build.errors import UsageError

@@ -18,7 +18,7 @@ from tests.recipe.conftest import RULES
 
 KEEP = '''
 """toy.careful: saves its progress."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)
@@ -30,7 +30,7 @@ def careful(ctx: Context, text: File) -> File:
 '''
 LARGE = '''
 """toy.large: much of the same."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)
@@ -41,7 +41,7 @@ def large(ctx: Context, text: File) -> File:
 DICE = '''
 """toy.dice: what lies in a file that nobody declared."""
 from pathlib import Path
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

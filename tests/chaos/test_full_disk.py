@@ -29,7 +29,7 @@ from tests.recipe.conftest import RULES
 FILL = '''
 """toy.fill: writes much."""
 import os
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class FillOptions(Options):

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.cli.look import shown
@@ -66,7 +66,7 @@ def test_a_number_names_the_episode_whatever_its_zeros(session: Any) -> None:
 
 
 def test_a_task_without_a_robot_says_so(session: Any) -> None:
-    from dextera_build.artifacts.core.base import Folder
+    from dextera_build.artifacts.base import Folder
     from dextera_build.view.task import TaskView
 
     empty = Folder(files={"scene.xml": b"<mujoco/>"})

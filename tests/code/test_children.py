@@ -19,7 +19,7 @@ import sys
 import time
 from pathlib import Path
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 from labs_of_children.work import work
 

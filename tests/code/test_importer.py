@@ -21,7 +21,7 @@ from tests.e2e.space import Space
 
 RULE = '''
 """toy.mul: a rule."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 from .deep import F
 

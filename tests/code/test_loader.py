@@ -16,7 +16,7 @@ RULE = '''"""toy.NAME: a rule."""
 
 from __future__ import annotations
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Backend, Context, rule
 
 from ..numbers import SMALL

@@ -16,7 +16,7 @@ SLOW = '''
 import os
 import signal
 import time
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class SlowOptions(Options):
@@ -42,7 +42,7 @@ def slow(ctx: Context, text: File, *, options: SlowOptions) -> File:
 
 MUL = '''
 """toy.mul: counts."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class MulOptions(Options):

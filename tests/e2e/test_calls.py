@@ -19,7 +19,7 @@ import json
 import os
 import urllib.error
 import urllib.request
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, Response, rule
 
 class DescribeOptions(Options):

@@ -15,7 +15,7 @@ from tests.e2e.space import Space
 
 RULE = '''
 """toy.look: shows a picture to a service that is part of this machine."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class LookOptions(Options):

@@ -12,7 +12,7 @@ from tests.e2e.space import Answer, Space
 FLAT = '''
 """toy.flat: a text with all that it includes, and the names of the parts beside it."""
 import posixpath
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class FlatOptions(Options):
@@ -43,7 +43,7 @@ def lines(ctx: Context, path: str) -> list[str]:
 '''
 SLY = '''
 """toy.sly: reads without saying so."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated
 import math
 import numpy as np
-from dextera_build.artifacts.core.base import Array, Artifact, Value
+from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.rule import Context, Tolerance, rule
 
@@ -114,7 +114,7 @@ def test_a_pose_that_only_turned_is_another_one(dice):
 HEAD = """
 from typing import Annotated
 import numpy as np
-from dextera_build.artifacts.core.base import Array, Artifact
+from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.rule import Context, Tolerance, rule
 
 class Numbers(Artifact):

@@ -10,7 +10,7 @@ from tests.e2e.space import Space
 
 SIZED = '''
 """toy.sized: a word with its size."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

@@ -23,7 +23,7 @@ def cloud(ctx: Context) -> PointCloud:
 '''
 WRITTEN = '''
 """toy.written: points as PLY."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.formats import point_cloud
 from dextera_build.rule import Context, rule

@@ -115,7 +115,7 @@ def test_a_stub_build_changes_nothing_that_is_given_and_is_marked(here: Here, co
 SAID = {
     "said": """
 \"\"\"toy.said: a rule with a stub.\"\"\"
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

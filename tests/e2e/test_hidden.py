@@ -15,7 +15,7 @@ import base64
 import os
 import sys
 import numpy
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class WhisperOptions(Options):
@@ -89,7 +89,7 @@ GOSSIP = '''
 """toy.gossip: passes its environment on."""
 import os
 import subprocess
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class GossipOptions(Options):

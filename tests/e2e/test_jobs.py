@@ -17,7 +17,7 @@ import json
 import os
 import urllib.error
 import urllib.request
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, JobState, Response, rule
 
 class Forge:

@@ -15,7 +15,7 @@ TRAIN = '''
 import os
 import signal
 import time
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class TrainOptions(Options):

@@ -25,7 +25,7 @@ MOST_MIB = 400
 
 RULE = '''
 """toy.big: hands a file on without reading it whole."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

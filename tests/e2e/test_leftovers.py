@@ -19,7 +19,7 @@ UNTIDY = '''
 """toy.untidy: leaves files."""
 import tempfile
 import time
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class UntidyOptions(Options):

@@ -13,7 +13,7 @@ from tests.e2e.space import Space
 
 PHOTO = '''
 """toy.photo: a capture as one file."""
-from dextera_build.artifacts.core.base import Artifact, File, Folder
+from dextera_build.artifacts.base import Artifact, File, Folder
 from dextera_build.rule import Context, Options, rule
 
 class Capture(Artifact):
@@ -107,7 +107,7 @@ def test_every_node_and_file_is_there_once(seen):
     assert {"numpy", "platform", "python"} <= set(photo["packages"])
     assert set(photo["code"]["files"]) >= {
         "dextera_build/artifacts/__init__.py",
-        "dextera_build/artifacts/core/base.py",
+        "dextera_build/artifacts/base.py",
         "rules/toy/photo.py",
     }
     assert "rules/toy/shout.py" not in photo["code"]["files"]

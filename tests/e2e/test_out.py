@@ -113,7 +113,7 @@ def test_a_change_that_keeps_size_and_time_is_seen(counts: Space, name: str) -> 
 
 TREE = '''
 """toy.tree: a folder."""
-from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.rule import Context, rule
 
 @rule(version=1)
@@ -199,7 +199,7 @@ def test_files_of_a_recipe_in_the_way_of_a_new_one_are_kept(counts: Space) -> No
 
 GRP = '''
 """toy.grp: labels that file names once did not tell apart."""
-from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.base import Collection, File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

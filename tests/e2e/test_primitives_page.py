@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import dextera_build
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RecipeError, RuleError
@@ -136,7 +136,7 @@ def test_what_shows_a_task_finds_the_primitives_of_its_project(space: Space) -> 
 
 JUDGE = '''"""mine.judge: the type of a task's goal."""
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Context, rule
 from dextera_build.sim.primitives import catalogue

@@ -23,7 +23,7 @@ pytestmark = [
 WHERE = '''
 """toy.where: says on which node it ran."""
 import os
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class WhereOptions(Options):
@@ -161,7 +161,7 @@ def read(folder, device):
 '''
 SPOKEN = '''
 """toy.NAME: says with which voice it speaks."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

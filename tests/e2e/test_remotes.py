@@ -23,7 +23,7 @@ GATE = '''
 """toy.gate: waits until the project has a file `go`."""
 import time
 from pathlib import Path
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class GateOptions(Options):

@@ -11,7 +11,7 @@ from tests.e2e.space import Space
 HUNGRY = '''
 """toy.hungry: says which devices it sees."""
 import os
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1, gpus=1, resources={"licence:solver": 1})
@@ -22,7 +22,7 @@ def hungry(ctx: Context, text: File) -> File:
 SHY = HUNGRY.replace("hungry", "shy").replace(', gpus=1, resources={"licence:solver": 1}', "")
 FLAKY = '''
 """toy.flaky: the server answers the third time."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1, retries=2, retry_wait_s=0.01)

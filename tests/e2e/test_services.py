@@ -17,7 +17,7 @@ RULE = '''
 """toy.ask: asks a service."""
 import os
 import urllib.request
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class AskOptions(Options):

@@ -30,7 +30,7 @@ def pair(tmp_path: Path) -> tuple[Space, Space]:
 
 
 MARK = '''"""toy.mark: marks a text."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

@@ -29,7 +29,7 @@ targets:
 """
 JOIN = '''
 """toy.join: two texts."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)
@@ -39,7 +39,7 @@ def join(ctx: Context, one: File, two: File) -> File:
 '''
 FIRST = '''
 """toy.first: a folder's names."""
-from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.rule import Context, rule
 
 @rule(version=1)
@@ -290,7 +290,7 @@ def test_a_rule_edited_twice_in_a_second_to_the_same_size_runs_as_it_is(built: S
 
 EMPTY = '''
 """toy.empty: a folder without files."""
-from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.episode import Shard
 from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.errors import RuleError

@@ -7,7 +7,7 @@ import pytest
 PLY = '''
 """toy.ply: a mesh, or why there is none."""
 import numpy as np
-from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.base import Collection, File
 from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.rule import Context, Options, rule
 
@@ -25,7 +25,7 @@ def ply(ctx: Context, *, options: PlyOptions) -> Hull | File:
 '''
 COUNT = '''
 """toy.count: how many points came."""
-from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.base import Collection, File
 from dextera_build.artifacts.shapes.mesh import Hull
 from dextera_build.rule import Context, rule
 

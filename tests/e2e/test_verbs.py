@@ -131,7 +131,7 @@ def test_check_builds_a_node_again_and_compares(built):
     assert "same output again" in built.dxb("check", "say/words:word[one].loud").out
     built.write(
         "rules/toy/dice.py",
-        '"""toy.dice: chance."""\nimport os\nfrom dextera_build.artifacts.core.base import File\n'
+        '"""toy.dice: chance."""\nimport os\nfrom dextera_build.artifacts.base import File\n'
         "from dextera_build.rule import Context, rule\n\n@rule(version=1)\ndef dice(ctx: Context) -> File:\n"
         '    """Return chance."""\n    return File(data=os.urandom(8))\n',
     )

@@ -20,7 +20,7 @@ targets: {default: [slow]}
 """
 READ = '''
 """toy.read: a folder as one file."""
-from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.rule import Context, rule
 
 @rule(version=1)
@@ -30,7 +30,7 @@ def read(ctx: Context, notes: Folder) -> File:
 '''
 FOUND = '''
 """toy.found: the parts that there are, and whether the last one came."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1, discovers=True)

@@ -12,7 +12,7 @@ from dextera_build.code.modules import PACKAGE
 
 READ = '''
 """toy.read: a folder as one file."""
-from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

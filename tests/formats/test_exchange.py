@@ -15,8 +15,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dextera_build import digest
+from dextera_build.artifacts.base import Array, Artifact, Collection, File, Folder
 from dextera_build.artifacts.cameras.image import Image
-from dextera_build.artifacts.core.base import Array, Artifact, Collection, File, Folder
 from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.artifacts.spatial.point_cloud import PointCloud

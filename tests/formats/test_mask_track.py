@@ -13,11 +13,11 @@ import pytest
 from hypothesis import given, settings
 from PIL import Image as Pillow
 
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.cameras.mask_track import MaskTrack, palette
-from dextera_build.artifacts.core.base import File
 from dextera_build.errors import ArtifactError
-from tests.artifacts.core.test_base import Memory
 from tests.artifacts.generated import values
+from tests.artifacts.test_base import Memory
 
 STAMPS = np.arange(5) / 10
 

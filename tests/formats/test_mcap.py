@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import ArtifactError

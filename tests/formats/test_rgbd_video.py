@@ -19,8 +19,8 @@ from dextera_build.formats import mcap
 from dextera_build.formats.ros import messages
 from dextera_build.formats.ros.cdr import Cdr
 from dextera_build.formats.ros.recording import Recording
-from tests.artifacts.core.test_base import Memory
 from tests.artifacts.generated import values
+from tests.artifacts.test_base import Memory
 
 CAMERA = Camera(width=40, height=30, fx=50.0, fy=51.0, cx=19.5, cy=14.5)
 

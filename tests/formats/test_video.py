@@ -9,9 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.cameras import video as videos
 from dextera_build.artifacts.cameras.video import Video
-from dextera_build.artifacts.core.base import File
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import video as video_files
 from dextera_build.formats.h264 import yuv420

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from scipy.spatial.transform import Rotation
 
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular
 from dextera_build.artifacts.cameras.views import Views, encoded
-from dextera_build.artifacts.core.base import File
 from dextera_build.errors import ArtifactError
 from dextera_build.formats import lens as lens_files
 from dextera_build.formats import views as views_files

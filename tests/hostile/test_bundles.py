@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.bundle import oci
 from dextera_build.digest import canonical, of_bytes
 from dextera_build.errors import ArtifactError

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.errors import DxbError
 from dextera_build.testing import RuleRunner
 from tests import factories

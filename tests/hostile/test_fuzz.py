@@ -17,10 +17,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from dextera_build.artifacts.base import Artifact, Collection, File, Folder
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import Image
-from dextera_build.artifacts.core.base import Artifact, Collection, File, Folder
-from dextera_build.artifacts.core.table import Table
+from dextera_build.artifacts.table import Table
 from dextera_build.bundle import importer, layout, oci, sign
 from dextera_build.bundle.closure import read_result
 from dextera_build.bundle.config import Contents

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.digest import canonical, of_bytes
 from dextera_build.errors import ArtifactError, RuleError
 from dextera_build.store import headers
@@ -205,7 +205,7 @@ def test_weights_that_are_a_pickle_do_not_run(tmp_path):
 def test_an_array_of_objects_is_refused(tmp_path, dtype):
     """A header may name any dtype; the bytes behind it are never taken for objects."""
     from dextera_build.artifacts.cameras.image import Image
-    from dextera_build.artifacts.core.table import Table
+    from dextera_build.artifacts.table import Table
 
     data = pickle.dumps(Trap(tmp_path / "ran"))
     for kind in (Image, Table):

@@ -19,7 +19,7 @@ from typing import Any
 
 import yaml
 
-from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.code import loader
 from tests.chaos.children import Said, Workers, pool, start
 from tests.oracle.projects import PLUG, RECIPES, STAGE, RandomProject

@@ -7,7 +7,7 @@ from __future__ import annotations
 import hashlib
 import time
 from typing import TYPE_CHECKING
-from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.rule import Context, Options, rule
 {imports}
 NUMBER = {number}

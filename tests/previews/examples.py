@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.calibration import Board, Calibration
 from dextera_build.artifacts.cameras.image import DepthImage, Image
 from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular, KannalaBrandt
@@ -23,7 +24,6 @@ from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame, RgbdVideo
 from dextera_build.artifacts.cameras.rig import Rig
 from dextera_build.artifacts.cameras.video import Video
 from dextera_build.artifacts.cameras.views import Views, encoded
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.artifacts.objects.view import InstanceMap, ObjectView
 from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.artifacts.scenes.room import Room

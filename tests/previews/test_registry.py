@@ -8,7 +8,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.previews import registry
 from tests.previews.examples import EXAMPLES, SHEET
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
+from dextera_build.artifacts.base import Artifact, Collection, File, Folder
 from dextera_build.artifacts.cameras.image import DepthImage, Image, LabelImage
-from dextera_build.artifacts.core.base import Artifact, Collection, File, Folder
-from dextera_build.artifacts.core.table import Column, Table
 from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.artifacts.table import Column, Table
 from dextera_build.errors import UsageError
 from tests import factories
 

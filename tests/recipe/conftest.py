@@ -12,7 +12,7 @@ from tests.e2e.space import Space as RealSpace
 RULES = {
     "toy/start.py": '''
 """toy.start: where it begins."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class StartOptions(Options):
@@ -29,7 +29,7 @@ def start(ctx: Context, *, options: StartOptions) -> File:
 ''',
     "toy/split.py": '''
 """toy.split: a collection."""
-from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.base import Collection, File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)
@@ -39,7 +39,7 @@ def split(ctx: Context, text: File) -> Collection[File]:
 ''',
     "toy/shout.py": '''
 """toy.shout: louder."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 from .marks import mark
 
@@ -62,7 +62,7 @@ def mark(times):
 ''',
     "toy/join.py": '''
 """toy.join: one of many."""
-from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.base import Collection, File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)
@@ -72,7 +72,7 @@ def join(ctx: Context, texts: Collection[File]) -> File:
 ''',
     "toy/spoken.py": '''
 """toy.spoken: a rule with backends."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

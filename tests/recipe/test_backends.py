@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 
@@ -46,7 +46,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Backend, Context, Options
 
 if TYPE_CHECKING:

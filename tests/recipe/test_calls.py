@@ -9,7 +9,7 @@ from tests.recipe.test_plan import planned, refused
 OPENED = '''
 """toy.opened: a type that an option names."""
 from typing import Literal
-from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.base import Collection, File
 from dextera_build.artifacts.cameras.image import Image
 from dextera_build.rule import Context, Options, rule
 

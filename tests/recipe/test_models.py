@@ -14,7 +14,7 @@ from tests.recipe.conftest import Space
 BACKEND = '''
 """Speaks as a voice does."""
 from dextera_build.rule import Backend
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 LOADS = "{loads}"
 BACKEND = Backend(summary="with a voice", profiles=("lab",), weights=("voice",))
 
@@ -28,7 +28,7 @@ def speak(text):
 '''
 RULE = '''
 """toy.spoken: a rule with backends."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 @rule(version=1)

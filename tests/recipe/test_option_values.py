@@ -15,7 +15,7 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 

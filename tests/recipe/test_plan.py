@@ -11,7 +11,7 @@ from dextera_build.recipe.plan import Request, plan
 
 PAIR = '''
 """toy.pair: two files, one of them optional."""
-from dextera_build.artifacts.core.base import Artifact, File
+from dextera_build.artifacts.base import Artifact, File
 from dextera_build.rule import Context, rule
 
 class Pair(Artifact):

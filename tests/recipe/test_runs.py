@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.base import Collection, File
 from dextera_build.engine.graph import Call, Group
 from dextera_build.engine.plan_json import read, write
 from dextera_build.errors import RecipeError, RuleError
@@ -18,7 +18,7 @@ from tests.recipe.conftest import Space
 SONG = '''
 """A song, and what a companion defines."""
 from typing import Protocol
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 
 class Song(Artifact):
     """A song."""
@@ -50,7 +50,7 @@ def sing(song):
 '''
 PICK = '''
 """songs.pick: one of several songs."""
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.rule import Context, rule
 from .song import Song
 
@@ -61,7 +61,7 @@ def pick(ctx: Context, songs: Collection[Song]) -> Song:
 '''
 PERFORM = '''
 """songs.perform: what a song sounds like."""
-from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.base import Collection, File
 from dextera_build.rule import Context, Options, rule
 from .song import Singer, Song
 
@@ -113,7 +113,7 @@ NODES = {
 }
 SEVERAL = '''
 """songs.several: a song by two names."""
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.rule import Context, rule
 from .song import Song
 

@@ -17,8 +17,8 @@ import pytest
 from PIL import Image as Pillow
 
 from dextera_build.artifacts.cameras.image import Image, png
-from dextera_build.artifacts.core.table import Column, Table
 from dextera_build.artifacts.scenes.scene import Settled, SettleReport
+from dextera_build.artifacts.table import Column, Table
 from dextera_build.report import build as report
 from dextera_build.report import result, sources
 from dextera_build.report.run import Node, Run

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.tasks.episode import Film
 from dextera_build.report.films import Films
 from dextera_build.report.pictures import LADDER, Pictures

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.testing import RuleRunner
 from tests.robots.robot_recipes import compiled, touching

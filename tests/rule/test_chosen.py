@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import pytest
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.errors import RuleError
 from dextera_build.rule.chosen import Chosen
 

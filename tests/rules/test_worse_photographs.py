@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.artifacts.tasks.task import TaskBundle

@@ -16,7 +16,7 @@ from dextera_build.testing import RuleRunner
 RULE = '''
 """toy.count: counts how often it was begun with these files."""
 import os
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class CountOptions(Options):
@@ -132,7 +132,7 @@ def test_a_result_can_be_read_whatever_mask_its_rule_set(project: Path) -> None:
 
 ORDER = '''
 """toy.order: the names of a mapping, in its order."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class OrderOptions(Options):

@@ -11,7 +11,7 @@ RULE = '''
 import json
 from pathlib import Path
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 HERE = Path(__file__).parent

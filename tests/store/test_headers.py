@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build import digest
-from dextera_build.artifacts.core.base import Array, Artifact, Collection, File, Folder, Value
+from dextera_build.artifacts.base import Array, Artifact, Collection, File, Folder, Value
 from dextera_build.errors import RuleError, StoreError
 from dextera_build.store import headers
 

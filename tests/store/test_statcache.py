@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from dextera_build import digest
-from dextera_build.artifacts.core.base import File, Folder
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.errors import RecipeError
 from dextera_build.store import signature
 from dextera_build.store.blobs import Blobs

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.base import Collection, File
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.spatial.point_cloud import PointCloud

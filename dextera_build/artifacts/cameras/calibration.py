@@ -7,9 +7,9 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import PositiveFloat, PositiveInt, model_validator
 
+from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.lens import BrownConrady, KannalaBrandt
-from dextera_build.artifacts.core.base import Array, Artifact, Value
 from dextera_build.artifacts.core.frames import Frames
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import ArtifactError

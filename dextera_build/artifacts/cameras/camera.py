@@ -7,8 +7,8 @@ from typing import Self
 import numpy as np
 from pydantic import model_validator
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.image import DepthImage, Image
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.errors import ArtifactError
 
 

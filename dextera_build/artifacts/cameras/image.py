@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Array, Artifact
+from dextera_build.artifacts.base import Array, Artifact
 
 TEXTURES = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")
 """Supported formats of textures; Pillow has others, some of which run programs."""

@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.geometry import lenses
 
 Number = Annotated[float, Field(allow_inf_nan=False)]

@@ -12,9 +12,9 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, PositiveInt, model_validator
 
-from dextera_build.artifacts.core.base import Array, Artifact, File
+from dextera_build.artifacts.base import Array, Artifact, File
 from dextera_build.artifacts.core.file_errors import unreadable
-from dextera_build.artifacts.core.packed import DAY
+from dextera_build.artifacts.packed import DAY
 from dextera_build.errors import ArtifactError
 
 FORM = "ZIP of a mask track"

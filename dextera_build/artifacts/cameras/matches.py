@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Array, Artifact
+from dextera_build.artifacts.base import Array, Artifact
 
 
 class Matches(Artifact):

@@ -7,10 +7,10 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import model_validator
 
+from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.cameras.image import Image
 from dextera_build.artifacts.cameras.lens import Equirectangular
 from dextera_build.artifacts.cameras.views import Views, encoded
-from dextera_build.artifacts.core.base import Array, Artifact
 from dextera_build.artifacts.core.frames import Frames
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import ArtifactError

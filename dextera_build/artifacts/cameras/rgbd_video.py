@@ -13,11 +13,11 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from dextera_build.artifacts.base import Array, Artifact, File
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import png
-from dextera_build.artifacts.core.base import Array, Artifact, File
 from dextera_build.artifacts.core.file_errors import unreadable
-from dextera_build.artifacts.core.packed import DAY
+from dextera_build.artifacts.packed import DAY
 from dextera_build.artifacts.spatial.pose import check_rigid
 from dextera_build.errors import ArtifactError
 

@@ -6,9 +6,9 @@ from typing import Self
 
 from pydantic import model_validator
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular, KannalaBrandt
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.artifacts.core.labels import check_labels
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import ArtifactError

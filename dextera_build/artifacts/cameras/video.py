@@ -9,7 +9,7 @@ from typing import Annotated, Any, BinaryIO, Self
 import numpy as np
 from pydantic import PositiveInt, model_validator
 
-from dextera_build.artifacts.core.base import Array, Artifact, File
+from dextera_build.artifacts.base import Array, Artifact, File
 from dextera_build.artifacts.core.file_errors import unreadable
 from dextera_build.errors import ArtifactError
 

@@ -8,10 +8,10 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from dextera_build.artifacts.base import Array, Artifact, File
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import png
 from dextera_build.artifacts.cameras.lens import BrownConrady, Equirectangular, KannalaBrandt, Lens
-from dextera_build.artifacts.core.base import Array, Artifact, File
 from dextera_build.artifacts.core.file_errors import unreadable
 from dextera_build.artifacts.core.labels import check_paths
 from dextera_build.artifacts.spatial.point_cloud import PointCloud

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.spatial.pose import Pose, Similarity
 from dextera_build.geometry import transforms
 

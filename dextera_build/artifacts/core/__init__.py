@@ -1,1 +1,1 @@
-"""What every artifact is made of: fields, their stored form, identity, files; and tables."""
+"""Parts of every artifact: fields, their stored form, identity, files."""

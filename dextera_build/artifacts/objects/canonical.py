@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Artifact, Value
+from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.core.frames import Frames
 from dextera_build.artifacts.spatial.pose import Pose, Similarity
 

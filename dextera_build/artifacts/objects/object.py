@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Array, Artifact, Value
+from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.core.frames import Frames
 from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 from dextera_build.artifacts.spatial.pose import Pose

@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import DepthImage, Image
-from dextera_build.artifacts.core.base import Array, Artifact
 from dextera_build.artifacts.core.frames import Frames
 from dextera_build.artifacts.objects.object import AssetSource, JointHint
 from dextera_build.artifacts.spatial.pose import Pose

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Artifact, Value
 from dextera_build.artifacts.core.frames import Frames
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise

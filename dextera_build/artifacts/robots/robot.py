@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import Field, model_validator
 
-from dextera_build.artifacts.core.base import Artifact, Folder, Value
+from dextera_build.artifacts.base import Artifact, Folder, Value
 from dextera_build.artifacts.robots.limb import Grip as Grip
 from dextera_build.artifacts.robots.limb import Gripper as Gripper
 from dextera_build.artifacts.robots.limb import Group as Group

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.cameras.calibration import Board
 from dextera_build.artifacts.cameras.camera import Capture
-from dextera_build.artifacts.core.base import Array, Artifact
 from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import ArtifactError
 

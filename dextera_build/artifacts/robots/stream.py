@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import NonNegativeInt
 
-from dextera_build.artifacts.core.base import Artifact, File, Value
+from dextera_build.artifacts.base import Artifact, File, Value
 
 
 class Channel(Value):

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 
 Contact: TypeAlias = Literal["apart", "touching", "piled"]
 """Degree of contact between objects: with gaps, side by side, or dropped onto and into one another."""

@@ -6,8 +6,8 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.image import DepthImage
-from dextera_build.artifacts.core.base import Artifact
 from dextera_build.artifacts.objects.object import AssetSource
 from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.artifacts.spatial.point_cloud import PointCloud

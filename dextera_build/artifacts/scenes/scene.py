@@ -6,9 +6,9 @@ from typing import Annotated
 
 import numpy as np
 
+from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import DepthImage, Image, LabelImage
-from dextera_build.artifacts.core.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.core.frames import Frames
 from dextera_build.artifacts.objects.object import AssetSource, ScaleSource
 from dextera_build.artifacts.shapes.mesh import Mesh

@@ -8,8 +8,8 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
+from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Artifact, Value
 from dextera_build.artifacts.core.frames import Frames
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.shapes.mesh import Hull, Mesh

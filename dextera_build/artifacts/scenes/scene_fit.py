@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Artifact, Value
+from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.artifacts.spatial.pose import Similarity

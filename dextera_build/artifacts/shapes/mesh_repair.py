@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Value
+from dextera_build.artifacts.base import Value
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.errors import MachineError, install_extra
 from dextera_build.geometry import repair, solids

@@ -7,7 +7,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import model_validator
 
-from dextera_build.artifacts.core.base import Array, Artifact
+from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.errors import ArtifactError
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from dextera_build.artifacts.core.base import Array, Artifact
+from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.spatial.pose import Pose, Similarity, check_frame
 from dextera_build.errors import ArtifactError
 from dextera_build.geometry import transforms

@@ -6,7 +6,7 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.artifacts.spatial.track import Track
 from dextera_build.errors import ArtifactError

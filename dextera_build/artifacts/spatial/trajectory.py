@@ -7,7 +7,7 @@ from typing import Annotated, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from dextera_build.artifacts.core.base import Array, Artifact
+from dextera_build.artifacts.base import Array, Artifact
 from dextera_build.artifacts.spatial import stamped
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import ArtifactError

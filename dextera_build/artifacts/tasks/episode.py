@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.core.base import Array, Artifact, Value
+from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.core.content import Content, Get, OnDisk, Stored
 from dextera_build.artifacts.core.identity import check
 from dextera_build.artifacts.core.lazy import contents

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Array, Artifact, Value
+from dextera_build.artifacts.base import Array, Artifact, Value
 
 Encoding = Literal["plain", "pose", "picture"]
 """`plain`: unchanged numbers. `pose`: position and the first two columns of the rotation matrix (Zhou et al.

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 import numpy as np
 
+from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.core.frames import Frames
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.spatial.pose import Pose

@@ -6,7 +6,7 @@ from typing import Self
 
 from pydantic import model_validator
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 
 ROWS = ("joints", "objects", "displacement", "goal", "tips", "limbs")
 """Meanings of a term's first axis."""

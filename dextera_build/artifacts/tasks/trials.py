@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Array, Artifact, Value
+from dextera_build.artifacts.base import Array, Artifact, Value
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.reasons import tally
 from dextera_build.artifacts.tasks.task import TaskSpec, WorldKind

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.scenes.scene_description import SceneDescription
 from dextera_build.sim.model import compose, fixed_bodies, mjcf
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from xml.etree import ElementTree
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 
 _FREE, _SINGLE = 7, 1
 """Positions of a free joint and of any other joint of a scene."""

@@ -14,8 +14,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from dextera_build import digest
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.image import png
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.scenes.scene_description import (
     BodyNode,
     Box,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import own_files
 

@@ -7,7 +7,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.geometry import transforms
 from dextera_build.sim.model import compose
 

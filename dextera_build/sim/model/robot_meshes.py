@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError, listing
 from dextera_build.sim.model import robot as robots

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import SubElement
 import mujoco
 import numpy as np
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.formats import urdf_xml
 from dextera_build.formats.urdf_xml import Node

@@ -8,8 +8,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import cameras
 from dextera_build.sim.model import model as models

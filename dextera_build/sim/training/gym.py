@@ -15,7 +15,7 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from dextera_build.artifacts.core.packed import unpack
+from dextera_build.artifacts.packed import unpack
 from dextera_build.artifacts.tasks.episode import Start
 from dextera_build.artifacts.tasks.task import ActionKind, TaskBundle, View
 from dextera_build.errors import listing

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.scenes.scene_description import SceneDescription
 from dextera_build.sim.model import attached, inventory
 from dextera_build.sim.model.model import compile_folder

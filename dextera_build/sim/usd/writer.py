@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.image import png
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.scenes.scene_description import (
     BodyNode,
     Contact,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.sim.model import model as models
 from dextera_build.sim.model.fixed_bodies import hold
 from dextera_build.sim.worlds.settle import Motion, let_go

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import PositiveFloat
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Body, Placement, Support
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import boxes, kinematics, transforms

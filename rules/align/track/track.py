@@ -9,9 +9,9 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from pydantic import NonNegativeInt, PositiveFloat
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.mask_track import MaskTrack
 from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame, RgbdVideo
-from dextera_build.artifacts.core.base import Collection
 from dextera_build.artifacts.objects.object import Asset, Support
 from dextera_build.artifacts.spatial.tracking import Tracking
 from dextera_build.geometry import transforms

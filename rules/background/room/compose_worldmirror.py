@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import DepthImage, Image
 from dextera_build.artifacts.cameras.views import Views
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.scenes.room import Room
 from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.artifacts.shapes.splats import Splats

@@ -7,10 +7,10 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.panorama import Panorama
 from dextera_build.artifacts.cameras.views import Views
-from dextera_build.artifacts.core.base import Collection
 from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.artifacts.spatial.trajectory import Trajectory
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.panorama import Panorama
 from dextera_build.artifacts.cameras.views import Views, encoded
-from dextera_build.artifacts.core.base import Collection
 from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.artifacts.spatial.trajectory import Trajectory

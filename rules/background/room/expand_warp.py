@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from pydantic import PositiveFloat
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.panorama import Panorama
 from dextera_build.artifacts.cameras.views import Views, encoded
-from dextera_build.artifacts.core.base import Collection
 from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.spatial.trajectory import Trajectory

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.panorama import Panorama
-from dextera_build.artifacts.core.base import Collection
 from dextera_build.artifacts.objects.object import Support
 from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.artifacts.spatial.trajectory import Trajectory

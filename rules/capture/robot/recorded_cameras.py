@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.artifacts.robots.stream import Stream

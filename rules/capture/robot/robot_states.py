@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import listing
 from dextera_build.geometry import lie, poses, transforms

@@ -7,7 +7,7 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeInt
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 from . import scene_file

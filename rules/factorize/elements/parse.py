@@ -7,9 +7,9 @@ from typing import Any, NoReturn, Protocol
 
 import numpy as np
 
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.cameras.camera import Measured, Photograph
 from dextera_build.artifacts.cameras.image import LabelImage
-from dextera_build.artifacts.core.base import File
 from dextera_build.artifacts.objects.object import Element, Elements, Support
 from dextera_build.errors import listing
 from dextera_build.geometry import upright

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.objects.object import Body, Joint, Link, Shape
 from dextera_build.artifacts.objects.view import Seen, State
 from dextera_build.artifacts.shapes.mesh import Mesh

@@ -8,8 +8,8 @@ from pathlib import PurePosixPath
 import numpy as np
 from pydantic import NonNegativeInt, PositiveInt
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Measured, Photograph
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.objects.object import Support
 from dextera_build.artifacts.objects.view import Instance, InstanceMap, Segmentation
 from dextera_build.errors import did_you_mean, listing

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field, NonNegativeInt
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.objects.object import Shape
 from dextera_build.artifacts.objects.view import ObjectView, Seen
 from dextera_build.rule import Backend, Context, Options

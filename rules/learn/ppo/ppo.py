@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Protocol
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.policy import Checkpoint, PolicyContract
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.term import TermSpec

@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image as Pillow
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveInt
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.scenes.world import World
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.geometry import cameras

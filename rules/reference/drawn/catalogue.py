@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, PositiveFloat, PositiveInt
 
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.cameras.image import Image
-from dextera_build.artifacts.core.base import Collection, Folder
 from dextera_build.artifacts.scenes.world import Matter, Part, Thing
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.spatial.pose import Pose

@@ -7,8 +7,8 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import PositiveFloat
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Collection
 from dextera_build.artifacts.scenes.draw import Arrangement
 from dextera_build.artifacts.scenes.world import Thing, World
 from dextera_build.artifacts.spatial.pose import Pose

@@ -8,7 +8,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from pydantic import Field
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.rule import Context, Options, rule
 

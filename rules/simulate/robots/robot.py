@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import Follower, Group, RobotJoint, RobotModel
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Fraction, Options, rule

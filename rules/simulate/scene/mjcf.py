@@ -6,7 +6,7 @@ import posixpath
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.rule import Context, Options, rule
 
 _SIDES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Collection
 from dextera_build.artifacts.objects.object import Asset, Support
 from dextera_build.artifacts.scenes.scene import Background, Scene
 from dextera_build.rule import Context, rule

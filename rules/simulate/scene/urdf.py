@@ -8,8 +8,8 @@ from xml.etree.ElementTree import SubElement
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.image import png
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.objects.object import Asset, Inertial, Joint
 from dextera_build.artifacts.shapes.mesh import Hull, Mesh
 from dextera_build.formats import obj, urdf_xml

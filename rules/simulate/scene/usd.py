@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Collection, Folder
 from dextera_build.artifacts.objects.object import Asset, Support
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.scenes.scene import Background, Scene

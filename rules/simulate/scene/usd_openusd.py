@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.scenes.scene_description import SceneDescription
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.usd import check as usd_check

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
-from dextera_build.artifacts.core.base import Collection, Folder
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.scenes.scene import Scene

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.artifacts.tasks.task import Cavity, TaskObject

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from dextera_build import digest
+from dextera_build.artifacts.base import Array, Artifact, Collection, File, Value
 from dextera_build.artifacts.comparison.difference import by_field, differences
-from dextera_build.artifacts.core.base import Array, Artifact, Collection, File, Value
-from dextera_build.artifacts.core.table import Column, Table
 from dextera_build.artifacts.spatial.pose import Pose, Similarity
+from dextera_build.artifacts.table import Column, Table
 from dextera_build.geometry import transforms
 
 

@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 
 from pydantic import BaseModel, Field, PositiveFloat
 
-from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.base import Collection, File
 from dextera_build.artifacts.core.field_docs import bounds, field_docs
 from dextera_build.rule import Fraction
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from dextera_build import digest
+from dextera_build.artifacts.base import Artifact, File, Folder
 from dextera_build.artifacts.core import content
-from dextera_build.artifacts.core.base import Artifact, File, Folder
 from dextera_build.errors import ArtifactError, StoreError
 from dextera_build.store.blobs import MissingBlob
 from dextera_build.store.store import Store

@@ -16,11 +16,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
+from dextera_build.artifacts.base import Artifact, Collection, File, Value
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import Image
 from dextera_build.artifacts.comparison.difference import differences
 from dextera_build.artifacts.core.arrays import Array
-from dextera_build.artifacts.core.base import Artifact, Collection, File, Value
 from dextera_build.bundle import importer, layout
 from dextera_build.code.modules import PACKAGE
 from dextera_build.engine.key import Writer
@@ -30,8 +30,8 @@ from dextera_build.remotes.transfer import Transfer
 from dextera_build.store import headers
 from dextera_build.store.entry import ActionResult
 from dextera_build.store.store import Store
-from tests.artifacts.core.test_base import Memory
 from tests.artifacts.generated import kinds, values
+from tests.artifacts.test_base import Memory
 from tests.bundle.conftest import bundle
 from tests.engine.tiny import call, graph
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dextera_build import digest
-from dextera_build.artifacts.core.base import Collection, File, Folder
+from dextera_build.artifacts.base import Collection, File, Folder
 from dextera_build.errors import ArtifactError, StoreError
 
 X = File(data=b"x")

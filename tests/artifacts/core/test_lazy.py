@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build import digest
-from dextera_build.artifacts.core.base import Collection, File, Folder
+from dextera_build.artifacts.base import Collection, File, Folder
 from dextera_build.artifacts.core.identity import spelled
 from dextera_build.artifacts.core.lazy import Lazy
 from dextera_build.artifacts.tasks.trials import Trials

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.video import Video
 from dextera_build.artifacts.core import trees
-from dextera_build.artifacts.core.base import Collection
 from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.formats import video as video_files

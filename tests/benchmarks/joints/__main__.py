@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.objects.object import Body, Joint
 from dextera_build.artifacts.objects.view import State
 from dextera_build.errors import RuleError

@@ -11,9 +11,9 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import ConvexHull
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import DepthImage, Image
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.objects.object import Body, Link
 from dextera_build.artifacts.objects.view import MeasuredView, ObjectView, Seen
 from dextera_build.artifacts.shapes.mesh import Mesh

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build.api import Project, Result
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Table
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Body, Placement
 from dextera_build.artifacts.objects.view import Seen
+from dextera_build.artifacts.table import Table
 from dextera_build.errors import DxbError
 from dextera_build.testing import RuleRunner
 

@@ -13,7 +13,7 @@ import os
 import subprocess
 from pathlib import Path
 
-from dextera_build.artifacts.core.packed import unpack
+from dextera_build.artifacts.packed import unpack
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.sim.runtime.environment import Environment
 

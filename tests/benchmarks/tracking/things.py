@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.cameras.image import Image
-from dextera_build.artifacts.core.base import Collection, Folder
 from dextera_build.artifacts.objects.object import Joint
 from dextera_build.artifacts.scenes.world import Thing
 from dextera_build.artifacts.shapes.mesh import Mesh

@@ -141,7 +141,7 @@ RULE = '''
 """toy.say: says a word."""
 from typing import Any, Protocol
 
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, rule
 
 class SayBackend(Protocol):
@@ -157,7 +157,7 @@ def say(ctx: Context[SayBackend], word: File) -> File:
 '''
 STUB = '''
 """Quiet."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Backend, Context, Options
 
 BACKEND = Backend(summary="quietly", profiles=("stub", "cpu"))
@@ -173,7 +173,7 @@ def say(ctx: Context, word: File, options: StubOptions) -> File:
 '''
 WORD = '''
 """toy.word: a word."""
-from dextera_build.artifacts.core.base import File
+from dextera_build.artifacts.base import File
 from dextera_build.rule import Context, Options, rule
 
 class WordOptions(Options):

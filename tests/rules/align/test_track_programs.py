@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.image import LabelImage
 from dextera_build.artifacts.cameras.mask_track import MaskTrack
 from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame, RgbdVideo
-from dextera_build.artifacts.core.base import Collection
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.spatial.tracking import Tracking
 from dextera_build.errors import RuleError

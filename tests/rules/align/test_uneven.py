@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Capture
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.objects.object import Support
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import planes, raycast, transforms

@@ -12,8 +12,8 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.cameras.camera import Capture
-from dextera_build.artifacts.core.base import Collection, Folder
 from dextera_build.artifacts.objects.object import Asset, Support
 from dextera_build.artifacts.objects.view import InstanceMap
 from dextera_build.artifacts.scenes.scene import Background, Scene, SupportBox

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Measured
 from dextera_build.artifacts.cameras.image import DepthImage, LabelImage
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.robots.robot import RobotJoint, RobotModel
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast

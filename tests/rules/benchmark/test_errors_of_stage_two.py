@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.calibration import Calibration
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import Image
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Cell, Column, Table
 from dextera_build.artifacts.objects.object import Body, Placement, Support
 from dextera_build.artifacts.objects.view import ObjectView
 from dextera_build.artifacts.robots.robot_views import RobotViews
@@ -20,6 +19,7 @@ from dextera_build.artifacts.scenes.scene_fit import SceneFit
 from dextera_build.artifacts.scenes.world import World
 from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.artifacts.spatial.pose import Pose, Similarity
+from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.errors import RuleError
 from dextera_build.geometry import lie, raycast, transforms
 from dextera_build.testing import RuleRunner

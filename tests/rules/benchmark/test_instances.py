@@ -7,10 +7,10 @@ import importlib
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.image import LabelImage
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Column, Table
 from dextera_build.artifacts.objects.view import InstanceMap, Segmentation
+from dextera_build.artifacts.table import Column, Table
 from dextera_build.code.loader import Library
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner

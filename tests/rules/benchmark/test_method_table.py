@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Cell, Column, Table
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.scenes.draw import Arrangement, Draw, Sensor, Viewpoint
+from dextera_build.artifacts.table import Cell, Column, Table
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from rules.evaluate import objects, visible

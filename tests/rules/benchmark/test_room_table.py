@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Column, Table
+from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.table import Column, Table
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from rules.evaluate import fidelity

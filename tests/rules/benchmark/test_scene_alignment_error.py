@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.cameras.camera import Capture
-from dextera_build.artifacts.core.base import Collection, Folder
 from dextera_build.artifacts.scenes.scene_fit import SceneEvidence, SceneFit
 from dextera_build.artifacts.spatial.pose import Similarity
 from dextera_build.errors import RuleError

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Column, Table
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.scenes.scene import Settled, SettleReport
+from dextera_build.artifacts.table import Column, Table
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import factories

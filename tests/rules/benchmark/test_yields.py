@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import File, Folder
 from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import RuleError
 from dextera_build.formats import mcap

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Artifact, File, Folder
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.lens import Equirectangular, KannalaBrandt
-from dextera_build.artifacts.core.base import Artifact, File, Folder
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.artifacts.spatial.track import Track

@@ -11,8 +11,8 @@ import zlib
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.image import png
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.image import png
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests.rules.capture.test_folder import FACTS, facts, files

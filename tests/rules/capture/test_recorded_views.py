@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import File
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.artifacts.spatial.joints import Joints

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.image import png
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import RuleError

@@ -11,9 +11,9 @@ import pytest
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.calibration import Board
 from dextera_build.artifacts.cameras.image import png
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.errors import RuleError
 from dextera_build.geometry import poses
 from dextera_build.testing import RuleRunner

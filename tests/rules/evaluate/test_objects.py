@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import DepthImage, Image, LabelImage
-from dextera_build.artifacts.core.base import Collection
-from dextera_build.artifacts.core.table import Table
 from dextera_build.artifacts.objects.object import Body, Joint, Link, Placement, Support
 from dextera_build.artifacts.scenes.scene import Truth, TruthObject
 from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.table import Table
 from dextera_build.errors import RuleError
 from dextera_build.geometry import raycast, transforms
 from dextera_build.testing import RuleRunner

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.scenes.room import Room
 from dextera_build.artifacts.scenes.scene import Scene

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.trials import Sighting, Trials
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.tasks.trials import Trials
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner

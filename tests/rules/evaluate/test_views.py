@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from dextera_build.artifacts.core.base import Collection, Folder
-from dextera_build.artifacts.core.table import Table
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.objects.view import InstanceMap
 from dextera_build.artifacts.scenes.room import Room
 from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.artifacts.spatial.point_cloud import PointCloud
+from dextera_build.artifacts.table import Table
 from dextera_build.errors import RuleError
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.gaussians.spherical_harmonics import flat

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.cameras.camera import Capture
 from dextera_build.artifacts.cameras.image import DepthImage, Image
-from dextera_build.artifacts.core.base import File, Folder
 from dextera_build.geometry import pictures, upright
 from dextera_build.testing import RuleRunner
 from tests import factories, object_views, tabletops

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Collection, Folder
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.scenes.draw import Arrangement, Viewpoint
 from dextera_build.artifacts.scenes.world import Thing, World
 from dextera_build.rule import Context

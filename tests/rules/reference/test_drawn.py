@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from dextera_build.artifacts.core.base import Collection, Folder
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.scenes.draw import Arrangement, Draw, Sensor, Viewpoint
 from dextera_build.artifacts.scenes.world import Thing, World
 from dextera_build.errors import RuleError

@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 
 ARM = """<?xml version="1.0"?>
 <robot name="arm">

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Collection, Folder
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.artifacts.scenes.world import RobotStand, World

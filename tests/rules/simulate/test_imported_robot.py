@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import compose

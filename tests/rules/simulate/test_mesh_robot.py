@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import RobotJoint, RobotModel
 from dextera_build.errors import MachineError, RuleError, install_extra
 from dextera_build.testing import RuleRunner

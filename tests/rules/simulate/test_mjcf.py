@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 

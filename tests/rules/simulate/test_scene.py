@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.rule import Context
 from rules.simulate.scene.metric import metric

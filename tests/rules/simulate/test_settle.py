@@ -8,7 +8,7 @@ from types import ModuleType
 
 import pytest
 
-from dextera_build.artifacts.core.base import Collection
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.scenes.scene import Scene, SettleReport
 from dextera_build.errors import RuleError

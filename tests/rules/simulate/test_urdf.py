@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.geometry import kinematics, metrics, transforms
 from dextera_build.testing import RuleRunner

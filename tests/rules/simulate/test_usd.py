@@ -8,7 +8,7 @@ from types import ModuleType
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
-from dextera_build.artifacts.core.base import Collection, Folder
+from dextera_build.artifacts.base import Collection, Folder
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError

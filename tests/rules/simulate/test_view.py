@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.scenes.scene import Scene
 from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import MachineError, RuleError

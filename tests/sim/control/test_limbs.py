@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import Follower, RobotJoint, RobotModel
 from dextera_build.sim.control.hand import HandKinematics
 from dextera_build.sim.control.ik import ArmKinematics

@@ -12,7 +12,7 @@ from dextera_build.geometry import kinematics, transforms
 from dextera_build.sim.model import attached, mjcf, model
 from dextera_build.sim.usd import writer
 from tests import factories, task_bundles, twins
-from tests.artifacts.core.test_base import Memory
+from tests.artifacts.test_base import Memory
 
 ASSETS = {
     "Box": factories.box_asset(factories.pose(-0.25, 0.1, 0.0, 0.3)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import model
 from tests import episodes

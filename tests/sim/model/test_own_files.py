@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import compose
 from dextera_build.sim.model.model import compile_folder

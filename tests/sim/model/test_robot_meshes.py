@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import RobotJoint, RobotModel
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import robot as robots

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import Follower, RobotJoint, RobotModel
 from dextera_build.formats import urdf_xml
 from dextera_build.geometry import poses, quaternions, transforms

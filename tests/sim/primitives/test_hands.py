@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.task import TaskSpec
 from dextera_build.sim.primitives.grasp import Hands

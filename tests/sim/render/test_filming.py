@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import Follower
 from dextera_build.sim.render.filming import Replica
 from tests import episodes

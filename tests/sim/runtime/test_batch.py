@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
-from dextera_build.artifacts.core.packed import pack
+from dextera_build.artifacts.base import Folder
+from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.tasks.episode import Start
 from dextera_build.artifacts.tasks.task import Reset, TaskBundle
 from dextera_build.errors import MachineError, RuleError

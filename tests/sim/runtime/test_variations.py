@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.packed import pack, unpack
+from dextera_build.artifacts.packed import pack, unpack
 from dextera_build.artifacts.tasks.episode import Start
 from dextera_build.artifacts.tasks.task import Reset, View
 from dextera_build.sim.primitives.articulate.primitive import ArticulateGoal

@@ -8,7 +8,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from dextera_build import envs
-from dextera_build.artifacts.core.packed import pack
+from dextera_build.artifacts.packed import pack
 from dextera_build.artifacts.tasks.task import Reset
 from dextera_build.sim.training.gym import TaskEnv
 from dextera_build.sim.training.vector import TaskVectorEnv

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.scenes.scene_description import Attachment, Contact, SceneDescription
 from dextera_build.artifacts.spatial.pose import Pose

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.geometry import cameras, kinematics, quaternions, transforms
 from dextera_build.sim.usd import check as usd_check

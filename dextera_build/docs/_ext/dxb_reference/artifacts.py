@@ -10,7 +10,7 @@ from types import ModuleType
 from pydantic.fields import FieldInfo
 
 from dextera_build import artifacts
-from dextera_build.artifacts.core.base import Artifact, Value
+from dextera_build.artifacts.base import Artifact, Value
 from dextera_build.artifacts.core.field_docs import field_docs
 from dextera_build.artifacts.core.frames import Frames
 from dextera_build.artifacts.core.schema import array_specs

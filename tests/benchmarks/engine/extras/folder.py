@@ -16,7 +16,7 @@ RULE = '''"""bench.same: a folder, as it came."""
 
 from __future__ import annotations
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.rule import Context, Options, rule
 
 

@@ -14,7 +14,7 @@ RULE = f'''"""bench.step: as little work as a node can do."""
 
 from __future__ import annotations
 
-from dextera_build.artifacts.core.base import Collection, File
+from dextera_build.artifacts.base import Collection, File
 from dextera_build.rule import Context, Options, rule
 
 

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import DepthImage
 from dextera_build.artifacts.cameras.panorama import Panorama
 from dextera_build.artifacts.cameras.views import Views
-from dextera_build.artifacts.core.base import Collection
 from dextera_build.artifacts.scenes.room import Room
 from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.artifacts.spatial.trajectory import Trajectory

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.objects.object import Body, Collision, Link, Shape
 from dextera_build.geometry import solids
 from dextera_build.geometry.solids import Solid

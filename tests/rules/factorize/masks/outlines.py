@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from dextera_build.artifacts.core.base import Folder
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.objects.view import Segmentation
 from dextera_build.testing import RuleRunner
 from rules.benchmark.instances import assign, overlaps

@@ -9,9 +9,9 @@ import pytest
 from PIL import Image as Pillow
 
 from dextera_build import digest
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Photograph
 from dextera_build.artifacts.cameras.image import Image, png
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.objects.view import Segmentation
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.image import LabelImage
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.errors import RuleError
 from dextera_build.testing import RuleRunner
 from tests import factories, tabletops

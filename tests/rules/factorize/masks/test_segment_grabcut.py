@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from dextera_build.artifacts.base import File
 from dextera_build.artifacts.cameras.camera import Capture
-from dextera_build.artifacts.core.base import File
 from dextera_build.artifacts.objects.object import Element, Elements
 from dextera_build.artifacts.objects.view import Segmentation
 from dextera_build.artifacts.scenes.scene import Truth

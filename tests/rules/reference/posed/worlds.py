@@ -6,8 +6,8 @@ from functools import cache
 
 import numpy as np
 
+from dextera_build.artifacts.base import Folder
 from dextera_build.artifacts.cameras.camera import Camera
-from dextera_build.artifacts.core.base import Folder
 from dextera_build.artifacts.robots.robot import RobotJoint, RobotModel
 from dextera_build.artifacts.scenes.world import Lamp, RobotStand, World
 from dextera_build.artifacts.spatial.pose import Pose

@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from dextera_build import digest
-from dextera_build.artifacts.core.packed import pack, unpack
+from dextera_build.artifacts.packed import pack, unpack
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.errors import ArtifactError
 from tests import episodes

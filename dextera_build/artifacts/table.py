@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dextera_build.artifacts.core.base import Artifact, Value
+from dextera_build.artifacts.base import Artifact, Value
 
 
 class Column(Value):

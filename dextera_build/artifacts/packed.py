@@ -8,7 +8,7 @@ import zlib
 from typing import TypeVar
 
 from dextera_build import digest
-from dextera_build.artifacts.core.base import Artifact
+from dextera_build.artifacts.base import Artifact
 from dextera_build.errors import ArtifactError
 
 A = TypeVar("A", bound=Artifact)

@@ -10,9 +10,9 @@ import pytest
 from pydantic import AfterValidator
 
 from dextera_build import digest
+from dextera_build.artifacts.base import Artifact, Collection, File, Folder
 from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Photograph
 from dextera_build.artifacts.cameras.image import DepthImage, Image
-from dextera_build.artifacts.core.base import Artifact, Collection, File, Folder
 from dextera_build.artifacts.core.schema import schema_digest
 from dextera_build.artifacts.objects.object import Body, Joint, Link, Shape
 from dextera_build.artifacts.shapes.mesh import Hull, Mesh
