@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import subprocess
 import sys
@@ -163,3 +164,17 @@ def test_every_public_name_is_listed_and_paths_may_be_texts(space, tmp_path):  #
     built = Project.find(str(space.root)).build("say/words")
     (file,) = built.artifact("all").export(str(tmp_path), "words.txt")
     assert file.read_bytes() == built.artifact("all").data
+
+
+@pytest.mark.parametrize(
+    ("address", "names"),
+    [
+        ("dextera_build.rule", ("Context", "Options", "rule")),
+        ("dextera_build.artifacts.base", ("Array", "Artifact", "Collection", "File", "Folder", "Value")),
+        ("dextera_build.testing", ("RuleRunner",)),
+        ("dextera_build.errors", ("DxbError", "RuleError")),
+    ],
+)
+def test_modules_that_rules_of_projects_import_keep_their_addresses(address, names):
+    module = importlib.import_module(address)
+    assert not [name for name in names if not hasattr(module, name)]
