@@ -157,7 +157,7 @@ def _serve(channel: socket.socket, modules: Sequence[str]) -> None:
             if os.fork():
                 os._exit(0)
             os.setsid()
-            channel.send(str(os.getpid()).encode())  # whoever knows it may kill its group
+            channel.send(str(os.getpid()).encode())  # the pool may kill its group from here on
             channel.close()
             while os.getppid() == between:
                 time.sleep(0.0001)

@@ -17,6 +17,11 @@ class Column(Value):
     better: str = ""
     """`higher`, `lower` or empty."""
 
+    @property
+    def heading(self) -> str:
+        """Name and unit."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
 
 Cell = str | float | int | bool | None
 

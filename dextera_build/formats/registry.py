@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.core.file_errors import unreadable
 from dextera_build.formats import parts
 from dextera_build.formats.files import no_format, suffix_among
+
+T = TypeVar("T")
 
 
 class Format(NamedTuple):
@@ -60,7 +63,8 @@ FOLDERS = {
 
 def suffixes(kind: type[Artifact]) -> tuple[str, ...]:
     """Suffixes of the files in which a type can be saved, the preferred one first."""
-    return FILES[kind.name()].saves if _is_own(kind) and kind.name() in FILES else kind.saves
+    form = _of(FILES, kind)
+    return kind.saves if form is None else form.saves
 
 
 def save(value: Artifact, path: Path) -> list[Path]:
@@ -88,20 +92,23 @@ def export(value: Artifact, folder: Path, stem: str) -> list[Path]:
     """Write a value to a folder; see `Artifact.export`."""
     kind = type(value)
     folder.mkdir(parents=True, exist_ok=True)
-    if _is_own(kind) and kind.name() in FOLDERS:
-        written: list[Path] = _imported(FOLDERS[kind.name()]).export(value, folder, stem)
+    writer = _of(FOLDERS, kind)
+    if writer is not None:
+        written: list[Path] = _imported(writer).export(value, folder, stem)
         return written
     forms = suffixes(kind)
     return value.save(folder / f"{stem}{forms[0]}") if forms else parts.export(value, folder, stem)
 
 
 def _module(kind: type[Artifact]) -> ModuleType | None:
-    return _imported(FILES[kind.name()].module) if _is_own(kind) and kind.name() in FILES else None
+    form = _of(FILES, kind)
+    return None if form is None else _imported(form.module)
 
 
 def _imported(name: str) -> ModuleType:
     return import_module(f"dextera_build.formats.{name}")
 
 
-def _is_own(kind: type[Artifact]) -> bool:
-    return kind.__module__.startswith("dextera_build.")
+def _of(table: Mapping[str, T], kind: type[Artifact]) -> T | None:
+    """The entry of a type of dxb; None for a type of a project, whatever its name."""
+    return table.get(kind.name()) if kind.__module__.startswith("dextera_build.") else None

@@ -13,7 +13,7 @@ def save(table: Table, path: Path) -> list[Path]:
     """Write one row of headings, then the cells."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow([f"{c.name} [{c.unit}]" if c.unit else c.name for c in table.columns])
+    writer.writerow([column.heading for column in table.columns])
     writer.writerows(table.rows)
     path.write_text(buffer.getvalue())
     return [path]

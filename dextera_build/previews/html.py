@@ -10,7 +10,7 @@ from dextera_build.artifacts.table import Table
 
 def of_table(table: Table, said: str) -> str:
     """A table below its line of text."""
-    headings = [f"{column.name} [{column.unit}]" if column.unit else column.name for column in table.columns]
+    headings = [column.heading for column in table.columns]
     rows = [[table.text(cell, column) for cell, column in zip(row, table.columns, strict=True)] for row in table.rows]
     return page(said, None, _rows(headings, rows))
 

@@ -25,6 +25,14 @@ def grey(depth: np.ndarray) -> np.ndarray:
     return np.where(there, 255 - 195 * (depth - near) / max(far - near, 1e-6), 0).astype(np.uint8)
 
 
+def beside_plot(pixels: np.ndarray) -> np.ndarray:
+    """A smaller copy with the height of a plot, (240, W, 3) uint8; white below it."""
+    shown = smaller(pixels, 320)[:240]
+    framed = np.full((240, shown.shape[1], 3), 255, np.uint8)
+    framed[: len(shown)] = shown
+    return framed
+
+
 def _picture_of_depth_image(image: DepthImage) -> bytes:
     return png(smaller(grey(image.depth)))
 

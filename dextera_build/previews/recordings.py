@@ -15,7 +15,7 @@ from dextera_build.artifacts.cameras.video import Video
 from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.formats import mcap
 from dextera_build.geometry.plot import COLOURS, Line, plot
-from dextera_build.previews.images import grey
+from dextera_build.previews.images import beside_plot, grey
 
 
 def _facts_of_stream(stream: Stream) -> Iterator[str]:
@@ -38,10 +38,7 @@ def _picture_of_stream(stream: Stream) -> bytes:
             views.append(plot(lines, "t [s]", "[rad]"))
     seen = next((each.topic for each in stream.channels if each.kind in mcap.PICTURES and each.count), None)
     if seen is not None:
-        beside = smaller(next(mcap.pictures(stream, seen))[1], 320)[:240]
-        framed = np.full((240, beside.shape[1], 3), 255, np.uint8)
-        framed[: len(beside)] = beside
-        views.append(framed)
+        views.append(beside_plot(next(mcap.pictures(stream, seen))[1]))
     return png(np.hstack(views or [plot([], "t [s]", "")]))
 
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.calibration import Calibration
-from dextera_build.artifacts.cameras.image import png, smaller
+from dextera_build.artifacts.cameras.image import png
 from dextera_build.artifacts.cameras.rig import Rig
 from dextera_build.artifacts.cameras.views import Views
 from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.geometry.plot import COLOURS, Line, plot
+from dextera_build.previews.images import beside_plot
 
 
 def _facts_of_calibration(found: Calibration) -> Iterator[str]:
@@ -62,10 +63,15 @@ def _picture_of_rig(rig: Rig) -> bytes:
     """The cameras in the plane of x and z of the rig, each with its viewing direction."""
     matrices = [rig.poses[label].matrix for label in sorted(rig.poses)]
     places = np.array([matrix[[0, 2], 3] for matrix in matrices]).reshape(-1, 2)
-    reach = 0.4 * float(np.ptp(places, axis=0).max(initial=0)) or 0.1
-    ways = [matrix[[0, 2], 2] for matrix in matrices]
-    rays = [Line(np.stack([place, place + reach * way])) for place, way in zip(places, ways, strict=True)]
-    return png(plot([*rays, Line(places, COLOURS[1], dots=True)], "x [m]", "z [m]", equal=True))
+    ahead = np.array([matrix[[0, 2], 2] for matrix in matrices]).reshape(-1, 2)
+    return png(plot(_cameras(places, ahead, 0.4), "x [m]", "z [m]", equal=True))
+
+
+def _cameras(places: np.ndarray, ahead: np.ndarray, reach: float) -> list[Line]:
+    """Positions (N, 2) as dots and viewing directions (N, 2) as lines, as long as `reach` times their extent."""
+    length = reach * float(np.ptp(places, axis=0).max(initial=0)) or 0.1
+    rays = [Line(np.stack([place, place + length * way])) for place, way in zip(places, ahead, strict=True)]
+    return [*rays, Line(places, COLOURS[1], dots=True)]
 
 
 def _facts_of_views(views: Views) -> Iterator[str]:
@@ -81,15 +87,10 @@ def _facts_of_views(views: Views) -> Iterator[str]:
 def _picture_of_views(views: Views) -> bytes:
     """The cameras from above (along -z of their frame), each with its viewing direction, and the first picture."""
     places, ahead = views.poses[:, :2, 3], views.poses[:, :2, 2]
-    reach = 0.15 * float(np.ptp(places, axis=0).max(initial=0)) or 0.1
-    rays = [Line(np.stack([place, place + reach * way])) for place, way in zip(places, ahead, strict=True)]
-    map_of = plot([*rays, Line(places, COLOURS[1], dots=True)], "x [m]", "y [m]", equal=True)
+    map_of = plot(_cameras(places, ahead, 0.15), "x [m]", "y [m]", equal=True)
     if not views.names:
         return png(map_of)
-    first = smaller(views.pixels(views.names[0]), 320)[:240]
-    beside = np.full((240, first.shape[1], 3), 255, np.uint8)
-    beside[: len(first)] = first
-    return png(np.hstack([map_of, beside]))
+    return png(np.hstack([map_of, beside_plot(views.pixels(views.names[0]))]))
 
 
 def _facts_of_robot_views(views: RobotViews) -> Iterator[str]:

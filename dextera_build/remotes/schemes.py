@@ -18,7 +18,7 @@ FOLDER = "file"
 
 
 class Scheme(NamedTuple):
-    """What opens the addresses with one scheme."""
+    """How the addresses with one scheme are opened."""
 
     module: str
     """Module of this package."""

@@ -1,9 +1,9 @@
 """Models that stay loaded on a Ray cluster: an actor for each, which serves the calls that use its weights.
 
 Ray would give a call to any process, which then frees the model that it held, and would not count the memory of idle
-ones. An actor keeps its GPU and memory reserved. It ends after a while without a call, and earlier
-if another call would not fit next to it; the sums are those of the whole cluster, so a call that fits only on a node
-where idle actors are left waits for their end.
+ones. An actor keeps its GPU and memory reserved. It ends after a while without a call, and earlier if another call
+would not fit next to it; the sums are those of the whole cluster, so a call that fits only on a node where idle actors
+are left waits for their end.
 """
 
 from __future__ import annotations

@@ -57,8 +57,10 @@ class Eye:
         _use_chosen_platform()
         quality, shadow_px = model.vis.quality, model.vis.quality.shadowsize
         quality.shadowsize = shadow_px if shadows else 0  # the map of shadows takes a third of the time of a context
-        self._renderer = mujoco.Renderer(model, camera.height, camera.width)
-        quality.shadowsize = shadow_px
+        try:
+            self._renderer = mujoco.Renderer(model, camera.height, camera.width)
+        finally:
+            quality.shadowsize = shadow_px
         self._drawn = np.array(model.mesh_vert)
 
     def __enter__(self) -> Self:

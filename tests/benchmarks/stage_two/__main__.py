@@ -136,7 +136,7 @@ def hydra_tables(run: RuleRunner, scenes: Scenes, *, centroids: bool) -> dict[st
 
 def markdown(table: Table) -> str:
     """The table with its notes."""
-    head = [f"{column.name} [{column.unit}]" if column.unit else column.name for column in table.columns]
+    head = [column.heading for column in table.columns]
     lines = [" | ".join(head), "|".join(["---"] * len(head))]
     lines += [
         " | ".join(table.text(cell, column) for cell, column in zip(row, table.columns, strict=True))
