@@ -140,7 +140,7 @@ $(VENV)/servers/.installed: $(VENV)/.created
 
 # Beside the environment, so that `make setup` need not fetch its 245 MB; what it asks for else is locked.
 $(VENV)/ray/.installed: Makefile $(VENV)/.created
-	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/ray ray==2.60.0 msgpack==1.2.4 protobuf==7.36.2
+	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/ray ray==2.60.0 msgpack==1.2.4
 	@touch $@
 
 # Build tools to measure against, in an environment of their own.

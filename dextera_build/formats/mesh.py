@@ -186,6 +186,11 @@ def _parts(path: Path, suffix: str, folder: Path) -> Iterator[Part]:
 def _part(made: Any, vertices: np.ndarray, order: slice, *, linear: bool) -> Part:
     """One mesh of trimesh; `order` of a face's corners."""
     faces = np.asarray(made.faces, np.int64)[:, order]
+    if not (faces >= 0).all() or faces.max() >= len(vertices):
+        raise ValueError(
+            f"a triangle has corner {faces.min() if (faces < 0).any() else faces.max()}, and it has "
+            f"{len(vertices)} vertices"
+        )
     visual = made.visual
     if visual.kind == "texture":
         picture, colour = _material(visual.material)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from dextera_build.artifacts.base import Artifact
 from dextera_build.errors import ArtifactError, RuleError
 from dextera_build.formats import exchange
 from dextera_build.outside import messages, servers
@@ -57,7 +58,7 @@ class Outside:
             RuleError: The program refused, failed, exceeded a limit, or answered in another form.
             MachineError: Something that it needs is missing here.
         """
-        returns = self._declared(function) if returns is None else returns
+        returns = _narrowed(self._declared(function), inputs.values()) if returns is None else returns
         self.program.check(self.key)
         running = self._running(tuple(weights.values()), device)
         try:
@@ -136,3 +137,16 @@ class Outside:
 def _free(scratch: Path) -> Path:
     """A path in the scratch folder that does not exist."""
     return next(path for count in range(1 << 20) if not (path := scratch / f"response-{count}").exists())
+
+
+def _narrowed(returns: Any, inputs: Collection[Any]) -> Any:
+    """The declared type, in which a base class is the class of the only input derived from it.
+
+    `fitted(own: Options) -> tuple[TaskOptions, Options]` returns the options of the primitive that it was given.
+    """
+    if parts := get_args(returns):
+        return tuple[*(_narrowed(part, inputs) for part in parts)] if get_origin(returns) is tuple else returns
+    if not isinstance(returns, type) or issubclass(returns, Artifact):
+        return returns
+    derived = {type(value) for value in inputs if isinstance(value, returns)}
+    return derived.pop() if len(derived) == 1 else returns

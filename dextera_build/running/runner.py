@@ -169,6 +169,7 @@ def _memory_told(ctx: Context) -> Iterator[None]:
 
 def _warn_of_unnamed(ctx: Context, files: set[str], task: Mapping[str, Any], reads: ProjectReads | None) -> None:
     asked = {word for step in reads.steps for word in step} if reads else set()
+    asked |= set(task.get("program", {}))  # the key holds their digests
     if names := unnamed.unnamed(files, Path(task["project"]), Path(task["store"]), asked):
         ctx.warn(f"it opened {listing(names)}, which no input names: editing that makes nothing stale")
 

@@ -240,6 +240,8 @@ def bare_results(space: Space) -> set[str]:
 def exported(space: Space) -> dict[str, bytes]:
     """What stands where people look for it, and what is noted of it but for signatures."""
     base = space.root / "cache" / "out"
+    if (space.root / "cache").is_symlink():  # a store outside the project has a folder for each project
+        (base,) = base.iterdir()
     found = {str(path.relative_to(base)): path.read_bytes() for path in sorted(base.rglob("*")) if path.is_file()}
     return {name: _unsigned(data) if name.endswith("/.placed") else data for name, data in found.items()}
 

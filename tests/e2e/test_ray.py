@@ -49,7 +49,7 @@ SHARED = {"DXB_REMOTES": "./shared:rw"}
 
 
 def test_without_a_shared_remote_the_error_says_how_to_name_one(space: Space) -> None:
-    answer = space.dxb("build", "say/words", "--executor", "ray:127.0.0.1:1")
+    answer = space.run("build", "say/words", "--executor", "ray:127.0.0.1:1")
     assert answer.code == 2
     assert "error[DXB-U195]: a build on a cluster needs a remote that all its machines can read and write" in answer.err
     assert "hint: in `dxb.toml`: [remotes] shared = {address = " in answer.err
@@ -61,7 +61,7 @@ def test_a_cluster_that_ran_here_once_is_not_waited_for(space: Space) -> None:
         gone = f"127.0.0.1:{free.getsockname()[1]}"
     space.write("ray/ray_current_cluster", gone)
     began = time.monotonic()
-    answer = space.dxb("build", "say/words", "--executor", "ray", env={"RAY_TMPDIR": str(space.root), **SHARED})
+    answer = space.run("build", "say/words", "--executor", "ray", env={"RAY_TMPDIR": str(space.root), **SHARED})
     assert answer.code == 4
     assert "error[DXB-E351]: no Ray cluster answers at `" in answer.err
     assert gone.rpartition(":")[2] in answer.err
@@ -88,7 +88,7 @@ def sites(space: Space) -> Space:
 
 
 def on(cluster: Raylets, space: Space, *words: str, **environment: str) -> Answer:
-    return space.dxb(
+    return space.run(
         "build", "--console", "jsonl", "--executor", f"ray:{cluster.address}", *words, env=environment or None
     )
 
@@ -292,7 +292,7 @@ def test_a_lost_node_loses_nothing(sites: Space) -> None:
 
 
 def test_without_a_cluster_the_error_says_how_to_start_one(space: Space) -> None:
-    answer = space.dxb("build", "say/words", "--executor", "ray:127.0.0.1:1", env=SHARED)
+    answer = space.run("build", "say/words", "--executor", "ray:127.0.0.1:1", env=SHARED)
     assert answer.code == 4
     assert "error[DXB-E351]: no Ray cluster answers at `127.0.0.1:1`" in answer.err
     assert "hint: `ray start --head`" in answer.err

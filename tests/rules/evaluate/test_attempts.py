@@ -22,8 +22,8 @@ def killed_after(monkeypatch: pytest.MonkeyPatch, runner: RuleRunner, count: int
     module = runner.find("evaluate.rollouts").backends["mujoco"].module
     real, tried = module.rollouts, []
 
-    def counted(ctx, bundle, checkpoint, view, cell, twin, seeds, options):
-        for number, attempt in enumerate(real(ctx, bundle, checkpoint, view, cell, twin, seeds, options)):
+    def counted(*given):
+        for number, attempt in enumerate(real(*given)):
             if number == count and len(tried) == count:
                 raise KilledError
             tried.append(attempt.seed)
@@ -38,8 +38,8 @@ def killed_after(monkeypatch: pytest.MonkeyPatch, runner: RuleRunner, count: int
 def test_the_trials_that_were_done_are_not_made_again(tmp_path, monkeypatch, tracked):
     bundle = gate.bundle("reference", yaw_rad=0.5)
     given = {"bundle": bundle, "checkpoint": saying(0.65, bundle)} | ({"cell": cells.cell()} if tracked else {})
-    whole: Trials = RuleRunner(tmp_path / "whole").run("evaluate.rollouts", options=SEVERAL, **given)
-    runner = RuleRunner(tmp_path / "parts")
+    alone, runner = (RuleRunner(tmp_path / name, made_by={"checkpoint": "learn.act"}) for name in ("whole", "parts"))
+    whole: Trials = alone.run("evaluate.rollouts", options=SEVERAL, **given)
     tried = killed_after(monkeypatch, runner, 3)
     with pytest.raises(KilledError):
         runner.run("evaluate.rollouts", options=SEVERAL, **given)

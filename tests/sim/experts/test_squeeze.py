@@ -65,4 +65,4 @@ def test_two_hands_lift_a_packet_that_is_too_wide_for_one(robot: RobotModel) -> 
     start = starts.photographed(bundle, driver.environment.model)
     episodes = [driver.run(each.operator, start, origin="operator") for each in found[:3]]
     assert any(episode.success for episode in episodes), [episode.reason for episode in episodes]
-    assert set(driver.environment.state().touching) == {"left", "right"}
+    assert {limb for limb, grasp in driver.environment.state().grasps.items() if grasp.presses[0]} == {"left", "right"}
