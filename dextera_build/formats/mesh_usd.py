@@ -104,24 +104,29 @@ def parts(path: Path, folder: Path) -> tuple[Iterator[Part], float, str]:
         folder: Folder with all layers and textures that it names.
 
     Raises:
-        ValueError: The file is no stage, a face has fewer than three corners, or a layer or texture is missing.
+        ValueError: The file is no stage, or damaged, its up axis is unknown, a face has fewer than three corners, or a layer or texture is missing.
         ArtifactError: It has too many prims.
     """
     from pxr import UsdGeom
 
     stage = stage_files.opened(path, folder)
     unit, up = UsdGeom.GetStageMetersPerUnit(stage), str(UsdGeom.GetStageUpAxis(stage)).lower()
+    if up not in ("y", "z"):
+        raise ValueError(f"its up axis is `{up}`, neither `Y` nor `Z`")
     return _every(stage, path, folder), unit, up
 
 
 def _every(stage: Any, path: Path, folder: Path) -> Iterator[Part]:
-    from pxr import Usd, UsdGeom
+    from pxr import Tf, Usd, UsdGeom
 
     cache = UsdGeom.XformCache()
-    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
-        if prim.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(prim).ComputePurpose() != UsdGeom.Tokens.guide:
-            placed = np.array(cache.GetLocalToWorldTransform(prim)).T
-            yield from _parts(UsdGeom.Mesh(prim), placed, path, folder)
+    try:
+        for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+            if prim.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(prim).ComputePurpose() != UsdGeom.Tokens.guide:
+                placed = np.array(cache.GetLocalToWorldTransform(prim)).T
+                yield from _parts(UsdGeom.Mesh(prim), placed, path, folder)
+    except Tf.ErrorException as error:  # values of a binary file are unpacked only here
+        raise ValueError(str(error).strip().splitlines()[-1]) from None
 
 
 def _parts(mesh: Any, placed: np.ndarray, path: Path, folder: Path) -> Iterator[Part]:

@@ -145,7 +145,8 @@ def _narrowed(returns: Any, inputs: Collection[Any]) -> Any:
     `fitted(own: Options) -> tuple[TaskOptions, Options]` returns the options of the primitive that it was given.
     """
     if parts := get_args(returns):
-        return tuple[*(_narrowed(part, inputs) for part in parts)] if get_origin(returns) is tuple else returns
+        narrowed = tuple(_narrowed(part, inputs) for part in parts)
+        return tuple.__class_getitem__(narrowed) if get_origin(returns) is tuple else returns
     if not isinstance(returns, type) or issubclass(returns, Artifact):
         return returns
     derived = {type(value) for value in inputs if isinstance(value, returns)}
