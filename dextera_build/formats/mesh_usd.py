@@ -104,7 +104,8 @@ def parts(path: Path, folder: Path) -> tuple[Iterator[Part], float, str]:
         folder: Folder with all layers and textures that it names.
 
     Raises:
-        ValueError: The file is no stage, or damaged, its up axis is unknown, a face has fewer than three corners, or a layer or texture is missing.
+        ValueError: The file is no stage, or damaged, its up axis is unknown, a face has fewer than three corners, or
+            a layer or texture is missing.
         ArtifactError: It has too many prims.
     """
     from pxr import UsdGeom
@@ -120,13 +121,15 @@ def _every(stage: Any, path: Path, folder: Path) -> Iterator[Part]:
     from pxr import Tf, Usd, UsdGeom
 
     cache = UsdGeom.XformCache()
-    try:
-        for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
-            if prim.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(prim).ComputePurpose() != UsdGeom.Tokens.guide:
-                placed = np.array(cache.GetLocalToWorldTransform(prim)).T
+    for prim in stage.Traverse(Usd.TraverseInstanceProxies()):
+        if prim.IsA(UsdGeom.Mesh) and UsdGeom.Imageable(prim).ComputePurpose() != UsdGeom.Tokens.guide:
+            placed = np.array(cache.GetLocalToWorldTransform(prim)).T
+            try:
                 yield from _parts(UsdGeom.Mesh(prim), placed, path, folder)
-    except Tf.ErrorException as error:  # values of a binary file are unpacked only here
-        raise ValueError(str(error).strip().splitlines()[-1]) from None
+            except Tf.ErrorException as error:  # values of a binary file are unpacked only here
+                raise ValueError(stage_files.said(error)) from None
+            except (TypeError, IndexError):  # any attribute may hold a value of any type
+                raise ValueError(f"an attribute of `{prim.GetPath()}` holds another type or count of values") from None
 
 
 def _parts(mesh: Any, placed: np.ndarray, path: Path, folder: Path) -> Iterator[Part]:

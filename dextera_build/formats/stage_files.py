@@ -5,6 +5,7 @@ Composition multiplies prims: a few lines of text can define ten references to a
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from dextera_build.formats import bounds, named_files
 _MOST_SPECS = 1_000
 """Maximum number of prim specs that one prim is composed of; each level of two references to prims with two doubles
 it."""
+
+_SAID = re.compile(r"^\s*Error in '.*?' at line \d+ in file \S+ : '(.*?)'$", re.MULTILINE | re.DOTALL)
 
 
 def opened(path: Path, folder: Path) -> Any:
@@ -33,7 +36,13 @@ def opened(path: Path, folder: Path) -> Any:
         _check_prims(path, layers[0])
         return Usd.Stage.Open(layers[0])
     except Tf.ErrorException as error:
-        raise ValueError(str(error).strip().splitlines()[-1]) from None
+        raise ValueError(said(error)) from None
+
+
+def said(error: Any) -> str:
+    """What USD says last in a `Tf.ErrorException`, which lists its errors with functions and lines of its source."""
+    found = _SAID.findall(str(error))
+    return " ".join(found[-1].split()) if found else " ".join(str(error).split())
 
 
 def outer(name: str) -> str:

@@ -230,6 +230,10 @@ def broken(folder: Path, name: str) -> Path:
         )
     elif name == "cut.usda":
         path.write_text((STAGE % ("rightHanded", "constant")).replace("[4, 3]", "[4, 4]"))
+    elif name == "tilted.usda":
+        path.write_text((STAGE % ("rightHanded", "constant")).replace('upAxis = "Y"', 'upAxis = "W"'))
+    elif name == "words.usda":
+        path.write_text((STAGE % ("rightHanded", "constant")).replace("point3f[] points", "words[] points"))
     elif name == "blank.usda":
         PAINTED.save(path)
         path.with_suffix(".png").unlink()
@@ -248,12 +252,14 @@ def broken(folder: Path, name: str) -> Path:
         ("noise.glb", "GLB", ""),
         ("noise.stl", "STL", ""),
         ("noise.ply", "PLY", ""),
-        ("noise.usda", "USD", ""),
+        ("noise.usda", "USD", "is not a valid usda layer"),
         ("noise.obj", "OBJ", "it holds no triangles"),
         ("points.ply", "PLY", "it holds no triangles"),
         ("bare.obj", "OBJ", "`a.mtl`, which `a.obj` names, is missing"),
         ("blank.obj", "OBJ", "`a.png`, which `a.mtl` names, is missing"),
         ("cut.usda", "USD", "the faces of `/Top/Table` are not whole"),
+        ("tilted.usda", "USD", "its up axis is `w`, neither `Y` nor `Z`"),
+        ("words.usda", "USD", "an attribute of `/Top/Table` holds another type or count of values"),
         ("blank.usda", "USD", "the texture `./a.png` is missing"),
     ],
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import pytest
 
@@ -44,10 +44,10 @@ def test_without_meshes_the_stub_hands_on_the_robot(tmp_path: Path) -> None:
 def test_the_extra_is_named_where_the_distributions_are_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def missing(name: str) -> str:
+    def missing(name: str) -> NoReturn:
         raise importlib.metadata.PackageNotFoundError(name)
 
-    monkeypatch.setattr(importlib.metadata, "version", missing)
+    monkeypatch.setattr(importlib.metadata, "distribution", missing)
     with pytest.raises(MachineError) as error:
         RuleRunner(tmp_path).run("simulate.mesh_robot", options=OPTIONS, like=LIKE)
     assert error.value.message == "backend `mujoco` of simulate.mesh_robot is missing"
