@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
 from dextera_build.artifacts.scenes.scene import SupportBox
 
 from .grids import rectangles
-from .levels import levels
+from .levels import OFF_M, Level, beyond, levels
 from .scenery import Scenery
 from .shell import Room
 
@@ -21,6 +23,8 @@ MOST = 48
 """Maximum number of boxes of furniture; with more, cells grow."""
 THIN_M = 0.03
 """Minimum thickness of furniture [m]."""
+THINNEST_M = 0.002
+"""Minimum thickness of what is left of a box under a level surface [m]."""
 LEAST = 3
 """Minimum number of points in a cell."""
 CLEAR_M = 0.04
@@ -38,6 +42,20 @@ def room_boxes(room: Room) -> list[SupportBox]:
         size[axis] = WALL_M / 2
         boxes.append(_box(f"wall_{2 * axis + (side > 0)}", centre, size, room))
     return boxes
+
+
+def support_boxes(seen: np.ndarray, feet: np.ndarray, box: SupportBox, room: Room) -> list[SupportBox]:
+    """Boxes of the support's plane outside its own box, as thick as it, see `levels.beyond`."""
+    half = box.half_size[2]
+    return [
+        _box(
+            f"support_{number}",
+            np.array([*(level.low + level.high) / 2, -half]),
+            [*(level.high - level.low) / 2, half],
+            room,
+        )
+        for number, level in enumerate(beyond(seen, feet, box, room), start=1)
+    ]
 
 
 def thing_boxes(scenery: Scenery, room: Room, objects: np.ndarray, height: float) -> list[SupportBox]:
@@ -62,14 +80,34 @@ def thing_boxes(scenery: Scenery, room: Room, objects: np.ndarray, height: float
     flat = levels(scenery, room)
     boxes = []
     for number, (first, last) in enumerate(found):
-        low, high = _tight(local, first * cell, last * cell, eye)
-        high[2] = min([high[2], *(level.height_m for level in flat if level.under(low, high))])
-        boxes.append(_box(f"thing_{number}", (low + high) / 2, (high - low) / 2, room))
+        for part, (low, high) in enumerate(_parted(local, first * cell, last * cell, eye, flat)):
+            boxes.append(_box(f"thing_{number}" + f"_{part}" * (part > 0), (low + high) / 2, (high - low) / 2, room))
     for number, level in enumerate(flat):
         middle, half = (level.low + level.high) / 2, (level.high - level.low) / 2
         centre = np.array([*middle, level.height_m - BOARD_M / 2])
         boxes.append(_box(f"level_{number}", centre, [*half, BOARD_M / 2], room))
     return boxes
+
+
+def _parted(
+    local: np.ndarray, low: np.ndarray, high: np.ndarray, eye: np.ndarray, flat: Sequence[Level]
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Boxes of the points in a cell below and above the level surface that passes through it.
+
+    A level has its own box, and the noise of its points must not stand on it. What rises above it keeps its collision.
+    """
+    least, most = _tight(local, low, high, eye)
+    heights = sorted(level.height_m for level in flat if level.under(least, most))
+    if not heights:
+        yield least, most
+        return
+    if heights[0] - least[2] >= THINNEST_M:
+        yield least, np.array([*most[:2], heights[0]])
+    above = low.copy()
+    above[2] = max(low[2], heights[-1] + OFF_M)
+    if above[2] < high[2] and ((local >= above) & (local < high)).all(axis=1).sum() >= LEAST:
+        least, most = _tight(local, above, high, eye)
+        yield np.array([*least[:2], heights[-1]]), most
 
 
 def _tight(local: np.ndarray, low: np.ndarray, high: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

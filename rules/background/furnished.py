@@ -14,7 +14,7 @@ from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.geometry import cameras, regions, transforms
 
 from .boxes import support_box
-from .fixtures import room_boxes, thing_boxes
+from .fixtures import room_boxes, support_boxes, thing_boxes
 from .front import front
 from .hidden import continued
 from .layers import Layers
@@ -28,6 +28,9 @@ from .slab import slab
 
 if TYPE_CHECKING:
     from .static import StaticOptions
+
+FOOT_M = 0.03
+"""A thing stands on the support if the lowest visible points of it are within this of its plane [m]."""
 
 
 def bounded(layers: Layers, photograph: Photograph, support: Support) -> Layers:
@@ -66,8 +69,24 @@ def seen_of(mask: np.ndarray, depth: np.ndarray, camera: Camera, support: Suppor
     return transforms.apply(support.camera_pose.matrix, points[:: max(1, len(points) // 3000)])
 
 
+def feet_of(instances: np.ndarray, depth: np.ndarray, camera: Camera, support: Support) -> np.ndarray:
+    """Points (F, 2) of the instances (H, W) that stand on the support's plane, projected onto it [m]."""
+    found = [np.zeros((0, 2))]
+    for number in np.unique(instances[instances > 0]):
+        points = seen_of(instances == number, depth, camera, support)
+        if len(points) and abs(float(np.quantile(points[:, 2], 0.02))) < FOOT_M:
+            found.append(points[:: max(1, len(points) // 300), :2])
+    return np.concatenate(found)
+
+
 def furnished(
-    scenery: Scenery, layers: Layers, support: Support, objects: np.ndarray, stride: float, common: StaticOptions
+    scenery: Scenery,
+    layers: Layers,
+    support: Support,
+    objects: np.ndarray,
+    feet: np.ndarray,
+    stride: float,
+    common: StaticOptions,
 ) -> Background:
     """The surfaces and boxes of an empty scene.
 
@@ -76,12 +95,14 @@ def furnished(
         layers: Intersections of the pixels' rays with the support's plane, and removed pixels.
         support: Its plane and measured outline.
         objects: (N, 3) points of removed objects, world frame [m].
+        feet: (F, 2) points of those that stand on the support's plane, projected onto it [m].
         stride: Spacing of vertices [px].
         common: Thickness of the support and margin of its box.
     """
     edge = outline(scenery, support.polygon, layers.hole)
     box = support_box(edge, common.margin_m, common.thickness_m)
     inside = np.isfinite(layers.plane) & regions.inside_convex(layers.floor, edge)
+    seen = scenery.points_of(SUPPORT)
     # Pixels classified as support beyond its outline belong to the room, at any depth.
     scenery = replace(scenery, labels=np.where((scenery.labels == SUPPORT) & ~inside, 0, scenery.labels))
     room = enclose(scenery, edge, box.yaw)
@@ -95,5 +116,10 @@ def furnished(
         depth=DepthImage(depth=scenery.depth.astype(np.float32)),
         mesh=shown.model_copy(update={"vertices": vertices}),
         invented=atlas(made),
-        boxes=(box, *room_boxes(room), *thing_boxes(scenery, room, objects, common.thickness_m)),
+        boxes=(
+            box,
+            *support_boxes(seen, feet, box, room),
+            *room_boxes(room),
+            *thing_boxes(scenery, room, objects, common.thickness_m),
+        ),
     )

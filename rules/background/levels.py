@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dextera_build.artifacts.scenes.scene import SupportBox
+
 from .grids import rectangles
 from .patch import SUPPORT
 from .scenery import Scenery
@@ -52,6 +54,23 @@ def levels(scenery: Scenery, room: Room) -> list[Level]:
         if abs(height) > OFF_M and height > room.low[2] + OFF_M:
             found += _of(points, height)
     return found
+
+
+def beyond(seen: np.ndarray, feet: np.ndarray, box: SupportBox, room: Room) -> list[Level]:
+    """Rectangles of the support's plane outside its box: other visible regions of it, and places where things stand.
+
+    Args:
+        seen: (N, 3) visible points of the plane, world frame [m].
+        feet: (F, 2) points of things that stand on the plane, projected onto it [m].
+        box: The support's box, whose sides are parallel to the room's.
+        room: Its axes.
+    """
+    around = np.stack(np.meshgrid(*2 * [CELL_M * np.array([-1.0, 0.0, 1.0])]), axis=-1).reshape(-1, 2)
+    places = np.concatenate([seen[:, :2], (feet[:, None] + around).reshape(-1, 2)])
+    local = np.column_stack([places, np.zeros(len(places))]) @ room.axes.T
+    middle = np.array(box.centre) @ room.axes.T
+    outside = (np.abs(local - middle)[:, :2] > box.half_size[:2]).any(axis=1)
+    return _of(local[outside], 0.0) if outside.any() else []
 
 
 def _of(points: np.ndarray, height: float) -> list[Level]:

@@ -47,7 +47,7 @@ class BackgroundBackend(Protocol):
 
 # A colour between two values of 8 bits may be rounded to either.
 @rule(
-    version=5,
+    version=6,
     tolerance=Tolerance({"": ROUNDING, "image.pixels": 1, "mesh.texture.pixels": 1, "invented.texture.pixels": 1}),
 )
 def static(

@@ -15,7 +15,7 @@ from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Backend, Context, Fraction, Options
 
-from .furnished import bounded, furnished, seen_of, survey
+from .furnished import bounded, feet_of, furnished, seen_of, survey
 from .holes import hole, remnants, shaded
 from .layers import SAME_COLOUR, Layers, split
 from .rectified import top_view
@@ -90,7 +90,8 @@ def clean(
     scenery = survey(pixels, np.where(taken, 0.0, depth), layers.behind, photograph.camera, support, options.step_m)
     things = seen_of(instances.labels > 0, depth, photograph.camera, support)
     stride = max(1.0, options.stride * photograph.camera.width)
-    return furnished(scenery, layers, support, things, stride, common)
+    feet = feet_of(instances.labels, depth, photograph.camera, support)
+    return furnished(scenery, layers, support, things, feet, stride, common)
 
 
 def _flat(photograph: Photograph, depth: np.ndarray, support: Support, options: PlanesOptions) -> np.ndarray:

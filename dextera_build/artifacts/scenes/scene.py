@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from dextera_build.artifacts.base import Array, Artifact, Folder, Value
 from dextera_build.artifacts.cameras.camera import Camera
@@ -58,8 +59,8 @@ class Scene(Artifact):
     """T_world_camera, OpenCV axes."""
     bodies: tuple[str, ...]
     """Names of the movable objects; each is the name of its MJCF root body."""
-    held: tuple[str, ...] = ()
-    """Names of objects that would not rest and are therefore fixed as part of the static scene, see
+    held: dict[str, str] = Field(default_factory=dict)
+    """Objects that would not rest and are therefore fixed as part of the static scene: name -> why, see
     `simulate.steady`."""
     scale: ScaleSource = "depth"
     """Source of the unit of length; tasks refuse a scene of scale `unknown`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,6 +19,10 @@ SHALLOW_M = 0.004
 
 MOVED_M, TURNED_RAD, PRESSED_M = 0.002, 0.02, 0.0004
 """Thresholds above which translation, rotation or penetration of a body that does not rest is reported."""
+FALLS_M, MOSTLY = 0.02, 0.8
+"""A body falls if it moves down by more than this, and by this fraction of its whole motion [m, 1]."""
+TIPS_RAD = 0.17
+"""A body that turns farther tips over [rad]."""
 
 Pair = tuple[str, str]
 
@@ -78,10 +83,15 @@ def _heights(scene: Folder) -> dict[str, float]:
 
 
 def _moved(motion: Motion) -> str:
+    """Why a body is fixed: what carries it is missing, hidden or too small, or its shape does not stand."""
+    if motion.fall_m > max(FALLS_M, MOSTLY * motion.drift_m):
+        return f"nothing carries it: it would fall by {1000 * motion.fall_m:.0f} mm"
+    if motion.tilt_rad > TIPS_RAD:
+        return f"it would tip over by {math.degrees(motion.tilt_rad):.0f} deg: it leans, or its lower part is hidden"
     if motion.drift_m > MOVED_M:
         return f"it would move by {1000 * motion.drift_m:.0f} mm"
     if motion.tilt_rad > TURNED_RAD:
-        return f"it would turn by {motion.tilt_rad:.2f} rad"
+        return f"it would turn by {math.degrees(motion.tilt_rad):.1f} deg"
     pressed = motion.depth_m > PRESSED_M
     return f"it would be {1000 * motion.depth_m:.1f} mm inside another" if pressed else "it would not come to rest"
 

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 from pydantic import PositiveFloat
 
 from dextera_build.artifacts.scenes.scene import Scene, SettleReport
+from dextera_build.errors import listing
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
 from .curves import settle_picture
@@ -62,9 +63,16 @@ def settle(ctx: Context[SettleBackend], scene: Scene, *, options: SettleOptions)
     if not restless and not report.passed:
         verdict = "rests, but its energy changes"
     if scene.held:
-        verdict += f", {len(scene.held)} held"
+        verdict = _counted(scene) + ("" if verdict == "settles" else f"; {verdict}")
     if scene.scale == "unknown":
         verdict += ", scale unknown"
     ctx.say(f"{verdict}, drift {drift * 1000:.1f} mm, penetration {depth * 1000:.1f} mm")
     ctx.preview(settle_picture(report), verdict)
     return report
+
+
+def _counted(scene: Scene) -> str:
+    """`4 of 6 stand free, 2 held: mug (nothing carries it: it would fall by 412 mm), tin (it is 9 mm inside mug)`."""
+    free, held = len(scene.bodies), len(scene.held)
+    reasons = listing([f"{name} ({why})" for name, why in scene.held.items()], most=6)
+    return f"{free} of {free + held} {'stands' if free == 1 else 'stand'} free, {held} held: {reasons}"

@@ -25,7 +25,7 @@ def hold(ctx: Context, scene: Scene, common: SteadyOptions, options: Options) ->
     """Simulate the scene and fix bodies that violate the limits in `common`."""
     found = runner.steady(scene.model, scene.bodies, common.seconds, lambda motion: rests(motion, common))
     free = tuple(name for name in scene.bodies if name not in found.held)
-    held = (*scene.held, *found.held)
+    held = {**scene.held, **found.held}
     done = [f"{name} is held where the photograph has it: {why}" for name, why in found.held.items()]
     for (one, other), depth in found.apart.items():
         if not found.held.keys() & {one, other}:

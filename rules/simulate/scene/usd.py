@@ -52,7 +52,7 @@ def usd(
     are fixed in `scene` are fixed here, too. A `robot` is placed at `base`, T_world_base, as an articulation with
     drives. The stage is read back and compared with MuJoCo's model of the same scene.
     """
-    held = () if scene is None else scene.held
+    held = () if scene is None else tuple(scene.held)
     room = metric(background, support.factor)
     found = description.parted(assets.items, room)
     described = description.describe(found, room, camera, support.camera_pose.matrix)

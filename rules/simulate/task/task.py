@@ -141,7 +141,8 @@ def task(
     bodies = {body: assets.items[label] for label, body in labels.items()}
     if options.object in scene.held:
         ctx.fail(
-            f"`{options.object}` cannot be moved: it would not rest, so it is a part of the static scene",
+            f"`{options.object}` cannot be moved: it is held as a part of the static scene",
+            why=scene.held[options.object],
             free=listing(bodies, most=20),
             hint="see the warnings of `simulate.steady`, and correct its mask or shape",
         )
