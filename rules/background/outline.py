@@ -54,7 +54,9 @@ def outline(scenery: Scenery, polygon: np.ndarray, hidden: np.ndarray) -> np.nda
         hidden: (H, W) pixels that showed something else, from which no outline is read.
     """
     _height, width = scenery.labels.shape
-    visible = broad(scenery.labels == SUPPORT) & ~hidden
+    level = scenery.labels == SUPPORT
+    # What stands on the support may part its visible surface from one border of the picture to another.
+    visible = broad(level | hidden) & level & ~hidden
     rows, columns = np.nonzero(cv2.morphologyEx(visible.astype(np.uint8), cv2.MORPH_OPEN, _square(width)))
     some = np.s_[:: max(1, len(rows) // 20_000)]
     pixel = np.stack([columns[some], rows[some]], axis=1).astype(np.float64)
