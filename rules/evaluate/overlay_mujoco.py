@@ -25,7 +25,7 @@ def render(ctx: Context, scene: Scene, options: Options) -> tuple[np.ndarray, np
     data = models.at_home(model)
     names = (*scene.bodies, *scene.held)
     camera, eye = scene.camera, scene.camera_pose.matrix[:3, 3]
-    free = scene.bodies or scene.held  # fixed bodies are part of the room, unless all bodies are fixed
+    free = scene.bodies or tuple(scene.held)  # fixed bodies are part of the room, unless all bodies are fixed
     sides = [
         framing.around(
             model, data, free, eye, np.radians(turn), tilt and np.radians(tilt), camera.width / camera.height

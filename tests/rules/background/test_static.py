@@ -16,7 +16,7 @@ from dextera_build.artifacts.objects.object import Support
 from dextera_build.artifacts.objects.view import InstanceMap
 from dextera_build.artifacts.scenes.scene import Background
 from dextera_build.errors import RuleError
-from dextera_build.geometry import cameras, raycast, transforms
+from dextera_build.geometry import cameras, raycast, regions, transforms
 from dextera_build.rule import Context, Options
 from rules.background import static_planes, static_stub
 from rules.background.boxes import support_box
@@ -113,6 +113,19 @@ def test_far_pixels_are_untouched(cleaned: tuple[Capture, Support, np.ndarray, B
 def test_depth_behind_the_object_is_the_plane(cleaned: tuple[Capture, Support, np.ndarray, Background]) -> None:
     empty, _, mask, background = cleaned
     np.testing.assert_allclose(background.depth.depth[mask], empty.measured.depth.depth[mask], atol=1e-3)
+
+
+def test_a_thing_across_the_picture_does_not_part_the_table(tmp_path: Path) -> None:
+    empty, table = striped_table()
+    mask = np.zeros((LENS.height, LENS.width), bool)
+    mask[:, 200:250] = True
+    mask[100:140, 250:290] = True  # reaches into the smaller part
+    depth = np.where(mask, 0.9 * empty.measured.depth.depth, empty.measured.depth.depth)
+    capture = factories.rgbd(empty.photograph.rgb.pixels, depth.astype(np.float32), LENS)
+    made = build(capture, table, mask, tmp_path, static_planes).depth.depth
+    points = transforms.apply(table.camera_pose.matrix, cameras.backproject(empty.measured.depth.depth, LENS.matrix()))
+    hidden = mask & regions.inside_convex(points[..., :2], table.polygon)
+    assert (made[hidden] == 0).mean() <= 0.01
 
 
 def test_the_surface_lies_exactly_on_the_support_and_faces_up(
