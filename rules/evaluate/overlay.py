@@ -40,7 +40,8 @@ class OverlayBackend(Protocol):
 def overlay(ctx: Context[OverlayBackend], photograph: Photograph, scene: Scene, *, options: OverlayOptions) -> Image:
     """Return pictures from the photograph's camera: photograph, twin, blend, outlines; then pictures from other sides.
 
-    The twin is rendered in keyframe `home` by a stock renderer.
+    The twin is rendered in keyframe `home` by a stock renderer. Outlines carry the objects' names, and `(held)` for
+    those that are fixed because they would not rest, see `simulate.steady`.
     """
     camera = scene.camera
     size = photograph.rgb.pixels.shape[:2]
@@ -64,6 +65,7 @@ def overlay(ctx: Context[OverlayBackend], photograph: Photograph, scene: Scene, 
         f"{shown} of {len(names)} objects in view"
         + (f", {likeness:.1f} dB from the photograph" if likeness is not None else "")
     )
-    picture = board(photograph.rgb.pixels, twin, owner, names, options.blend, sides)
+    titles = (*scene.bodies, *(f"{name} (held)" for name in scene.held))
+    picture = board(photograph.rgb.pixels, twin, owner, titles, options.blend, sides)
     ctx.preview(picture, "photograph, twin, blend, outlines, four other sides")
     return Image(pixels=picture)
