@@ -221,6 +221,8 @@ def _numbers(topic: str, message: Any, time: int, wanted: int) -> np.ndarray:
             facts={"time": f"{time / reading.SECOND:.3f} s", "order": ", ".join((*hands.JOINTS[:6], "..."))},
             hint=known.get(len(poses), "send the joints of WebXR's hands in their order"),
         )
+    if isinstance(poses, np.ndarray):
+        return _unit(poses[:, [0, 1, 2, 6, 3, 4, 5]])
     placed = [(each.position, each.orientation) for each in poses]
     return _unit(np.array([[p.x, p.y, p.z, q.w, q.x, q.y, q.z] for p, q in placed], np.float64))
 

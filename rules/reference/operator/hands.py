@@ -90,19 +90,21 @@ def hands(
     driven = [_driven(ctx, robot, limb, hand, options.side) for limb in robot.limb_names]
     parts: dict[int, list[Motion]] = {each.side: [] for each in driven}
     takes: list[Take] = []
+    off: list[np.ndarray] = []
     for _, episode in shown:
         for each in driven:
             row = robot.limb_names.index(each.limb)
-            followed = _followed(ctx, robot, each, hand, episode, row)
+            followed, far = _followed(ctx, robot, each, hand, episode, row)
+            off.append(far)
             moved = smooth.resampled(followed, episodes.rate_hz, options.rate_hz)
             parts[each.side] += [*_before(parts[each.side], moved, options), moved]
         end = sum(len(part.wrist) for part in parts[driven[0].side])
         takes.append(Take(first=end - len(moved.wrist), last=end, seed=episode.start.seed))
     motions = {side: smooth.joined(found) for side, found in parts.items()}
     made = tracked.stream(hand, motions, tuple(takes), options, DEVICE)
-    sizes = "left and right" if len(driven) > 1 else human.SIDES[driven[0].side]
+    ctx.metric("tip_error", 1000 * float(np.concatenate(off).mean()), "mm")
     ctx.preview(strip(made), "hands from behind and from the right; no person made them")
-    ctx.say(f"{sizes} hand, {len(takes)} takes, {', '.join(made.facts())}")
+    ctx.say(", ".join(made.facts()))
     return made
 
 
@@ -128,14 +130,13 @@ def _driven(ctx: Context[HandsBackend], robot: RobotModel, limb: str, hand: Hand
 
 def _followed(
     ctx: Context[HandsBackend], robot: RobotModel, each: _Driven, hand: Hand, episode: Episode, row: int
-) -> Motion:
-    """The hand that follows a limb's commands in an episode, at the rate of its steps."""
+) -> tuple[Motion, np.ndarray]:
+    """The hand that follows a limb's commands in an episode, and how far (K,) its tips are from their places [m]."""
     tips = ctx.backend.tips(ctx, robot, each.limb, episode.action.astype(np.float64), ctx.backend_options)
     targets = placed.targets(hand, each.grip, tips, each.scale, side=each.side)
     angles = fitted.angles(hand, targets, each.grip.fingers)
     off = np.linalg.norm(fitted.tips(hand, angles)[:, list(each.grip.fingers)] - targets, axis=-1)
-    ctx.metric(f"tip_error_{human.SIDES[each.side]}", 1000 * float(off.mean()), "mm")
-    return Motion(placed.wrists(hand, each.grip, episode.hand[:, row].astype(np.float64)), angles)
+    return Motion(placed.wrists(hand, each.grip, episode.hand[:, row].astype(np.float64)), angles), off.ravel()
 
 
 def _before(parts: list[Motion], moved: Motion, options: HandsOptions) -> list[Motion]:

@@ -47,7 +47,7 @@ def grip_of(ctx: Context, robot: RobotModel, limb: str) -> Grip:
     named = {}
     for number, role in enumerate(parts.tips):
         name = role.rpartition("tip_")[2]
-        free = next(finger for finger in range(1, 5) if finger not in named)
+        free = next((finger for finger in range(1, 5) if finger not in named), 4)
         finger = 0 if role == parts.thumb else _finger(NAMES.get(name, name), free)
         named[finger] = number
     fingers = tuple(sorted(named))

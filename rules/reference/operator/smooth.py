@@ -48,7 +48,10 @@ def _cubic(rows: np.ndarray, times: np.ndarray) -> np.ndarray:
     last = len(rows) - 1
     at = np.clip(times.astype(np.int64), 0, max(last - 1, 0))
     share = (times - at).reshape(-1, *[1] * (rows.ndim - 1))
-    before, first, second, after = (rows[np.clip(at + step, 0, last)] for step in (-1, 0, 1, 2))
+    if last < 1:
+        return np.repeat(rows, len(times), axis=0)
+    ends = np.concatenate([2 * rows[:1] - rows[1:2], rows, 2 * rows[-1:] - rows[-2:-1]])
+    before, first, second, after = (ends[at + step] for step in range(4))
     speed, end = (second - before) / 2, (after - first) / 2
     change = second - first
     return np.asarray(
