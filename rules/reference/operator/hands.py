@@ -6,7 +6,7 @@ from itertools import islice
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
-from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.robots.hand_stream import HandStream, Take
 from dextera_build.artifacts.robots.robot import RobotModel
@@ -15,40 +15,30 @@ from dextera_build.errors import listing
 from dextera_build.geometry import hands as human
 from dextera_build.geometry.human_hand import Hand, open_angles
 from dextera_build.previews.hands import strip
-from dextera_build.rule import Context, Options, rule
+from dextera_build.rule import Context, rule
 
 from . import fitted, placed, smooth, tracked
 from .smooth import Motion
-from .unsteady import UnsteadyOptions
+from .tracked import TrackedOptions
 
 DEVICE = "reference.hands: a program, no person and no headset"
 
 
-class HandsOptions(Options):
+class HandsOptions(TrackedOptions):
     """Options of reference.hands."""
 
     takes: PositiveInt = 1
     """Number of successful episodes, in order, that become takes of one recording."""
-    seed: NonNegativeInt = 0
-    """Seed of all noise."""
     side: Literal["left", "right"] = "right"
     """The hand that moves a robot with one limb."""
     hand_length_m: PositiveFloat = Field(0.19, ge=0.1, le=0.3)
     """From the wrist's crease to the tip of the middle finger [m]; an assumption."""
     hand_breadth_m: PositiveFloat = Field(0.085, ge=0.05, le=0.15)
     """Across the knuckles [m]; an assumption."""
-    rate_hz: PositiveFloat = Field(72.0, ge=10.0, le=240.0)
-    """Rate of the messages [Hz]."""
     open_s: NonNegativeFloat = 2.0
     """Time for which the hand is held open before a take, from which its size is measured [s]."""
     way_s: PositiveFloat = 1.0
     """Time from the end of a take to the beginning of the next, and from the open hand to the first grasp [s]."""
-    back_m: NonNegativeFloat = 0.45
-    """Distance of the head behind the middle of the hands' motion [m]; an assumption."""
-    above_m: NonNegativeFloat = 0.45
-    """Distance of the head above it [m]; an assumption."""
-    unsteady: UnsteadyOptions = UnsteadyOptions()
-    """Tremor of the hand, and errors of its tracking."""
 
 
 class HandsBackend(Protocol):

@@ -3,27 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from dextera_build.artifacts.robots.hand_stream import LOST, PREDICTED, TRACKED, HandStream, Take
 from dextera_build.geometry import hands, lie, quaternions
 from dextera_build.geometry.human_hand import Hand
+from dextera_build.rule import Options
 
 from . import unsteady
 from .smooth import Motion
-
-if TYPE_CHECKING:
-    from .hands import HandsOptions
+from .unsteady import UnsteadyOptions
 
 SWAY_M, SWAY_DEG = 0.004, 1.0
 """Slow motion of the head, standard deviations; assumptions."""
 _JOINTS = len(hands.JOINTS)
 
 
+class TrackedOptions(Options):
+    """Options of the device that would have tracked the hands."""
+
+    seed: NonNegativeInt = 0
+    """Seed of all noise."""
+    rate_hz: PositiveFloat = Field(72.0, ge=10.0, le=240.0)
+    """Rate of the messages [Hz]."""
+    back_m: NonNegativeFloat = 0.45
+    """Distance of the head behind the middle of the hands' motion [m]; an assumption."""
+    above_m: NonNegativeFloat = 0.45
+    """Distance of the head above it [m]; an assumption."""
+    unsteady: UnsteadyOptions = UnsteadyOptions()
+    """Tremor of the hand, and errors of its tracking."""
+
+
 def stream(
-    hand: Hand, motions: Mapping[int, Motion], takes: tuple[Take, ...], options: HandsOptions, device: str
+    hand: Hand, motions: Mapping[int, Motion], takes: tuple[Take, ...], options: TrackedOptions, device: str
 ) -> HandStream:
     """The hands as tracked: with tremor and noise, and lost at times.
 
@@ -66,7 +80,7 @@ def stream(
 
 
 def _joints(
-    hand: Hand, side: int, motion: Motion, options: HandsOptions, random: np.random.Generator
+    hand: Hand, side: int, motion: Motion, options: TrackedOptions, random: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
     """Positions (N, 25, 3) and quaternions (N, 25, 4) of a hand in the frame of the motion, with errors.
 
@@ -82,7 +96,9 @@ def _joints(
     return placed.astype(np.float32), found.astype(np.float32)
 
 
-def _head(motions: Mapping[int, Motion], options: HandsOptions, count: int, random: np.random.Generator) -> np.ndarray:
+def _head(
+    motions: Mapping[int, Motion], options: TrackedOptions, count: int, random: np.random.Generator
+) -> np.ndarray:
     """Poses (N, 7) of a head behind and above the hands that looks at the middle of their motion, and sways."""
     middle = np.mean([each.wrist[:, :3].mean(axis=0) for each in motions.values()], axis=0)
     place = middle + np.array([-options.back_m, 0.0, options.above_m])
