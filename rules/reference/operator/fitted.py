@@ -7,8 +7,10 @@ import numpy as np
 from dextera_build.geometry import hands, human_hand
 from dextera_build.geometry.human_hand import Hand
 
-ROUNDS = 40
-"""Steps of Gauss-Newton; it has converged long before."""
+ROUNDS = 20
+"""Largest number of steps of Gauss-Newton; more change tips by less than their errors."""
+STILL_RAD = 1e-4
+"""It ends when no angle changes more in a step [rad]."""
 PAIRS = 2.0
 """Weight of the way from the thumb's tip to each other tip, relative to the tips' places."""
 REST_M = 0.002
@@ -33,9 +35,12 @@ def angles(hand: Hand, targets: np.ndarray, fingers: tuple[int, ...]) -> np.ndar
         tips, jacobian = _tips(hand, found)
         off = tips[:, chosen] - targets
         rows = _rows(jacobian[:, chosen], off)
-        step = _solved(*rows, (found - human_hand.open_angles())[:, chosen])
-        found[:, chosen] = found[:, chosen] - step
+        step = _solved(*rows, found[:, chosen], chosen)
+        before = found.copy()
+        found[:, chosen] -= step
         found = _within(found)
+        if np.abs(found - before).max() < STILL_RAD:
+            break
     for finger in range(1, len(hands.FINGERS)):
         if finger not in chosen:
             found[:, finger] = found[:, finger - 1]
@@ -69,12 +74,20 @@ def _rows(jacobian: np.ndarray, off: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return both, np.concatenate([off, PAIRS * apart], axis=1).reshape(moments, -1)
 
 
-def _solved(jacobian: np.ndarray, off: np.ndarray, away: np.ndarray) -> np.ndarray:
-    """The step (T, F, 4) of Gauss-Newton towards the targets and, a little, towards the open hand."""
-    moments, count = away.shape[:2]
-    normal = jacobian.swapaxes(1, 2) @ jacobian + REST_M**2 * np.eye(4 * count)
-    pull = np.einsum("tri,tr->ti", jacobian, off) + REST_M**2 * away.reshape(moments, -1)
-    step = np.linalg.solve(normal, pull[..., None])[..., 0]
+def _solved(jacobian: np.ndarray, off: np.ndarray, now: np.ndarray, chosen: list[int]) -> np.ndarray:
+    """The step (T, F, 4) of Gauss-Newton towards the targets and, a little, towards the open hand.
+
+    Angles at a limit that would go beyond it do not take part.
+    """
+    moments, count = now.shape[:2]
+    away = (now - human_hand.open_angles()[chosen]).reshape(moments, -1)
+    pull = np.einsum("tri,tr->ti", jacobian, off) + REST_M**2 * away
+    low, high = (np.broadcast_to(_LIMITS[chosen, :, end], now.shape).reshape(moments, -1) for end in (0, 1))
+    angles = now.reshape(moments, -1)
+    free = ~(((angles <= low) & (pull > 0)) | ((angles >= high) & (pull < 0)))
+    moved = jacobian * free[:, None]
+    normal = moved.swapaxes(1, 2) @ moved + REST_M**2 * np.eye(4 * count)
+    step = np.linalg.solve(normal, (pull * free)[..., None])[..., 0]
     return np.clip(step, -0.3, 0.3).reshape(moments, count, 4)
 
 

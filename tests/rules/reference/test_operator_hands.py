@@ -22,7 +22,7 @@ from rules.reference.operator.smooth import Motion
 from rules.reference.operator.unsteady import UnsteadyOptions
 from tests.robots.robot_recipes import built
 
-RATE_HZ, STEPS = 20.0, 60
+RATE_HZ, STEPS = 20.0, 40
 STEADY = dict.fromkeys(("tremor_m", "tremor_deg", "jitter_m", "jitter_deg", "drift_m", "drift_deg", "clock_s"), 0.0)
 STEADY |= {"losses_per_min": 0.0}
 HAND = human_hand.Hand()
