@@ -202,9 +202,9 @@ def _poses(stream: Stream, topic: str, kinds: Sequence[str]) -> _Rows:
     if len(frames) > 1:
         raise _frames_differ({f"`{topic}`": listing(sorted(frames))})
     shape = (len(rows), -1, 7) if rows else (0, len(hands.JOINTS), 7)
-    return _Rows(
-        np.array(times, np.int64), np.array(rows, np.float32).reshape(shape), next(iter(frames), "") or "world"
-    )
+    with np.errstate(over="ignore"):  # such numbers are refused as not finite
+        poses = np.array(rows, np.float32).reshape(shape)
+    return _Rows(np.array(times, np.int64), poses, next(iter(frames), "") or "world")
 
 
 def _numbers(topic: str, message: Any, time: int, wanted: int) -> np.ndarray:
