@@ -229,9 +229,10 @@ def _numbers(topic: str, message: Any, time: int, wanted: int) -> np.ndarray:
 
 def _unit(poses: np.ndarray) -> np.ndarray:
     """Poses (K, 7) with quaternions of length 1; those in single precision are unchanged."""
-    length = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
-    exact = (np.abs(length - 1) < 1e-6) | (length == 0)
-    return np.hstack([poses[:, :3], poses[:, 3:] / np.where(exact, 1.0, length)])
+    with np.errstate(over="ignore", invalid="ignore"):  # such numbers are refused as not finite
+        length = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+        exact = (np.abs(length - 1) < 1e-6) | (length == 0)
+        return np.hstack([poses[:, :3], poses[:, 3:] / np.where(exact, 1.0, length)])
 
 
 def _matched(times: np.ndarray, rows: _Rows, most: int) -> np.ndarray:
