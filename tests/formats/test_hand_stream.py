@@ -151,8 +151,15 @@ def test_a_recording_that_does_not_fit_is_refused(tmp_path: Path, code: str) -> 
     assert caught.value.hint
 
 
-def test_the_hint_names_what_21_and_26_joints_are(tmp_path: Path) -> None:
-    for count, word in ((21, "MediaPipe"), (26, "OpenXR"), (5, "WebXR")):
+def test_the_palm_of_openxr_is_left_out(tmp_path: Path) -> None:
+    made = rows(stream(1), 0, 0)
+    palm = made[:1] + np.eye(7)[:1] * 0.01
+    found = HandStream.load(recorded(tmp_path / "a.mcap", [("/vr/l", 0.0, np.vstack([palm, made]))]), topics=OTHERS)
+    np.testing.assert_array_equal(found.positions[:, 0], stream(1).positions[:, 0])
+
+
+def test_the_hint_names_what_other_numbers_of_joints_are(tmp_path: Path) -> None:
+    for count, word in ((21, "MediaPipe"), (27, "WebXR"), (5, "WebXR")):
         with pytest.raises(ArtifactError, match=f"{count} joints") as caught:
             HandStream.load(recorded(tmp_path / "a.mcap", [("/vr/l", 0.0, one(count))]), topics=OTHERS)
         assert word in caught.value.hint
