@@ -32,6 +32,7 @@ FILES = {
     "Camera": _CAMERA,
     "DepthImage": Format("image", (".png",)),
     "Equirectangular": Format("lens", (".txt",)),
+    "HandStream": Format("hand_stream", (".mcap",)),
     "Image": Format("image", (".png",)),
     "KannalaBrandt": _CAMERA,
     "MaskTrack": Format("mask_track", (".zip",)),

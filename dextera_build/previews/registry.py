@@ -12,6 +12,7 @@ from dextera_build.previews import text
 
 MODULES = {
     "clouds": ("PointCloud", "Room", "Splats"),
+    "hands": ("HandStream",),
     "images": ("DepthImage", "Image", "InstanceMap", "LabelImage", "ObjectView", "Panorama"),
     "lenses": ("BrownConrady", "Equirectangular", "KannalaBrandt"),
     "plain": ("Collection", "File", "Folder", "Matches"),

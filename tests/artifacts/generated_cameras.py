@@ -21,6 +21,7 @@ from dextera_build.artifacts.cameras.rgbd_video import RgbdVideo
 from dextera_build.artifacts.cameras.rig import Rig
 from dextera_build.artifacts.cameras.video import Video
 from dextera_build.artifacts.cameras.views import Views, encoded
+from dextera_build.artifacts.robots.hand_stream import HandStream
 from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.artifacts.robots.stream import Channel, Stream
 from dextera_build.artifacts.spatial.joints import Joints
@@ -29,6 +30,7 @@ from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.artifacts.spatial.track import Track
 from dextera_build.artifacts.spatial.tracking import Tracking
 from dextera_build.artifacts.spatial.trajectory import Trajectory
+from tests import hand_streams
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 FRAMES = st.from_regex(r"[a-z][a-z0-9_]{0,7}", fullmatch=True)
@@ -233,6 +235,13 @@ def _mask_track(draw: Draw) -> dict[str, Any]:
     return {name: getattr(made, name) for name in MaskTrack.model_fields}
 
 
+def _hand_stream(draw: Draw) -> dict[str, Any]:
+    count = draw(st.integers(1, 2))
+    lost = [(draw(st.integers(0, 1)), 0, draw(st.integers(0, count)))]
+    changes = {"head": None} if draw(st.booleans()) else {}
+    return dict(hand_streams.stream(count, lost=lost, **changes))
+
+
 SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     BrownConrady: _brown_conrady,
     KannalaBrandt: _kannala_brandt,
@@ -243,6 +252,7 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Panorama: _panorama,
     Rig: _rig,
     Calibration: _calibration,
+    HandStream: _hand_stream,
     Joints: _joints,
     RobotViews: _robot_views,
     Stream: _stream,

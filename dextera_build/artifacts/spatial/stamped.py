@@ -21,15 +21,7 @@ def check(kind: str, stamps: np.ndarray, poses: np.ndarray, covariances: np.ndar
     Raises:
         ArtifactError: One of these.
     """
-    wrong = np.flatnonzero(np.diff(stamps) <= 0)
-    if len(wrong):
-        first = int(wrong[0])
-        raise ArtifactError(
-            f"{kind}.stamps do not increase",
-            code="DXB-A501",
-            facts={"first": f"{stamps[first + 1]!r} s comes after {stamps[first]!r} s", "places": len(wrong)},
-            hint="sort the poses by time, and leave out those with equal stamps",
-        )
+    check_stamps(kind, stamps)
     length = np.linalg.norm(poses[:, 3:], axis=1)
     bad = np.flatnonzero(np.abs(length - 1) > 1e-6)
     if len(bad):
@@ -41,6 +33,23 @@ def check(kind: str, stamps: np.ndarray, poses: np.ndarray, covariances: np.ndar
         )
     for index, covariance in enumerate(() if covariances is None else covariances):
         check_covariance(f"{kind} at {stamps[index]} s", covariance)
+
+
+def check_stamps(kind: str, stamps: np.ndarray) -> None:
+    """Raise for stamps (N,) [s] that do not increase.
+
+    Raises:
+        ArtifactError: A stamp is not later than the one before.
+    """
+    wrong = np.flatnonzero(np.diff(stamps) <= 0)
+    if len(wrong):
+        first = int(wrong[0])
+        raise ArtifactError(
+            f"{kind}.stamps do not increase",
+            code="DXB-A501",
+            facts={"first": f"{stamps[first + 1]!r} s comes after {stamps[first]!r} s", "places": len(wrong)},
+            hint="sort the poses by time, and leave out those with equal stamps",
+        )
 
 
 def between(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:

@@ -42,6 +42,18 @@ def pose(stamp: int, frame: str, values: np.ndarray) -> bytes:
     return _header(stamp, frame).f64(values[:3]).f64(_xyzw(values[3:])).bytes()
 
 
+def pose_array(stamp: int, frame: str, rows: np.ndarray) -> bytes:
+    """`geometry_msgs/PoseArray` of poses (K, 7), position [m] and quaternion w x y z."""
+    ordered = rows[:, [0, 1, 2, 4, 5, 6, 3]].astype(np.float64)
+    return _header(stamp, frame).rows(ordered).bytes()
+
+
+def joy(stamp: int, axes: np.ndarray, buttons: Sequence[int]) -> bytes:
+    """`sensor_msgs/Joy` of analogue inputs (A,) and whole numbers."""
+    message = _header(stamp, "").u32(len(axes)).f32(axes)
+    return message.u32(len(buttons)).i32(*map(int, buttons)).bytes()
+
+
 def text(words: str) -> bytes:
     """`std_msgs/String`."""
     return Cdr().string(words).bytes()

@@ -77,7 +77,13 @@ def index(stream: IO[bytes], name: str) -> tuple[list[Found], int, int]:
 
 
 def messages(
-    stream: IO[bytes], name: str, topics: Sequence[str], start: int | None, end: int | None
+    stream: IO[bytes],
+    name: str,
+    topics: Sequence[str],
+    start: int | None = None,
+    end: int | None = None,
+    *,
+    as_written: bool = False,
 ) -> Iterator[tuple[int, str, Any]]:
     """(time of the recording [ns], topic, decoded message) in order of time; only chunks of the interval are read.
 
@@ -87,6 +93,7 @@ def messages(
         topics: Topics to read.
         start: First time [ns]; None: from the beginning.
         end: End of the interval, exclusive [ns]; None: to the end.
+        as_written: Keep the order of the file, which shows a clock that was set back.
 
     Raises:
         ArtifactError: The file is damaged, or the type of a message is unknown.
@@ -97,7 +104,7 @@ def messages(
     reader = SeekingReader(stream, decoder_factories=[DecoderFactory(), foxglove.Decoders()])  # type: ignore[list-item]
     with damage(name):
         for schema, channel, message, decoded in reader.iter_decoded_messages(
-            topics=list(topics), starting_at=start, ending_before=end
+            topics=list(topics), starting_at=start, ending_before=end, log_time_order=not as_written
         ):
             yield message.log_time, channel.topic, foxglove.shaped(schema.name if schema else "", decoded)
 

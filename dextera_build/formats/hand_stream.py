@@ -1,0 +1,314 @@
+"""`HandStream` as MCAP of ROS 2 messages, one file for what dxb writes and what another recorder wrote.
+
+Each hand is a topic of `geometry_msgs/PoseArray` with 25 poses in WebXR's order; an array without poses, or whose poses
+all are NaN or have quaternions of length 0, is a lost hand. The head is `geometry_msgs/PoseStamped`. A message
+`sensor_msgs/Joy` holds pinch of left and right and further inputs as `axes`, and clutch and tracking state of left and
+right as `buttons`; without it, a tracked hand moves the robot, and the pinch follows from the distance of the tips.
+Device, origin, names of inputs and takes are in the metadata record `hand_stream`, which other recorders may leave out.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dextera_build.artifacts.base import File
+from dextera_build.artifacts.core.file_errors import unreadable
+from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED, HandStream, Take
+from dextera_build.artifacts.robots.stream import Stream
+from dextera_build.errors import ArtifactError, listing
+from dextera_build.formats import mcap
+from dextera_build.formats.files import suffix_among
+from dextera_build.formats.ros import messages, reading
+from dextera_build.formats.ros.recording import Recording
+from dextera_build.geometry import hands
+
+HANDS = ("geometry_msgs/msg/PoseArray", "geometry_msgs/PoseArray")
+INPUTS = ("sensor_msgs/msg/Joy", "sensor_msgs/Joy")
+"""Equivalent message types of ROS 2 and ROS 1."""
+RECORD = "hand_stream"
+"""Name of the metadata record."""
+NEAR_S = 0.1
+"""Largest time from a hand's message to the head's pose and the inputs that belong to it [s]."""
+_OPEN_M, _CLOSED_M = 0.06, 0.015
+"""Distance of the tips of an open and of a closed pinch, where nobody recorded the pinch [m]."""
+
+
+class Topics(NamedTuple):
+    """Topics of a recording of hands; a topic that was not recorded is left out."""
+
+    left: str = "/hands/left"
+    right: str = "/hands/right"
+    head: str = "/head"
+    inputs: str = "/hands/input"
+
+
+class _Rows(NamedTuple):
+    """Poses of a topic: times (M,) [ns], poses (M, K, 7) float32 with NaN where lost, and their frame."""
+
+    times: np.ndarray
+    poses: np.ndarray
+    frame: str
+
+
+def save(made: HandStream, path: Path) -> list[Path]:
+    """Write an `.mcap` file."""
+    topics = Topics()
+    with path.open("wb") as out, Recording(out) as recording:
+        recording.metadata(RECORD, _facts(made))
+        for row, stamp in enumerate(made.stamps):
+            time = _nanoseconds(float(stamp))
+            for hand, topic in enumerate(topics[:2]):
+                rows = np.concatenate([made.positions[row, hand], made.rotations[row, hand]], axis=1)
+                shown = rows[: 0 if made.tracking[row, hand] == LOST else None]
+                recording.send(topic, "geometry_msgs/PoseArray", time, messages.pose_array(time, made.frame, shown))
+            if made.head is not None and np.isfinite(made.head[row]).all():
+                head = messages.pose(time, made.frame, made.head[row])
+                recording.send(topics.head, "geometry_msgs/PoseStamped", time, head)
+            more = made.buttons[row] if made.buttons is not None else ()
+            axes = np.concatenate([made.pinch[row], np.asarray(more, np.float32)])
+            codes = [*made.clutch[row], *made.tracking[row]]
+            recording.send(topics.inputs, "sensor_msgs/Joy", time, messages.joy(time, axes, codes))
+    return [path]
+
+
+def load(path: str | Path, topics: Topics | None = None, *, unit_m: float = 1.0) -> HandStream:
+    """Read a recording of hands; see `of`.
+
+    Raises:
+        ArtifactError: It is no MCAP file, or `of` refuses it.
+    """
+    suffix_among("HandStream", Path(path), (".mcap",))
+    return of(mcap.of(File.of(path), str(path)), topics, unit_m=unit_m)
+
+
+def of(stream: Stream, topics: Topics | None = None, *, unit_m: float = 1.0) -> HandStream:
+    """The hands in a recording. The messages of the hand with more of them give the times.
+
+    Args:
+        stream: The recording.
+        topics: Its topics; None: those that dxb writes.
+        unit_m: Length of its unit [m].
+
+    Raises:
+        ArtifactError: No hand was recorded, a message has another number of joints or a number that is not finite, its
+            clock goes back, or its frames differ.
+    """
+    named = topics or Topics()
+    left, right = (_hand(stream, topic) for topic in named[:2])
+    if not len(left.times) and not len(right.times):
+        raise ArtifactError(
+            f"no hand was recorded on `{named.left}` and `{named.right}`",
+            code="DXB-A557",
+            facts={"topics": listing(f"{each.topic} ({each.kind})" for each in stream.channels)},
+            hint="name the topics of `geometry_msgs/PoseArray` that hold the joints of the hands",
+        )
+    times = max(left.times, right.times, key=len)
+    head = _poses(stream, named.head, mcap.POSES)
+    _check_frames({named.left: left, named.right: right, named.head: head})
+    period = int(np.median(np.diff(times))) if len(times) > 1 else 0
+    poses = np.stack([_matched(times, each, max(1, period // 2)) for each in (left, right)], axis=1)
+    poses[..., :3] *= np.float32(unit_m)
+    heads = _matched(times, head, round(NEAR_S * reading.SECOND))[:, 0] if len(head.times) else None
+    if heads is not None:
+        heads[:, :3] *= np.float32(unit_m)
+    return HandStream(
+        frame=next(each.frame for each in (left, right) if len(each.times)),
+        stamps=np.array([time / reading.SECOND for time in times.tolist()], np.float64),
+        positions=np.ascontiguousarray(poses[..., :3]),
+        rotations=np.ascontiguousarray(poses[..., 3:]),
+        head=heads,
+        **_inputs(stream, named.inputs, times, poses) | _metadata(stream),
+    )
+
+
+def _facts(made: HandStream) -> dict[str, str]:
+    """The texts of the metadata record."""
+    takes = [take.model_dump() for take in made.takes]
+    return {
+        "device": made.device,
+        "synthetic": json.dumps(made.synthetic),
+        "buttons": json.dumps(made.button_names),
+        "takes": json.dumps(takes),
+        "joints": json.dumps(hands.JOINTS),
+        "units": "m; frame with z up; quaternions x y z w with WebXR's axes of joints",
+    }
+
+
+def _metadata(stream: Stream) -> dict[str, Any]:
+    """Fields from the metadata record, or what is known without it."""
+    from mcap.reader import SeekingReader
+
+    with stream.file.open() as file, reading.damage("metadata"):
+        found = next((each.metadata for each in SeekingReader(file).iter_metadata() if each.name == RECORD), None)
+    if found is None:
+        return {"device": "not recorded", "synthetic": False}
+    try:
+        names, takes = json.loads(found["buttons"]), json.loads(found["takes"])
+        return {
+            "device": found["device"],
+            "synthetic": bool(json.loads(found["synthetic"])),
+            "button_names": tuple(map(str, names)),
+            "takes": tuple(Take(**take) for take in takes),
+        }
+    except (KeyError, TypeError, ValueError) as error:
+        raise unreadable(f"metadata `{RECORD}`", "a description of hands", error) from None
+
+
+def _hand(stream: Stream, topic: str) -> _Rows:
+    """Joints of one hand; none if the topic was not recorded."""
+    found = _poses(stream, topic, HANDS)
+    lost = np.isnan(found.poses).all(axis=(1, 2)) | (found.poses[..., 3:] == 0).all(axis=(1, 2))
+    found.poses[lost] = np.nan
+    partly = np.flatnonzero(~lost & ~np.isfinite(found.poses).all(axis=(1, 2)))
+    if len(partly):
+        first = found.poses[partly[0]]
+        joint = int(np.flatnonzero(~np.isfinite(first).all(axis=1))[0])
+        raise ArtifactError(
+            f"`{topic}` holds numbers that are not finite",
+            code="DXB-A558",
+            facts={
+                "first": f"joint `{hands.JOINTS[joint]}` at {found.times[partly[0]] / reading.SECOND:.3f} s",
+                "messages": f"{len(partly):,} of {len(found.times):,}",
+            },
+            hint="send an array without poses while a hand is not tracked; joints of a tracked hand all have poses",
+        )
+    return found
+
+
+def _poses(stream: Stream, topic: str, kinds: Sequence[str]) -> _Rows:
+    """Poses of a topic, whose clock must not go back; messages with the time of the one before are left out."""
+    if all(each.topic != topic or each.kind not in kinds for each in stream.channels):
+        return _Rows(np.zeros(0, np.int64), np.zeros((0, len(hands.JOINTS), 7), np.float32), "")
+    times: list[int] = []
+    rows: list[np.ndarray] = []
+    frames: set[str] = set()
+    with stream.file.open() as file:
+        for received, _, message in reading.messages(file, topic, [topic], as_written=True):
+            time = reading.stamp(message, received)
+            if times and time < times[-1]:
+                raise ArtifactError(
+                    f"the clock of `{topic}` goes back",
+                    code="DXB-A559",
+                    facts={"first": f"{time / reading.SECOND:.3f} s comes after {times[-1] / reading.SECOND:.3f} s"},
+                    hint="record with one clock that nobody sets meanwhile, or cut the recording there",
+                )
+            if not times or time > times[-1]:
+                times.append(time)
+                rows.append(_numbers(topic, message, time, len(hands.JOINTS) if kinds == HANDS else 1))
+                frames.add(str(message.header.frame_id))
+    if len(frames) > 1:
+        raise _frames_differ({f"`{topic}`": listing(sorted(frames))})
+    shape = (len(rows), -1, 7) if rows else (0, len(hands.JOINTS), 7)
+    return _Rows(
+        np.array(times, np.int64), np.array(rows, np.float32).reshape(shape), next(iter(frames), "") or "world"
+    )
+
+
+def _numbers(topic: str, message: Any, time: int, wanted: int) -> np.ndarray:
+    """Poses (K, 7) of a message, position and quaternion w x y z; NaN for an array without poses."""
+    poses = message.poses if hasattr(message, "poses") else [message.pose]
+    if not len(poses):
+        return np.full((wanted, 7), np.nan)
+    if len(poses) != wanted:
+        known = {21: "21 are MediaPipe's landmarks: add the metacarpals of the four fingers"}
+        known |= {26: "26 are OpenXR's joints: leave out the first, the palm"}
+        raise ArtifactError(
+            f"a hand on `{topic}` has {len(poses)} joints instead of {wanted}",
+            code="DXB-A560",
+            facts={"time": f"{time / reading.SECOND:.3f} s", "order": ", ".join((*hands.JOINTS[:6], "..."))},
+            hint=known.get(len(poses), "send the joints of WebXR's hands in their order"),
+        )
+    placed = [(each.position, each.orientation) for each in poses]
+    return _unit(np.array([[p.x, p.y, p.z, q.w, q.x, q.y, q.z] for p, q in placed], np.float64))
+
+
+def _unit(poses: np.ndarray) -> np.ndarray:
+    """Poses (K, 7) with quaternions of length 1; those in single precision are unchanged."""
+    length = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    exact = (np.abs(length - 1) < 1e-6) | (length == 0)
+    return np.hstack([poses[:, :3], poses[:, 3:] / np.where(exact, 1.0, length)])
+
+
+def _matched(times: np.ndarray, rows: _Rows, most: int) -> np.ndarray:
+    """Poses (N, K, 7) nearest to `times` (N,), NaN where none is within `most` ns."""
+    found = np.full((len(times), *rows.poses.shape[1:]), np.nan, np.float32)
+    nearest, near = _nearest(times, rows.times, most)
+    found[near] = rows.poses[nearest[near]]
+    return found
+
+
+def _nearest(times: np.ndarray, known: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Index (N,) of the entry of `known` (M,) nearest to each of `times` (N,), and whether it is within `most`."""
+    if not len(known):
+        return np.zeros(len(times), np.int64), np.zeros(len(times), bool)
+    after = np.clip(np.searchsorted(known, times), 0, len(known) - 1)
+    before = np.maximum(after - 1, 0)
+    nearest = np.where(np.abs(known[before] - times) < np.abs(known[after] - times), before, after)
+    return nearest, np.abs(known[nearest] - times) <= most
+
+
+def _inputs(stream: Stream, topic: str, times: np.ndarray, poses: np.ndarray) -> dict[str, Any]:
+    """Pinch, clutch, tracking and further inputs at times (N,) [ns] of hands (N, 2, 25, 7)."""
+    there = np.isfinite(poses).all(axis=(2, 3))
+    tips = np.nan_to_num(hands.pinch_distance(poses[..., :3]), nan=_OPEN_M)
+    found: dict[str, Any] = {
+        "pinch": np.clip((_OPEN_M - tips) / (_OPEN_M - _CLOSED_M), 0, 1).astype(np.float32),
+        "clutch": there.copy(),
+        "tracking": np.where(there, TRACKED, LOST).astype(np.uint8),
+    }
+    if all(each.topic != topic or each.kind not in INPUTS for each in stream.channels):
+        return found
+    with stream.file.open() as file:
+        read = [(reading.stamp(each, at), each) for at, _, each in reading.messages(file, topic, [topic])]
+    known = np.array([stamp for stamp, _ in read], np.int64)
+    order = np.argsort(known, kind="stable")
+    nearest, near = _nearest(times, known[order], round(NEAR_S * reading.SECOND))
+    rows = [read[order[number]][1] if close else None for number, close in zip(nearest, near, strict=True)]
+    axes = _column([None if row is None else row.axes for row in rows], np.float32)
+    codes = _column([None if row is None else row.buttons for row in rows], np.int64)
+    if axes.shape[1] >= 2:
+        found["pinch"] = np.where(near[:, None], np.clip(axes[:, :2], 0, 1), found["pinch"])
+        found["buttons"] = np.ascontiguousarray(axes[:, 2:]) if axes.shape[1] > 2 else None
+        found["button_names"] = tuple(f"axis {number}" for number in range(2, axes.shape[1]))
+    if codes.shape[1] >= 2:
+        found["clutch"] = np.where(near[:, None], codes[:, :2] > 0, False)
+    if codes.shape[1] >= 4:
+        states = np.clip(codes[:, 2:4], TRACKED - 1, TRACKED).astype(np.uint8)
+        found["tracking"] = np.where(there & near[:, None], states, found["tracking"])
+    return found
+
+
+def _column(rows: Sequence[Any], dtype: type[np.generic]) -> np.ndarray:
+    """Numbers (N, K) of messages, 0 where there is none; messages with fewer are filled with 0."""
+    width = max((len(row) for row in rows if row is not None), default=0)
+    found = np.zeros((len(rows), width), dtype)
+    for place, row in enumerate(rows):
+        if row is not None:
+            found[place, : len(row)] = row
+    return found
+
+
+def _check_frames(rows: dict[str, _Rows]) -> None:
+    frames = {f"`{topic}`": each.frame for topic, each in rows.items() if len(each.times)}
+    if len(set(frames.values())) > 1:
+        raise _frames_differ(frames)
+
+
+def _frames_differ(frames: dict[str, str]) -> ArtifactError:
+    return ArtifactError(
+        "the poses of the recording are in different frames",
+        code="DXB-A561",
+        facts=frames,
+        hint="record hands and head in one frame, such as WebXR's `local-floor`",
+    )
+
+
+def _nanoseconds(stamp: float) -> int:
+    """A time [s] as whole nanoseconds, without the rounding of a product of large numbers."""
+    whole = int(stamp // 1)
+    return whole * reading.SECOND + round((stamp - whole) * reading.SECOND)

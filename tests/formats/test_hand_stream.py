@@ -1,0 +1,156 @@
+"""HandStream as MCAP: exact both ways, recordings of others, and every error of a recording that does not fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.robots.hand_stream import HandStream
+from dextera_build.errors import ArtifactError
+from dextera_build.formats import hand_stream, mcap
+from dextera_build.formats.hand_stream import Topics
+from dextera_build.formats.ros import messages
+from dextera_build.formats.ros.recording import Recording
+from tests.hand_streams import stream, with_buttons
+
+
+def same(first: HandStream, second: HandStream) -> None:
+    for name in HandStream.model_fields:
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name), err_msg=name)
+
+
+@pytest.mark.parametrize("since", [0.0, 1.7e9])
+def test_what_is_written_is_read_back_exactly(tmp_path: Path, since: float) -> None:
+    made = with_buttons()
+    made = HandStream(**dict(made) | {"stamps": made.stamps + since})
+    same(HandStream.load(made.save(tmp_path / "a.mcap")[0]), made)
+
+
+@pytest.mark.parametrize("changes", [{"head": None}, {"lost": [(0, 0, 144)]}, {"lost": [(1, 0, 30), (0, 100, 144)]}])
+def test_streams_without_head_or_hand_are_read_back(tmp_path: Path, changes: dict[str, Any]) -> None:
+    made = stream(**changes)
+    same(HandStream.load(made.save(tmp_path / "a.mcap")[0]), made)
+
+
+def test_a_recording_is_an_ordinary_one(tmp_path: Path) -> None:
+    found = mcap.load(with_buttons().save(tmp_path / "a.mcap")[0])
+    assert {each.topic: (each.kind, each.count) for each in found.channels} == {
+        "/hands/left": ("geometry_msgs/msg/PoseArray", 20),
+        "/hands/right": ("geometry_msgs/msg/PoseArray", 20),
+        "/hands/input": ("sensor_msgs/msg/Joy", 20),
+        "/head": ("geometry_msgs/msg/PoseStamped", 20),
+    }
+
+
+Sent = tuple[str, float, np.ndarray]
+"""Topic, time [s], poses (K, 7)."""
+
+
+def recorded(path: Path, sent: Sequence[Sent], frame: Callable[[str], str] = lambda topic: "odom") -> Path:
+    """A recording of another program: no metadata, no inputs."""
+    with path.open("wb") as out, Recording(out) as recording:
+        for topic, seconds, rows in sent:
+            time = round(seconds * 1e9)
+            if topic == "/vr/head":
+                recording.send(topic, "geometry_msgs/PoseStamped", time, messages.pose(time, frame(topic), rows[0]))
+            else:
+                made = messages.pose_array(time, frame(topic), rows)
+                recording.send(topic, "geometry_msgs/PoseArray", time, made)
+    return path
+
+
+OTHERS = Topics(left="/vr/l", right="/vr/r", head="/vr/head", inputs="")
+
+
+def rows(made: HandStream, row: int, hand: int) -> np.ndarray:
+    return np.concatenate([made.positions[row, hand], made.rotations[row, hand]], axis=1).astype(np.float64)
+
+
+def test_a_recording_of_another_program_is_read(tmp_path: Path) -> None:
+    """The right hand comes a little later than the left, is lost at times, and the head has half the rate."""
+    made = stream(144)
+    sent: list[Sent] = []
+    for row, at in enumerate(made.stamps):
+        sent.append(("/vr/l", at, rows(made, row, 0)))
+        sent += [("/vr/r", at + 0.003, rows(made, row, 1)[: 0 if 30 <= row < 40 else None])]
+        sent += [("/vr/head", at + 0.001, made.head[row][None])] if row % 2 == 0 else []
+    found = HandStream.load(recorded(tmp_path / "b.mcap", sent), topics=OTHERS)
+    np.testing.assert_allclose(found.stamps, made.stamps)
+    np.testing.assert_array_equal(found.positions[:, 0], made.positions[:, 0])
+    np.testing.assert_array_equal(np.flatnonzero(found.tracking[:, 1] == 0), np.arange(30, 40))
+    np.testing.assert_array_equal(found.head, made.head)
+    assert (found.frame, found.device, found.synthetic) == ("odom", "not recorded", False)
+    np.testing.assert_array_equal(found.clutch, found.tracking > 0)
+    closed, opened = round(0.5 * 72), 72
+    assert found.pinch[closed, 0] > 0.2 + found.pinch[opened, 0]
+
+
+def test_poses_without_rotation_or_number_are_a_lost_hand(tmp_path: Path) -> None:
+    sent = [("/vr/l", number / 72, rows(stream(4), number, 0)) for number in range(4)]
+    sent += [("/vr/r", 0.0, np.zeros((25, 7))), ("/vr/r", 1 / 72, np.full((25, 7), np.nan))]
+    sent += [("/vr/r", number / 72, rows(stream(4), number, 1)) for number in (2, 3)]
+    found = HandStream.load(recorded(tmp_path / "c.mcap", sent), topics=OTHERS)
+    np.testing.assert_array_equal(found.tracking[:, 1], [0, 0, 2, 2])
+
+
+def test_millimetres_are_scaled(tmp_path: Path) -> None:
+    made = stream(3)
+    scaled = [np.hstack([1000 * rows(made, row, 0)[:, :3], rows(made, row, 0)[:, 3:]]) for row in range(3)]
+    sent = [("/vr/l", row / 72, each) for row, each in enumerate(scaled)]
+    found = HandStream.load(recorded(tmp_path / "d.mcap", sent), topics=OTHERS, unit_m=0.001)
+    np.testing.assert_allclose(found.positions[:, 0], made.positions[:, 0], atol=1e-6)
+
+
+def one(count: int = 25, value: float = 0.1) -> np.ndarray:
+    return np.tile([value, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (count, 1))
+
+
+def broken() -> np.ndarray:
+    found = one()
+    found[7, 2] = np.nan
+    return found
+
+
+WRONG: dict[str, tuple[list[Sent], str]] = {
+    "A557": ([("/other", 0.0, one())], "no hand was recorded on `/vr/l` and `/vr/r`"),
+    "A558": ([("/vr/l", 0.0, one()), ("/vr/l", 0.1, broken())], "`/vr/l` holds numbers that are not finite"),
+    "A559": ([("/vr/l", 1.0, one()), ("/vr/l", 0.5, one())], "the clock of `/vr/l` goes back"),
+    "A560": ([("/vr/l", 0.0, one(21))], "has 21 joints instead of 25"),
+}
+
+
+@pytest.mark.parametrize("code", WRONG)
+def test_a_recording_that_does_not_fit_is_refused(tmp_path: Path, code: str) -> None:
+    sent, text = WRONG[code]
+    with pytest.raises(ArtifactError, match=text) as caught:
+        HandStream.load(recorded(tmp_path / "a.mcap", sent), topics=OTHERS)
+    assert caught.value.code == f"DXB-{code}"
+    assert caught.value.facts
+    assert caught.value.hint
+
+
+def test_the_hint_names_what_21_and_26_joints_are(tmp_path: Path) -> None:
+    for count, word in ((21, "MediaPipe"), (26, "OpenXR"), (5, "WebXR")):
+        with pytest.raises(ArtifactError, match=f"{count} joints") as caught:
+            HandStream.load(recorded(tmp_path / "a.mcap", [("/vr/l", 0.0, one(count))]), topics=OTHERS)
+        assert word in caught.value.hint
+
+
+def test_hands_in_two_frames_are_refused(tmp_path: Path) -> None:
+    sent = [("/vr/l", 0.0, one()), ("/vr/r", 0.0, one())]
+    path = recorded(tmp_path / "a.mcap", sent, frame=lambda topic: topic.strip("/").replace("/", "_"))
+    with pytest.raises(ArtifactError, match="in different frames") as caught:
+        HandStream.load(path, topics=OTHERS)
+    assert caught.value.facts == {"`/vr/l`": "vr_l", "`/vr/r`": "vr_r"}
+
+
+def test_damaged_metadata_is_named(tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as out, Recording(out) as recording:
+        recording.metadata(hand_stream.RECORD, {"device": "x", "synthetic": "true", "buttons": "3", "takes": "["})
+        recording.send("/hands/left", "geometry_msgs/PoseArray", 0, messages.pose_array(0, "odom", one()))
+    with pytest.raises(ArtifactError, match="metadata `hand_stream`"):
+        HandStream.load(tmp_path / "a.mcap")
