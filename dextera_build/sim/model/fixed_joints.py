@@ -22,6 +22,11 @@ def alone(robot: RobotModel, kept: Collection[str]) -> Any:
     for joint in list(spec.joints):
         if joint.name in home and joint.name not in kept:
             fix(spec, joint.name, home[joint.name])
+    # MuJoCo does not take a link that is fixed to the world for a parent, and would let it touch its children.
+    apart = {frozenset((pair.bodyname1, pair.bodyname2)) for pair in spec.excludes}
+    links = {frozenset((body.name, child.name)) for body in spec.bodies[1:] for child in body.bodies}
+    for one, other in sorted(sorted(pair) for pair in links - apart):
+        spec.add_exclude(bodyname1=one, bodyname2=other)
     return spec.compile()
 
 

@@ -1,0 +1,134 @@
+"""DexPilot's terms of one hand as weighted residuals, for `geometry.least_squares`.
+
+Vectors from the wrist to the tips and between the tips follow those of the operator (Handa et al., DexPilot, ICRA
+2020); a robust loss and the weights are those that dex-retargeting states (optimizer.py, version 0.5.0). Two terms
+differ from both: a pinch brings the *surfaces* of the fingertips together, not their frames, and parts that are not to
+touch are kept apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from dextera_build.geometry import least_squares
+from dextera_build.geometry.least_squares import Local, Normal
+from dextera_build.sim.retarget.hand_model import CLEAR_M, HandModel, Seen
+from dextera_build.sim.retarget.pinches import Pinch
+
+HUBER_M = 0.03
+"""Length of a residual above which its influence is constant [m]."""
+BETWEEN = 1.0
+"""Weight of a vector between two tips."""
+PINCHED = 200.0
+"""Weight of the gap between two tips that pinch."""
+APART = 400.0
+"""Weight of the depth of parts that are not to touch."""
+STAY, REST = 4e-3, 4e-4
+"""Weights of a radian away from the last posture, and from the open hand."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What one message asks of the hand."""
+
+    tips: np.ndarray
+    """(F, 3) the operator's tips in the frame of the robot's palm [m]."""
+    pinch: Pinch
+    last: np.ndarray
+    """(H,) last posture [rad]."""
+    rest: np.ndarray
+    """(H,) posture of the open hand [rad]."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Residuals at a posture."""
+
+    seen: Seen
+    vectors: np.ndarray
+    """(V, 3) vectors of the robot minus those of the operator [m]."""
+    gaps: np.ndarray
+    """(F - 1,) gaps of fingers to the thumb minus those wanted [m]."""
+    deep: np.ndarray
+    """(K,) missing distance of close parts [m]."""
+    stay: np.ndarray
+    """(H,) posture minus the last one [rad]."""
+    rest: np.ndarray
+    """(H,) posture minus that of the open hand [rad]."""
+
+
+class HandTerms:
+    """The objective of one message; see `least_squares.Objective`.
+
+    Args:
+        hand: The robot's hand.
+        goal: What the message asks.
+    """
+
+    def __init__(self, hand: HandModel, goal: Goal) -> None:
+        self._hand, self._goal = hand, goal
+        count = len(goal.tips)
+        pairs = list(combinations(range(count), 2))
+        self._first = np.array([one for one, _ in pairs])
+        self._second = np.array([other for _, other in pairs])
+        self._wanted = np.concatenate([goal.tips, goal.tips[self._second] - goal.tips[self._first]])
+        pinch = goal.pinch
+        # The vector of a pinching pair gives way to its gap; pairs with the thumb come first.
+        between = np.full(len(pairs), BETWEEN)
+        between[: count - 1] *= np.where(pinch.on, 1.0 - pinch.share, 1.0)
+        self._weights = np.concatenate([np.full(count, float(len(pairs) + count)), between])
+        # A pinch is firm where its gap is small; on the way there the hand follows the vectors.
+        self._gaps = np.where(pinch.on, PINCHED * pinch.share, 0.0)
+        self._thick = hand.radii[1:] + hand.radii[0]
+        thumb, others = hand.bodies[0], hand.bodies[1:][pinch.on]
+        self._meeting = {frozenset((int(thumb), int(other))) for other in others}
+
+    def at(self, estimate: np.ndarray) -> Terms:
+        """Residuals at a posture (H,)."""
+        seen = self._hand.at(estimate)
+        vectors = np.concatenate([seen.tips, seen.tips[self._second] - seen.tips[self._first]]) - self._wanted
+        gaps = np.linalg.norm(seen.centres[1:] - seen.centres[0], axis=1) - self._thick - self._goal.pinch.gap_m
+        free = np.array([0.0 if frozenset(pair) in self._meeting else CLEAR_M for pair in seen.bodies.tolist()])
+        deep = np.minimum(seen.close - free, 0.0) if len(free) else np.zeros(0)
+        return Terms(seen, vectors, gaps, deep, estimate - self._goal.last, estimate - self._goal.rest)
+
+    def value(self, seen: Terms, before: Terms) -> float:
+        """Half the weighted sum of squares, with robust weights of `before`."""
+        squares = np.square(seen.vectors).sum(axis=1)
+        return float(
+            self._robust(before) @ squares
+            + self._gaps @ np.square(seen.gaps)
+            + APART * (seen.deep @ seen.deep)
+            + STAY * (seen.stay @ seen.stay)
+            + REST * (seen.rest @ seen.rest)
+        ) / 2
+
+    def local(self, estimate: np.ndarray, seen: Terms) -> Local:
+        """Normal equations at the posture of the last `at`, without motors that push against their limits."""
+        tips, centres, close = self._hand.moving()
+        vectors = np.concatenate([tips, tips[self._second] - tips[self._first]]).reshape(-1, len(estimate))
+        weights = np.repeat(self._robust(seen), 3)
+        away = seen.seen.centres[1:] - seen.seen.centres[0]
+        away /= np.maximum(np.linalg.norm(away, axis=1), 1e-9)[:, None]
+        gaps = np.einsum("fi,fih->fh", away, centres[1:] - centres[0])
+        rows = np.concatenate([vectors, gaps, close])
+        off = -np.concatenate([seen.vectors.ravel(), seen.gaps, seen.deep])
+        found = least_squares.normal(
+            rows, off, np.concatenate([weights, self._gaps, np.where(seen.deep < 0, APART, 0.0)])
+        )
+        matrix = found.matrix + (STAY + REST) * np.eye(len(estimate))
+        right = found.right - STAY * seen.stay - REST * seen.rest
+        held = ((estimate <= self._hand.lower) & (right < 0)) | ((estimate >= self._hand.upper) & (right > 0))
+        matrix[held] = matrix[:, held] = 0.0
+        matrix[held, held] = 1.0
+        return Local(Normal(matrix, np.where(held, 0.0, right)), np.diag(matrix).copy())
+
+    def moved(self, estimate: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """The posture after a step, within the limits."""
+        return np.asarray(np.clip(estimate + step, self._hand.lower, self._hand.upper))
+
+    def _robust(self, seen: Terms) -> np.ndarray:
+        return self._weights * least_squares.huber(np.linalg.norm(seen.vectors, axis=1), HUBER_M)
