@@ -100,6 +100,10 @@ class HandModel:
             close[row] = contact.frame[number, :3] @ gap
         return self._turn.T @ tips @ self._spread, self._turn.T @ centres @ self._spread, close @ self._spread
 
+    def site(self, finger: int) -> int:
+        """Number in `model` of the site of a fingertip."""
+        return int(self._sites[finger])
+
     def tip(self, posture: np.ndarray, finger: int) -> np.ndarray:
         """Position (3,) [m] of one fingertip in the palm's frame at motor positions (H,) [rad]."""
         self._set(posture)

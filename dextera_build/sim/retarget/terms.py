@@ -24,7 +24,7 @@ BETWEEN = 1.0
 """Weight of a vector between two tips."""
 PINCHED = 200.0
 """Weight of the gap between two tips that pinch."""
-APART = 400.0
+APART = 4000.0
 """Weight of the depth of parts that are not to touch."""
 STAY, REST = 4e-3, 4e-4
 """Weights of a radian away from the last posture, and from the open hand."""
