@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -14,6 +14,10 @@ from dextera_build.sim.model.fixed_joints import alone
 
 CLEAR_M = 0.002
 """Distance below which two parts of the hand are reported as close [m]."""
+
+
+FIRST = 2
+"""Group of the first finger in `HandModel._groups`."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,10 @@ class HandModel:
         self.bodies = np.array([self.model.site_bodyid[site] for site in self._sites])
         """(F,) bodies of the fingertips."""
         self._inside, self.radii = self._spheres()
-        self._only_the_hand(self.model.site(robot.frames[own.palm]).id)
+        group = self._groups(int(self.model.site(robot.frames[own.palm]).bodyid[0]), robot.links)
+        self._only_the_hand(group)
+        self.first = np.flatnonzero(group == FIRST)
+        """Bodies of the first finger."""
         self._set(self.home)
         palm = self.data.site(robot.frames[own.palm])
         self.palm = transforms.rigid(palm.xmat.reshape(3, 3).copy(), palm.xpos.copy())
@@ -111,12 +118,11 @@ class HandModel:
 
     def chain(self, finger: int) -> list[int]:
         """Motors that move a fingertip, from the palm outwards, as places in `joints`."""
-        body, found = int(self.bodies[finger]), []
-        while body:
+        found: list[int] = []
+        for body in self._above(int(self.bodies[finger])):
             first = self.model.body_dofadr[body]
             for dof in reversed(range(first, first + self.model.body_dofnum[body])):
                 found += [motor for motor in np.flatnonzero(self._spread[dof]).tolist() if motor not in found]
-            body = int(self.model.body_parentid[body])
         return found[::-1]
 
     def root(self, finger: int) -> np.ndarray:
@@ -195,21 +201,34 @@ class HandModel:
             radii.append(radius)
         return np.array(centres), np.array(radii)
 
-    def _only_the_hand(self, palm: int) -> None:
+    def _only_the_hand(self, group: np.ndarray) -> None:
         """Let fingers collide with one another and with the palm alone, and report what is closer than `CLEAR_M`."""
-        model = self.model
-        group = np.zeros(model.nbody, int)  # 1: the palm, 2 and more: a finger; a link of several fingers is the palm's
-        group[int(model.site_bodyid[palm])] = 1
-        for finger, body in enumerate(self.bodies.tolist()):
-            while model.body_dofnum[body] or (body and not group[body]):
-                group[body] = finger + 2 if not group[body] else 1
-                body = int(model.body_parentid[body])
-        for body in range(1, model.nbody):
-            group[body] = group[body] or group[model.body_parentid[body]]
-        of_geom = group[model.geom_bodyid]
+        model, of_geom = self.model, group[self.model.geom_bodyid]
         solid = (of_geom > 0) & ((model.geom_contype > 0) | (model.geom_conaffinity > 0))
         # A geometry collides with all groups but its own.
         model.geom_contype[:] = np.where(solid, 1 << of_geom, 0)
         model.geom_conaffinity[:] = np.where(solid, ~(1 << of_geom), 0)
         model.geom_margin[:] = CLEAR_M / 2
         model.geom_gap[:] = 0.0
+
+    def _groups(self, palm: int, links: Mapping[str, str]) -> np.ndarray:
+        """Group of each body: 0 outside of the hand, 1 the palm and links of several fingers, from 2 on a finger."""
+        model = self.model
+        while links.get(model.body(model.body_parentid[palm]).name) == "hand":
+            palm = int(model.body_parentid[palm])
+        above = [self._above(int(body)) for body in self.bodies]
+        group = np.zeros(model.nbody, int)
+        for body in range(1, model.nbody):
+            way = self._above(body)
+            moving = next((each for each in way if model.body_dofnum[each]), -1)
+            fingers = [finger for finger, chain in enumerate(above) if moving in chain]
+            group[body] = fingers[0] + FIRST if len(fingers) == 1 else int(palm in way)
+        return group
+
+    def _above(self, body: int) -> list[int]:
+        """A body and those that carry it, outwards first."""
+        found = []
+        while body:
+            found.append(body)
+            body = int(self.model.body_parentid[body])
+        return found

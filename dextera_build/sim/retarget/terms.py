@@ -20,13 +20,17 @@ from dextera_build.sim.retarget.pinches import Pinch
 
 HUBER_M = 0.03
 """Length of a residual above which its influence is constant [m]."""
-BETWEEN = 1.0
-"""Weight of a vector between two tips."""
+BETWEEN = 0.3
+"""Weight of a vector between two tips that do not pinch; dex-retargeting's is 1, with which tips of a hand of other
+proportions miss their places by more."""
 PINCHED = 200.0
 """Weight of the gap between two tips that pinch."""
-APART = 4000.0
+APART = 400.0
 """Weight of the depth of parts that are not to touch."""
-STAY, REST = 4e-3, 4e-4
+YIELDING_M = (2.5e-4, 7.5e-4)
+"""Depth above which its influence is constant, of the thumb and of other fingers [m]. A finger held far from its place
+gives way: a thumb caught behind another finger would never come back."""
+STAY, REST = 1e-2, 4e-4
 """Weights of a radian away from the last posture, and from the open hand."""
 
 
@@ -98,10 +102,12 @@ class HandTerms:
     def value(self, seen: Terms, before: Terms) -> float:
         """Half the weighted sum of squares, with robust weights of `before`."""
         squares = np.square(seen.vectors).sum(axis=1)
+        # Parts come and go, so that they have no weights of `before`.
+        inside = np.minimum(-seen.deep, self._yielding(seen))
         return float(
             self._robust(before) @ squares
             + self._gaps @ np.square(seen.gaps)
-            + APART * (seen.deep @ seen.deep)
+            + APART * (inside @ (-2 * seen.deep - inside))
             + STAY * (seen.stay @ seen.stay)
             + REST * (seen.rest @ seen.rest)
         ) / 2
@@ -117,7 +123,7 @@ class HandTerms:
         rows = np.concatenate([vectors, gaps, close])
         off = -np.concatenate([seen.vectors.ravel(), seen.gaps, seen.deep])
         found = least_squares.normal(
-            rows, off, np.concatenate([weights, self._gaps, np.where(seen.deep < 0, APART, 0.0)])
+            rows, off, np.concatenate([weights, self._gaps, APART * least_squares.huber(-seen.deep, self._yielding(seen))])
         )
         matrix = found.matrix + (STAY + REST) * np.eye(len(estimate))
         right = found.right - STAY * seen.stay - REST * seen.rest
@@ -129,6 +135,9 @@ class HandTerms:
     def moved(self, estimate: np.ndarray, step: np.ndarray) -> np.ndarray:
         """The posture after a step, within the limits."""
         return np.asarray(np.clip(estimate + step, self._hand.lower, self._hand.upper))
+
+    def _yielding(self, seen: Terms) -> np.ndarray:
+        return np.where(np.isin(seen.seen.bodies, self._hand.first).any(axis=1), *YIELDING_M)
 
     def _robust(self, seen: Terms) -> np.ndarray:
         return self._weights * least_squares.huber(np.linalg.norm(seen.vectors, axis=1), HUBER_M)
