@@ -34,8 +34,6 @@ RECORD = "hand_stream"
 """Name of the metadata record."""
 NEAR_S = 0.1
 """Largest time from a hand's message to the head's pose and the inputs that belong to it [s]."""
-_OPEN_M, _CLOSED_M = 0.06, 0.015
-"""Distance of the tips of an open and of a closed pinch, where nobody recorded the pinch [m]."""
 
 
 class Topics(NamedTuple):
@@ -223,6 +221,8 @@ def _numbers(topic: str, message: Any, time: int, wanted: int) -> np.ndarray:
             facts={"time": f"{time / reading.SECOND:.3f} s", "order": ", ".join((*hands.JOINTS[:6], "..."))},
             hint=known.get(len(poses), "send the joints of WebXR's hands in their order"),
         )
+    if isinstance(poses, np.ndarray):
+        return _unit(poses[:, [0, 1, 2, 6, 3, 4, 5]])
     placed = [(each.position, each.orientation) for each in poses]
     return _unit(np.array([[p.x, p.y, p.z, q.w, q.x, q.y, q.z] for p, q in placed], np.float64))
 
@@ -255,9 +255,8 @@ def _nearest(times: np.ndarray, known: np.ndarray, most: int) -> tuple[np.ndarra
 def _inputs(stream: Stream, topic: str, times: np.ndarray, poses: np.ndarray) -> dict[str, Any]:
     """Pinch, clutch, tracking and further inputs at times (N,) [ns] of hands (N, 2, 25, 7)."""
     there = np.isfinite(poses).all(axis=(2, 3))
-    tips = np.nan_to_num(hands.pinch_distance(poses[..., :3]), nan=_OPEN_M)
     found: dict[str, Any] = {
-        "pinch": np.clip((_OPEN_M - tips) / (_OPEN_M - _CLOSED_M), 0, 1).astype(np.float32),
+        "pinch": np.nan_to_num(hands.pinch(poses[..., :3]), nan=0.0).astype(np.float32),
         "clutch": there.copy(),
         "tracking": np.where(there, TRACKED, LOST).astype(np.uint8),
     }

@@ -36,6 +36,8 @@ PARENTS = (-1, *(WRIST if place == 0 else chain[place - 1] for chain in CHAINS f
 """Parent of each joint; -1 of the wrist."""
 MEDIAPIPE = tuple(joint for joint in range(len(JOINTS)) if joint not in {chain[0] for chain in CHAINS[1:]})
 """Joint of each of MediaPipe's 21 hand landmarks: all but the metacarpals of the four fingers."""
+PINCH_M = (0.015, 0.06)
+"""Distance of the tips of a closed and of an open pinch, for sources without their own measure [m]."""
 
 
 def bone_lengths(points: np.ndarray) -> np.ndarray:
@@ -62,6 +64,11 @@ def pinch_distance(points: np.ndarray, finger: str = "index") -> np.ndarray:
     """Distance (...,) [m] between the tips of the thumb and of another finger, of points (..., 25, 3)."""
     tip = TIPS[FINGERS.index(finger)]
     return np.asarray(np.linalg.norm(points[..., tip, :] - points[..., TIPS[0], :], axis=-1))
+
+
+def pinch(points: np.ndarray) -> np.ndarray:
+    """Pinch (...,) of thumb and index finger from the distance of their tips, 0 (open) to 1 (closed)."""
+    return np.clip((PINCH_M[1] - pinch_distance(points)) / (PINCH_M[1] - PINCH_M[0]), 0, 1)
 
 
 def palm_frame(points: np.ndarray, side: str) -> np.ndarray:

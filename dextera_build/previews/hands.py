@@ -36,7 +36,7 @@ def frames(stream: HandStream, rate_hz: float = 24.0, most_s: float = np.inf) ->
     drawing = _Drawing(stream)
     start = float(stream.stamps[0])
     end = min(float(stream.stamps[-1]), start + most_s)
-    for time in np.arange(start, end + 0.5 / rate_hz, 1 / rate_hz):
+    for time in np.arange(start, end + 1e-6, 1 / rate_hz):
         yield drawing.at(int(np.searchsorted(stream.stamps, time, side="right")) - 1)
 
 

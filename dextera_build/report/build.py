@@ -60,7 +60,7 @@ def build(
 def page(
     run: Run, pictures: Pictures, licences: Mapping[str, str], films: Films | None = None, held: Html | None = None
 ) -> str:
-    """The whole document; without `films`, tasks show a picture; `held` is the table of bounds."""
+    """The whole document; without `films`, there are pictures instead; `held` is the table of bounds."""
     image, shown = result.hero(run, pictures)
     strip = result.strip(run, pictures, shown)
     cards = objects.cards(run, pictures)
@@ -73,7 +73,7 @@ def page(
         ("numbers", "Numbers", [*numbers]),
         ("graph", "Graph", [flow.graph(run)]),
         ("timeline", "Timeline", [timeline.timeline(run)]),
-        ("nodes", "Nodes", [details(run, pictures)]),
+        ("nodes", "Nodes", [details(run, pictures, films)]),
         ("provenance", "Provenance", [tag("div", {"class": "cards"}, provenance.provenance(run, licences))]),
         ("reproduce", "Make it again", [provenance.reproduce(run)]),
     ]

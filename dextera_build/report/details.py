@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from dextera_build.report.films import Films
 from dextera_build.report.html import Child, Html, tag
 from dextera_build.report.pictures import Pictures
 from dextera_build.report.pieces import failure, link, metrics, state, took
@@ -20,15 +21,15 @@ _FULL = 1200  # nodes with full details; about 1.5 kB each
 _LISTED = 4000  # nodes with a line at all; about 0.7 kB each
 
 
-def details(run: Run, pictures: Pictures) -> Html:
-    """The list of all nodes, with a filter field if scripts are enabled."""
+def details(run: Run, pictures: Pictures, films: Films | None = None) -> Html:
+    """The list of all nodes, with a filter field if scripts are enabled; without `films`, no film is shown."""
     producers: dict[str | None, Node] = {node.output: node for node in run.nodes if node.output}
     field = tag(
         "input",
         {"type": "search", "id": "filter", "placeholder": "address, rule, state …", "autocomplete": "off"},
     )
     bar = tag("p", {"class": "filter", "hidden": True}, tag("label", {"for": "filter"}, "Show only "), field)
-    known = _Known(run.by_address(), producers, sources_of(run))
+    known = _Known(run.by_address(), producers, sources_of(run), films)
     listed = _first(run.nodes, _LISTED)
     full = {node.index for node in _first(listed, _FULL)}
     left = len(run.nodes) - len(listed)
@@ -44,6 +45,7 @@ class _Known:
     by_address: Mapping[str, Node]
     producers: Mapping[str | None, Node]
     sources: Mapping[str, Sources]
+    films: Films | None
 
 
 def _first(nodes: list[Node], most: int) -> list[Node]:
@@ -112,12 +114,21 @@ def _body(node: Node, known: _Known, pictures: Pictures) -> Html:
         failure(node.error) if node.error else None,
         tag("dl", {"class": "facts"}, rows),
         tag("div", {"class": "pictures"}, previews) if any(previews) else None,
+        _film(node, known.films),
         metrics(node.metrics),
         _rows("options", [(name, _json(value)) for name, value in _mapping(node, "options").items()]),
         _rows("inputs", [(slot, _input(digest, known.producers)) for slot, digest in node.inputs.items()]),
         _code(known.sources.get(code_digest(node))),
         _log(node.log),
     )
+
+
+def _film(node: Node, films: Films | None) -> Html | None:
+    """The film of a node whose result is a small MP4 file."""
+    source = films.mp4(node.fields) if films is not None and node.artifact == "Video" else ""
+    about = f"film of {node.address}"
+    shown = {"src": source, "controls": True, "loop": True, "muted": True, "aria-label": about}
+    return tag("figure", {"class": "film"}, tag("video", shown)) if source else None
 
 
 def _rows(title: str, rows: list[tuple[str, Child]]) -> Html | None:

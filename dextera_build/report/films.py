@@ -1,4 +1,4 @@
-"""Films of episodes as H.264 in a data URI; the encoder is an extra, and without it the report shows pictures."""
+"""Films in data URIs: those of episodes as H.264, whose encoder is an extra, and results that are MP4 files already."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build.errors import DxbError
-from dextera_build.report.sources import Store, blob
+from dextera_build.report.sources import Store, blob, header
 
 QP = 26
 """Quantisation of films in reports."""
 MOST_STEPS = 1200
 """Longer films are cut: a minute at 20 Hz."""
+MOST_BYTES = 1_500_000
+"""Larger MP4 files are left out."""
 
 
 class Films:
@@ -42,6 +44,14 @@ class Films:
             self._made[digest, rate_hz] = "" if packed is None else _encoded(packed, *size, rate_hz)
         return (index, self._made[digest, rate_hz]) if self._made[digest, rate_hz] else ("", "")
 
+    def mp4(self, fields: dict[str, Any]) -> str:
+        """Data URI of a `Video`, by its header; empty for other files than MP4, and for large ones."""
+        file = fields.get("file")
+        _, stored = header(self._store, file.get("$ref") if isinstance(file, dict) else None)
+        digest, size = (stored.get("data") or {}).get("$bytes", ("", 0))
+        data = blob(self._store, digest) if 0 < size <= MOST_BYTES else None
+        return _uri(data) if data is not None and data[4:8] == b"ftyp" else ""
+
 
 def _encoded(packed: bytes, width: int, height: int, rate_hz: float) -> str:
     from itertools import islice
@@ -58,5 +68,8 @@ def _encoded(packed: bytes, width: int, height: int, rate_hz: float) -> str:
             encoder.write(path, (frame[: even[1], : even[0]] for frame in islice(film.each("0"), MOST_STEPS)))
         except (DxbError, ImportError):  # damaged, or PyAV is not installed
             return ""
-        data = path.read_bytes()
+        return _uri(path.read_bytes())
+
+
+def _uri(data: bytes) -> str:
     return f"data:video/mp4;base64,{base64.b64encode(data).decode()}"

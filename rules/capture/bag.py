@@ -12,13 +12,16 @@ from typing import Any
 from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.robots.stream import Stream
 from dextera_build.errors import RuleError, listing
-from dextera_build.formats import mcap
+from dextera_build.formats import hand_stream, mcap
 from dextera_build.formats.mcap import JOINTS, LENSES, PICTURES, POSES, TRANSFORMS
 from dextera_build.rule import Context, Options, rule
 
 FORMS = {b"#ROSBAG V2.0": "bag.bag", b"SQLite format 3\x00": "bag.db3", b"\x89MCAP0\r\n": "bag.mcap"}
 """First bytes of a file -> file name with which the reader detects its format."""
-KINDS = (*JOINTS, *POSES, *PICTURES, *LENSES, *TRANSFORMS, "std_msgs/msg/Float32", "std_msgs/msg/Float64")
+KINDS = (
+    *(*JOINTS, *POSES, *PICTURES, *LENSES, *TRANSFORMS),
+    *(*hand_stream.HANDS, *hand_stream.INPUTS, "std_msgs/msg/Float32", "std_msgs/msg/Float64"),
+)
 MOST_BYTES = 4 << 30
 """Memory limit of the conversion [bytes]; a chunk compressed with bzip2 can be a millionth of its size."""
 DISTRIBUTION = "ros2_humble"
@@ -86,13 +89,13 @@ def _chosen(ctx: Context, source: Path, topics: tuple[str, ...]) -> list[str]:
     for topic in topics:
         if topic not in usable:
             ctx.fail(
-                f"the bag has no joint states, poses, pictures or cameras on topic `{topic}`",
+                f"the bag has no joint states, poses, hands, pictures or cameras on topic `{topic}`",
                 topics=here,
                 hint="name another topic, or leave it out of option `topics`",
             )
     if not usable:
         ctx.fail(
-            "the bag has no joint states, poses or pictures",
+            "the bag has no joint states, poses, hands or pictures",
             topics=here,
             hint="record `/joint_states` and the camera's topics",
         )

@@ -154,3 +154,34 @@ def test_damaged_metadata_is_named(tmp_path: Path) -> None:
         recording.send("/hands/left", "geometry_msgs/PoseArray", 0, messages.pose_array(0, "odom", one()))
     with pytest.raises(ArtifactError, match="metadata `hand_stream`"):
         HandStream.load(tmp_path / "a.mcap")
+
+
+def test_arrays_of_poses_are_decoded_as_the_general_decoder_does() -> None:
+    from mcap.records import Schema
+    from mcap_ros2.decoder import DecoderFactory
+
+    from dextera_build.formats.ros import pose_arrays, types
+
+    kind = Schema(id=1, data=types.schema("geometry_msgs/PoseArray"), encoding="ros2msg", name=pose_arrays.KIND)
+    general = DecoderFactory().decoder_for("cdr", kind)
+    ours = pose_arrays.Decoders().decoder_for("cdr", kind)
+    for frame in ("", "a", "odom", "local-floor"):
+        for count in (0, 1, 25):
+            data = messages.pose_array(1_234_567_890, frame, np.random.default_rng(0).normal(size=(count, 7)))
+            first, second = general(data), ours(data)
+            assert (second.header.frame_id, second.header.stamp.nanosec) == (frame, first.header.stamp.nanosec)
+            listed = [[*vars_of(each.position), *vars_of(each.orientation)] for each in first.poses]
+            np.testing.assert_array_equal(second.poses, np.array(listed).reshape(-1, 7))
+    assert pose_arrays.Decoders().decoder_for("ros1", kind) is None
+
+
+def vars_of(value: Any) -> list[float]:
+    return [getattr(value, name) for name in ("x", "y", "z", "w") if hasattr(value, name)]
+
+
+def test_a_message_that_is_cut_short_is_named(tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as out, Recording(out) as recording:
+        data = messages.pose_array(0, "odom", one())
+        recording.send("/hands/left", "geometry_msgs/PoseArray", 0, data[: len(data) // 2])
+    with pytest.raises(ArtifactError, match="`left` cannot be read as MCAP"):
+        HandStream.load(tmp_path / "a.mcap")

@@ -39,7 +39,7 @@ from dextera_build.formats import video as video_files
 from dextera_build.gaussians.arrays import Gaussians
 from dextera_build.gaussians.spherical_harmonics import flat
 from dextera_build.geometry import cameras
-from tests import factories, object_views, tabletops, twins
+from tests import factories, hand_streams, object_views, tabletops, twins
 
 SHEET = Path(__file__).parents[2] / "dextera_build" / "docs" / "images" / "previews.jpg"
 _TILE, _LABEL, _COLUMNS = (312, 200), 24, 5
@@ -268,6 +268,7 @@ EXAMPLES: dict[str, Callable[[], Artifact]] = {
     "Trajectory": trajectory,
     "Track": track,
     "Stream": stream,
+    "HandStream": hand_streams.stream,
     "Video": video,
     "MaskTrack": masks,
     "RgbdVideo": rgbd,

@@ -72,6 +72,7 @@ def test_it_resolves(address, profile, tmp_path):
         "twin/bin_scene",
         "task/lift_blue_mug",
         "task/ob/lift_toy_bus:elsewhere",
+        "reference/operator_hands",
     ],
 )
 def test_it_builds_with_stubs(address, tmp_path):

@@ -6,6 +6,7 @@ import base64
 import io
 import json
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ import pytest
 
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.tasks.episode import Film
+from dextera_build.formats import video
+from dextera_build.report.details import details
 from dextera_build.report.films import Films
 from dextera_build.report.pictures import LADDER, Pictures
 from dextera_build.report.run import Node, Run
@@ -97,3 +100,16 @@ def test_without_films_and_pictures_the_facts_stay(run: tuple[Run, FakeStore]) -
 def test_a_run_without_tasks_has_no_gallery() -> None:
     nothing: Any = FakeStore()
     assert cards(Run(), Pictures(nothing, LADDER[0]), None) == []
+
+
+def test_a_result_that_is_a_small_mp4_is_shown_with_its_node(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    frames = np.random.default_rng(0).integers(0, 255, (6, 48, 64, 3), np.uint8)
+    made = video.write(tmp_path / "a.mp4", frames, video.encoder(64, 48, 12.0))
+    store = FakeStore()
+    run = Run(nodes=[node(store, "film", "capture.hands_film", made)])
+    shown = details(run, Pictures(store, LADDER[0]), Films(store))
+    (data,) = re.findall(r'<video src="data:video/mp4;base64,([^"]*)"', shown)
+    assert base64.b64decode(data) == made.file.data
+    assert "<video" not in details(run, Pictures(store, LADDER[0]))
+    monkeypatch.setattr("dextera_build.report.films.MOST_BYTES", len(made.file.data) - 1)
+    assert "<video" not in details(run, Pictures(store, LADDER[0]), Films(store))

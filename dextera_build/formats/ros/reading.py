@@ -11,7 +11,7 @@ from typing import IO, Any
 
 from dextera_build.artifacts.core.file_errors import unreadable
 from dextera_build.errors import ArtifactError
-from dextera_build.formats.ros import chunks, foxglove
+from dextera_build.formats.ros import chunks, foxglove, pose_arrays
 
 SECOND = 1_000_000_000
 
@@ -101,7 +101,8 @@ def messages(
     from mcap.reader import SeekingReader
     from mcap_ros2.decoder import DecoderFactory
 
-    reader = SeekingReader(stream, decoder_factories=[DecoderFactory(), foxglove.Decoders()])  # type: ignore[list-item]
+    factories = [pose_arrays.Decoders(), DecoderFactory(), foxglove.Decoders()]
+    reader = SeekingReader(stream, decoder_factories=factories)  # type: ignore[arg-type]
     with damage(name):
         for schema, channel, message, decoded in reader.iter_decoded_messages(
             topics=list(topics), starting_at=start, ending_before=end, log_time_order=not as_written

@@ -109,7 +109,7 @@ def _check_sides(ctx: Context, stream: HandStream, *, mirrored: bool) -> None:
     if crossed or (crossed is None and mirrored):
         ctx.fail(
             "left and right hand are swapped" if len(wrong) > 1 else _other(wrong[0]),
-            hint="set `swap: true`",
+            hint="set `swap: true`, or `mirror` to the axis across the picture if a webcam's picture was mirrored",
             **facts,
         )
     ctx.fail(

@@ -12,8 +12,9 @@ from dextera_build.artifacts.base import File, Folder
 from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.spatial.joints import Joints
 from dextera_build.errors import RuleError
-from dextera_build.formats import mcap
+from dextera_build.formats import hand_stream, mcap
 from dextera_build.testing import RuleRunner
+from tests.hand_streams import with_buttons
 from tests.rules.capture.bags import Bag, files
 
 pytest.importorskip("rosbags", reason="needs rosbags (extra `recordings`)")
@@ -89,7 +90,7 @@ def test_a_bag_that_is_cut_short_is_refused(form, tmp_path):
     whole = given(form, tmp_path).data
     assert refused(tmp_path, File(data=whole[: len(whole) // 2])).message in (
         "the bag cannot be read",
-        "the bag has no joint states, poses or pictures",
+        "the bag has no joint states, poses, hands or pictures",
     )
 
 
@@ -124,3 +125,13 @@ def test_what_is_no_bag_is_refused(tmp_path):
     assert "`metadata.yaml` is missing" in error.message
     only = Bag(tmp_path / "b.bag").text("/rosout", "hello", START).write()
     assert refused(tmp_path, File.of(only)).facts["topics"] == "/rosout (std_msgs/msg/String)"
+
+
+def test_hands_in_a_bag_are_kept(tmp_path):
+    made = with_buttons()
+    given = File.of(made.save(tmp_path / "hands.mcap")[0])
+    found = RuleRunner(tmp_path / "run").run("capture.bag", file=given)
+    assert [each.topic for each in found.channels] == ["/hands/input", "/hands/left", "/hands/right", "/head"]
+    read = hand_stream.of(found)
+    for name in ("stamps", "positions", "rotations", "head", "pinch", "clutch", "tracking", "buttons"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(made, name))

@@ -1,0 +1,137 @@
+"""reference.hands: hands that an operator would have moved, made by a program from the motion of a robot."""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import Any, Literal, NamedTuple, Protocol
+
+import numpy as np
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
+
+from dextera_build.artifacts.robots.hand_stream import HandStream, Take
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
+from dextera_build.errors import listing
+from dextera_build.geometry import hands as human
+from dextera_build.geometry.human_hand import Hand, open_angles
+from dextera_build.previews.hands import strip
+from dextera_build.rule import Context, rule
+
+from . import fitted, placed, smooth, tracked
+from .smooth import Motion
+from .tracked import TrackedOptions
+
+DEVICE = "reference.hands: a program, no person and no headset"
+
+
+class HandsOptions(TrackedOptions):
+    """Options of reference.hands."""
+
+    takes: PositiveInt = 1
+    """Number of successful episodes, in order, that become takes of one recording."""
+    side: Literal["left", "right"] = "right"
+    """The hand that moves a robot with one limb."""
+    hand_length_m: PositiveFloat = Field(0.19, ge=0.1, le=0.3)
+    """From the wrist's crease to the tip of the middle finger [m]; an assumption."""
+    hand_breadth_m: PositiveFloat = Field(0.085, ge=0.05, le=0.15)
+    """Across the knuckles [m]; an assumption."""
+    open_s: NonNegativeFloat = 2.0
+    """Time for which the hand is held open before a take, from which its size is measured [s]."""
+    way_s: PositiveFloat = 1.0
+    """Time from the end of a take to the beginning of the next, and from the open hand to the first grasp [s]."""
+
+
+class HandsBackend(Protocol):
+    """Interface of a backend of reference.hands."""
+
+    def tips(self, ctx: Context, robot: RobotModel, limb: str, positions: np.ndarray, options: Any) -> np.ndarray:
+        """Tips (T, F, 3) of a limb's fingers [m] in the frame of its palm at joint positions (T, A)."""
+        ...
+
+
+class _Driven(NamedTuple):
+    """A hand that moves a limb."""
+
+    limb: str
+    side: int
+    grip: placed.Grip
+    scale: float
+
+
+# The angles of the fingers are the result of solving, which is rounded differently on another processor.
+@rule(version=1, packages=("numpy",))
+def hands(
+    ctx: Context[HandsBackend], robot: RobotModel, episodes: Episodes, *, options: HandsOptions | None = None
+) -> HandStream:
+    """Return the hands of an operator who moves the robot as in the episodes, in its base frame. No person made them.
+
+    A human hand of stated proportions follows each palm that was commanded, and its fingers bring their tips to those
+    of the robot's fingers, scaled to the hand. Tremor, tracking noise, losses and an uneven clock are added. Before
+    every take the hand is open and drives nothing. A take's seed is that of the episode's start.
+
+    The backend offers `tips(robot, limb, positions) -> (T, F, 3)`.
+    """
+    options = options or HandsOptions()
+    shown = list(islice(episodes.in_order(), options.takes))
+    if not shown:
+        ctx.fail("no episode succeeded, so there is no motion to follow", failures=len(episodes.failures))
+    _check_robot(ctx, robot, episodes)
+    hand = Hand(options.hand_length_m, options.hand_breadth_m)
+    driven = [_driven(ctx, robot, limb, hand, options.side) for limb in robot.limb_names]
+    parts: dict[int, list[Motion]] = {each.side: [] for each in driven}
+    takes: list[Take] = []
+    off: list[np.ndarray] = []
+    for _, episode in shown:
+        for each in driven:
+            row = robot.limb_names.index(each.limb)
+            followed, far = _followed(ctx, robot, each, hand, episode, row)
+            off.append(far)
+            moved = smooth.resampled(followed, episodes.rate_hz, options.rate_hz)
+            parts[each.side] += [*_before(parts[each.side], moved, options), moved]
+        end = sum(len(part.wrist) for part in parts[driven[0].side])
+        takes.append(Take(first=end - len(moved.wrist), last=end, seed=episode.start.seed))
+    motions = {side: smooth.joined(found) for side, found in parts.items()}
+    made = tracked.stream(hand, motions, tuple(takes), options, DEVICE)
+    ctx.metric("tip_error", 1000 * float(np.concatenate(off).mean()), "mm")
+    ctx.preview(strip(made), "hands from behind and from the right; no person made them")
+    ctx.say(", ".join(made.facts()))
+    return made
+
+
+def _check_robot(ctx: Context, robot: RobotModel, episodes: Episodes) -> None:
+    names = tuple(joint.name for joint in robot.joints)
+    if episodes.joint_names != names or episodes.limb_names != robot.limb_names:
+        ctx.fail(
+            "the episodes are of another robot",
+            episodes=listing(episodes.joint_names),
+            robot=listing(names),
+            hint="give the robot of the task",
+        )
+
+
+def _driven(ctx: Context[HandsBackend], robot: RobotModel, limb: str, hand: Hand, side: str) -> _Driven:
+    """The human hand of a limb, and its size relative to the robot's."""
+    grip = placed.grip_of(ctx, robot, limb)
+    rest = np.array([[grip.open.get(joint.name, joint.home) for joint in robot.joints]])
+    tips = ctx.backend.tips(ctx, robot, limb, rest, ctx.backend_options)[0]
+    scale = placed.scale(hand, grip, tips)
+    return _Driven(limb, human.SIDES.index(limb if limb in human.SIDES else side), grip, scale)
+
+
+def _followed(
+    ctx: Context[HandsBackend], robot: RobotModel, each: _Driven, hand: Hand, episode: Episode, row: int
+) -> tuple[Motion, np.ndarray]:
+    """The hand that follows a limb's commands in an episode, and how far (K,) its tips are from their places [m]."""
+    tips = ctx.backend.tips(ctx, robot, each.limb, episode.action.astype(np.float64), ctx.backend_options)
+    targets = placed.targets(hand, each.grip, tips, each.scale, side=each.side)
+    angles = fitted.angles(hand, targets, each.grip.fingers)
+    off = np.linalg.norm(fitted.tips(hand, angles)[:, list(each.grip.fingers)] - targets, axis=-1)
+    return Motion(placed.wrists(hand, each.grip, episode.hand[:, row].astype(np.float64)), angles), off.ravel()
+
+
+def _before(parts: list[Motion], moved: Motion, options: HandsOptions) -> list[Motion]:
+    """From the last take to the open hand at the next one's start, and from there to its first posture."""
+    way, still = round(options.way_s * options.rate_hz), round(options.open_s * options.rate_hz)
+    ready = Motion(moved.wrist[:1], open_angles()[None])
+    before = [smooth.way(parts[-1], ready, way)] if parts else []
+    return [*before, smooth.held(ready, 0, max(1, still)), smooth.way(ready, moved, way)]
