@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from dextera_build.geometry import hands, least_squares
@@ -52,8 +50,9 @@ class Fingers:
         rest = self.matched.straight
         last, schedule = (rest, FIRST) if self._posture is None else (self._posture, NEXT)
         terms = HandTerms(self.matched.hand, Goal(self.wanted(points), pinch, last, rest))
-        self._posture, _ = least_squares.levenberg_marquardt(last, terms.at(last), terms, schedule)
-        return self._filter.next(self._posture, seconds)
+        found, _ = least_squares.levenberg_marquardt(last, terms.at(last), terms, schedule)
+        self._posture = found
+        return self._filter.next(found, seconds)
 
     def wanted(self, points: np.ndarray) -> np.ndarray:
         """The operator's tips (F, 3) in the frame of the robot's palm, at its scale, from its first joints [m]."""
@@ -62,6 +61,6 @@ class Fingers:
         return np.asarray(own.anchor + self.scale * reach @ own.turn.T)
 
 
-def measured(points: np.ndarray, valid: Sequence[bool] | np.ndarray) -> np.ndarray:
+def measured(points: np.ndarray, valid: np.ndarray) -> np.ndarray:
     """Lengths (5,) [m] of an operator's fingers: medians over the messages `valid` (N,) of points (N, 25, 3)."""
-    return np.asarray(np.median(hands.finger_lengths(points[np.asarray(valid)]), axis=0))
+    return np.asarray(np.median(hands.finger_lengths(points[valid]), axis=0))

@@ -104,13 +104,16 @@ class HandTerms:
         squares = np.square(seen.vectors).sum(axis=1)
         # Parts come and go, so that they have no weights of `before`.
         inside = np.minimum(-seen.deep, self._yielding(seen))
-        return float(
-            self._robust(before) @ squares
-            + self._gaps @ np.square(seen.gaps)
-            + APART * (inside @ (-2 * seen.deep - inside))
-            + STAY * (seen.stay @ seen.stay)
-            + REST * (seen.rest @ seen.rest)
-        ) / 2
+        return (
+            float(
+                self._robust(before) @ squares
+                + self._gaps @ np.square(seen.gaps)
+                + APART * (inside @ (-2 * seen.deep - inside))
+                + STAY * (seen.stay @ seen.stay)
+                + REST * (seen.rest @ seen.rest)
+            )
+            / 2
+        )
 
     def local(self, estimate: np.ndarray, seen: Terms) -> Local:
         """Normal equations at the posture of the last `at`, without motors that push against their limits."""
@@ -123,7 +126,9 @@ class HandTerms:
         rows = np.concatenate([vectors, gaps, close])
         off = -np.concatenate([seen.vectors.ravel(), seen.gaps, seen.deep])
         found = least_squares.normal(
-            rows, off, np.concatenate([weights, self._gaps, APART * least_squares.huber(-seen.deep, self._yielding(seen))])
+            rows,
+            off,
+            np.concatenate([weights, self._gaps, APART * least_squares.huber(-seen.deep, self._yielding(seen))]),
         )
         matrix = found.matrix + (STAY + REST) * np.eye(len(estimate))
         right = found.right - STAY * seen.stay - REST * seen.rest

@@ -54,7 +54,7 @@ def main() -> None:
 def rows(robot: RobotModel, limb: str, rate_hz: float, peer: Path | None) -> list[str]:
     """Rows of one hand."""
     own = matched(robot, limb)
-    stamps, clean, names = motion(rate_hz, own.side)
+    _, clean, names = motion(rate_hz, own.side)
     _, noisy, _ = motion(rate_hz, own.side, NOISE_M)
     made = [
         ("dxb", ours(own, noisy, rate_hz, Retargeting())),
