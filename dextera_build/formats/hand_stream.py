@@ -1,10 +1,11 @@
 """`HandStream` as MCAP of ROS 2 messages, one file for what dxb writes and what another recorder wrote.
 
-Each hand is a topic of `geometry_msgs/PoseArray` with 25 poses in WebXR's order; an array without poses, or whose poses
-all are NaN or have quaternions of length 0, is a lost hand. The head is `geometry_msgs/PoseStamped`. A message
-`sensor_msgs/Joy` holds pinch of left and right and further inputs as `axes`, and clutch and tracking state of left and
-right as `buttons`; without it, a tracked hand moves the robot, and the pinch follows from the distance of the tips.
-Device, origin, names of inputs and takes are in the metadata record `hand_stream`, which other recorders may leave out.
+Each hand is a topic of `geometry_msgs/PoseArray` with 25 poses in WebXR's order; an array without poses, or whose
+numbers are all NaN or all 0, is a lost hand. The head is `geometry_msgs/PoseStamped`. A message `sensor_msgs/Joy` holds
+pinch of left and right and further inputs as `axes`, and clutch and tracking state of left and right as `buttons`;
+without it, a tracked hand moves the robot, and the pinch follows from the distance of the tips. Device, origin, names
+of inputs and takes are a JSON object in a `std_msgs/String`, which stays with the hands in every copy of a recording,
+and which other recorders may leave out.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ from dextera_build.geometry import hands
 HANDS = ("geometry_msgs/msg/PoseArray", "geometry_msgs/PoseArray")
 INPUTS = ("sensor_msgs/msg/Joy", "sensor_msgs/Joy")
 """Equivalent message types of ROS 2 and ROS 1."""
-RECORD = "hand_stream"
-"""Name of the metadata record."""
+TEXTS = ("std_msgs/msg/String", "std_msgs/String")
+ABOUT = "/hands/about"
+"""Topic of the description of a recording."""
 NEAR_S = 0.1
 """Largest time from a hand's message to the head's pose and the inputs that belong to it [s]."""
 
@@ -57,7 +59,8 @@ def save(made: HandStream, path: Path) -> list[Path]:
     """Write an `.mcap` file."""
     topics = Topics()
     with path.open("wb") as out, Recording(out) as recording:
-        recording.metadata(RECORD, _facts(made))
+        first = _nanoseconds(float(made.stamps[0]))
+        recording.send(ABOUT, "std_msgs/String", first, messages.text(json.dumps(_facts(made))))
         for row, stamp in enumerate(made.stamps):
             time = _nanoseconds(float(stamp))
             for hand, topic in enumerate(topics[:2]):
@@ -120,47 +123,44 @@ def of(stream: Stream, topics: Topics | None = None, *, unit_m: float = 1.0) -> 
         positions=np.ascontiguousarray(poses[..., :3]),
         rotations=np.ascontiguousarray(poses[..., 3:]),
         head=heads,
-        **_inputs(stream, named.inputs, times, poses) | _metadata(stream),
+        **_inputs(stream, named.inputs, times, poses) | _about(stream),
     )
 
 
-def _facts(made: HandStream) -> dict[str, str]:
-    """The texts of the metadata record."""
-    takes = [take.model_dump() for take in made.takes]
+def _facts(made: HandStream) -> dict[str, Any]:
+    """The description of a recording."""
     return {
         "device": made.device,
-        "synthetic": json.dumps(made.synthetic),
-        "buttons": json.dumps(made.button_names),
-        "takes": json.dumps(takes),
-        "joints": json.dumps(hands.JOINTS),
-        "units": "m; frame with z up; quaternions x y z w with WebXR's axes of joints",
+        "synthetic": made.synthetic,
+        "buttons": made.button_names,
+        "takes": [take.model_dump() for take in made.takes],
+        "joints": hands.JOINTS,
+        "units": "m; frame with z up; WebXR's axes of joints",
     }
 
 
-def _metadata(stream: Stream) -> dict[str, Any]:
-    """Fields from the metadata record, or what is known without it."""
-    from mcap.reader import SeekingReader
-
-    with stream.file.open() as file, reading.damage("metadata"):
-        found = next((each.metadata for each in SeekingReader(file).iter_metadata() if each.name == RECORD), None)
-    if found is None:
+def _about(stream: Stream) -> dict[str, Any]:
+    """Fields from the description, or what is known without it."""
+    if all(each.topic != ABOUT or each.kind not in TEXTS for each in stream.channels):
         return {"device": "not recorded", "synthetic": False}
+    with stream.file.open() as file:
+        text = next((message.data for _, _, message in reading.messages(file, ABOUT, [ABOUT])), "")
     try:
-        names, takes = json.loads(found["buttons"]), json.loads(found["takes"])
+        found = json.loads(text)
         return {
-            "device": found["device"],
-            "synthetic": bool(json.loads(found["synthetic"])),
-            "button_names": tuple(map(str, names)),
-            "takes": tuple(Take(**take) for take in takes),
+            "device": str(found["device"]),
+            "synthetic": bool(found["synthetic"]),
+            "button_names": tuple(map(str, found["buttons"])),
+            "takes": tuple(Take(**take) for take in found["takes"]),
         }
     except (KeyError, TypeError, ValueError) as error:
-        raise unreadable(f"metadata `{RECORD}`", "a description of hands", error) from None
+        raise unreadable(ABOUT, "a description of hands", error) from None
 
 
 def _hand(stream: Stream, topic: str) -> _Rows:
     """Joints of one hand; none if the topic was not recorded."""
     found = _poses(stream, topic, HANDS)
-    lost = np.isnan(found.poses).all(axis=(1, 2)) | (found.poses[..., 3:] == 0).all(axis=(1, 2))
+    lost = np.isnan(found.poses).all(axis=(1, 2)) | (found.poses == 0).all(axis=(1, 2))
     found.poses[lost] = np.nan
     partly = np.flatnonzero(~lost & ~np.isfinite(found.poses).all(axis=(1, 2)))
     if len(partly):

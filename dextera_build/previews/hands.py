@@ -45,7 +45,7 @@ def strip(stream: HandStream, count: int = MOMENTS) -> np.ndarray:
     seen = np.flatnonzero((stream.tracking > LOST).any(axis=1))
     chosen = seen if len(seen) else np.zeros(1, int)
     drawing = _Drawing(stream)
-    places = np.linspace(0, len(chosen) - 1, count).round().astype(int)
+    places = ((np.arange(count) + 0.5) * len(chosen) / count).astype(int)
     return np.vstack([drawing.at(int(row)) for row in chosen[places]])
 
 
@@ -167,4 +167,4 @@ def _facts(stream: HandStream) -> Iterator[str]:
 
 
 FACTS: Mapping[type[Artifact], Callable[[Any], Iterator[str]]] = {HandStream: _facts}
-PICTURES: Mapping[type[Artifact], Callable[[Any], bytes]] = {HandStream: lambda stream: png(strip(stream, 2))}
+PICTURES: Mapping[type[Artifact], Callable[[Any], bytes]] = {HandStream: lambda stream: png(strip(stream, 1))}

@@ -84,7 +84,7 @@ def _chosen(ctx: Context, source: Path, topics: tuple[str, ...]) -> list[str]:
 
     with _reading(ctx), AnyReader([source], default_typestore=_store()) as reader:
         known = {each.topic: each.msgtype for each in reader.connections if each.msgcount}
-    usable = [topic for topic, kind in sorted(known.items()) if kind in KINDS]
+    usable = [topic for topic, kind in sorted(known.items()) if kind in KINDS or topic == hand_stream.ABOUT]
     here = listing(f"{topic} ({kind})" for topic, kind in sorted(known.items()))
     for topic in topics:
         if topic not in usable:

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dextera_build.artifacts.robots.hand_stream import HandStream
 from dextera_build.errors import ArtifactError
@@ -39,6 +41,7 @@ def test_streams_without_head_or_hand_are_read_back(tmp_path: Path, changes: dic
 def test_a_recording_is_an_ordinary_one(tmp_path: Path) -> None:
     found = mcap.load(with_buttons().save(tmp_path / "a.mcap")[0])
     assert {each.topic: (each.kind, each.count) for each in found.channels} == {
+        "/hands/about": ("std_msgs/msg/String", 1),
         "/hands/left": ("geometry_msgs/msg/PoseArray", 20),
         "/hands/right": ("geometry_msgs/msg/PoseArray", 20),
         "/hands/input": ("sensor_msgs/msg/Joy", 20),
@@ -105,6 +108,19 @@ def test_millimetres_are_scaled(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.positions[:, 0], made.positions[:, 0], atol=1e-6)
 
 
+def test_joints_without_rotations_are_refused(tmp_path: Path) -> None:
+    still = one() * [1, 1, 1, 0, 0, 0, 0]
+    with pytest.raises(ArtifactError, match="another length than 1") as caught:
+        HandStream.load(recorded(tmp_path / "a.mcap", [("/vr/l", 0.0, still)]), topics=OTHERS)
+    assert caught.value.hint.startswith("record rotations")
+
+
+@given(st.integers(0, 2 * 10**18))
+def test_a_time_as_read_is_written_as_the_same_time(nanoseconds: int) -> None:
+    stamp = nanoseconds / 1_000_000_000
+    assert hand_stream._nanoseconds(stamp) / 1_000_000_000 == stamp
+
+
 def one(count: int = 25, value: float = 0.1) -> np.ndarray:
     return np.tile([value, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (count, 1))
 
@@ -148,11 +164,12 @@ def test_hands_in_two_frames_are_refused(tmp_path: Path) -> None:
     assert caught.value.facts == {"`/vr/l`": "vr_l", "`/vr/r`": "vr_r"}
 
 
-def test_damaged_metadata_is_named(tmp_path: Path) -> None:
+def test_a_damaged_description_is_named(tmp_path: Path) -> None:
     with (tmp_path / "a.mcap").open("wb") as out, Recording(out) as recording:
-        recording.metadata(hand_stream.RECORD, {"device": "x", "synthetic": "true", "buttons": "3", "takes": "["})
+        text = '{"device": "x", "synthetic": true, "buttons": 3, "takes": []}'
+        recording.send(hand_stream.ABOUT, "std_msgs/String", 0, messages.text(text))
         recording.send("/hands/left", "geometry_msgs/PoseArray", 0, messages.pose_array(0, "odom", one()))
-    with pytest.raises(ArtifactError, match="metadata `hand_stream`"):
+    with pytest.raises(ArtifactError, match="`about` cannot be read as a description of hands"):
         HandStream.load(tmp_path / "a.mcap")
 
 

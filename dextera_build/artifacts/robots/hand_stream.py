@@ -111,7 +111,9 @@ class HandStream(Artifact):
                     f"HandStream.{what}: {len(bad):,} of {len(turns):,} quaternions are of another length than 1",
                     code="DXB-A554",
                     facts={"first length": f"{length[bad[0]]:.6g}"},
-                    hint="divide each by its length; the order is w x y z",
+                    hint="divide each by its length; the order is w x y z"
+                    if length[bad[0]] > 0
+                    else "record rotations, too, or 1 0 0 0 where the device has none",
                 )
 
     def _check_inputs(self) -> None:

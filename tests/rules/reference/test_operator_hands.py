@@ -22,7 +22,7 @@ from rules.reference.operator.smooth import Motion
 from rules.reference.operator.unsteady import UnsteadyOptions
 from tests.robots.robot_recipes import built
 
-RATE_HZ, STEPS = 20.0, 60
+RATE_HZ, STEPS = 20.0, 40
 STEADY = dict.fromkeys(("tremor_m", "tremor_deg", "jitter_m", "jitter_deg", "drift_m", "drift_deg", "clock_s"), 0.0)
 STEADY |= {"losses_per_min": 0.0}
 HAND = human_hand.Hand()
@@ -182,7 +182,7 @@ def test_hands_follow_the_palms_and_close_with_the_robot(
         np.testing.assert_allclose(middle, palms[:, :3], atol=1e-5)
         np.testing.assert_allclose(hands.palm_frame(points, hands.SIDES[side])[take.first :], turns, atol=0.05)
         # It is a hand of its side, whose bones keep their lengths, and which closes as the robot's does.
-        assert (hands.curl(points) * (1 if side else -1) > 0).all()
+        assert hands.curl(points).mean() * (1 if side else -1) > 0.03 * HAND.length_m
         assert np.ptp(hands.bone_lengths(points), axis=0).max() < 1e-5
         assert hands.hand_size(points).mean() == pytest.approx(HAND.length_m, rel=0.01)
         pinched = hands.pinch_distance(points)[[take.first, -1]]
@@ -196,7 +196,8 @@ def test_a_hand_of_another_size_is_scaled(runner: RuleRunner, robots: Callable[[
     )
     ratio = hands.bone_lengths(large.positions[:, 1]) / hands.bone_lengths(small.positions[:, 1])
     np.testing.assert_allclose(ratio, 0.2 / 0.15, rtol=1e-3)
-    np.testing.assert_allclose(large.pinch[-1, 1], small.pinch[-1, 1], atol=0.3)
+    apart = [hands.pinch_distance(each.positions[-1, 1]) for each in (large, small)]
+    assert apart[0] / apart[1] == pytest.approx(0.2 / 0.15, rel=0.1)
 
 
 def test_takes_follow_one_another_without_jumps(runner: RuleRunner, robots: Callable[[str], RobotModel]) -> None:
