@@ -2,42 +2,15 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
-from scipy.optimize import least_squares
 
 from dextera_build.geometry import hands, human_hand
+from dextera_build.geometry.human_pinch import pinching
 
 SECONDS = 0.6
 """Time from one posture to the next; half as long at rest there."""
 PINCH_M = 0.010
 """Distance of the tips of a pinch."""
-
-
-@cache
-def pinching(finger: str, apart_m: float = PINCH_M) -> np.ndarray:
-    """Angles (5, 4) [rad] of a hand whose thumb and `finger` are `apart_m` from each other, within its limits."""
-    place = hands.FINGERS.index(finger)
-    start = human_hand.open_angles()
-    lower, upper = np.deg2rad(human_hand.LIMITS_DEG[..., 0]), np.deg2rad(human_hand.LIMITS_DEG[..., 1])
-    free = np.zeros((5, 4), bool)
-    free[0], free[place] = True, True
-    guess = start.copy()
-    guess[0], guess[place] = np.deg2rad([10, 15, 30, 30]), np.deg2rad([0, 45, 50, 33])
-
-    def off(angles: np.ndarray) -> np.ndarray:
-        whole = start.copy()
-        whole[free] = angles
-        points, _ = human_hand.Hand().joints(whole, "right")
-        bent = 0.002 * (whole - guess)[free]
-        coupled = 0.01 * (whole[place, 3] - human_hand.COUPLED * whole[place, 2])
-        return np.array([hands.pinch_distance(points, finger) - apart_m, coupled, *bent])
-
-    inside = np.clip(guess[free], lower[free], upper[free])
-    found = start.copy()
-    found[free] = least_squares(off, inside, bounds=(lower[free] - 1e-9, upper[free] + 1e-9), xtol=1e-12).x
-    return found
 
 
 def fist() -> np.ndarray:
@@ -48,7 +21,7 @@ def fist() -> np.ndarray:
 def keys() -> list[tuple[str, np.ndarray]]:
     """Postures in order."""
     opened = ("open", human_hand.open_angles())
-    pinches = [(finger, pinching(finger)) for finger in hands.FINGERS[1:]]
+    pinches = [(finger, pinching(finger, PINCH_M)) for finger in hands.FINGERS[1:]]
     return [opened, ("fist", fist()), opened, *(each for pinch in pinches for each in (pinch, opened))]
 
 
