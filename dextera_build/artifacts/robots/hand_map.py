@@ -10,13 +10,15 @@ from dextera_build.artifacts.core.value import Value
 
 Finger = Literal["thumb", "index", "middle", "ring", "pinky"]
 """Fingers of an operator, as in `geometry.hands`."""
+Side = Literal["", "left", "right"]
+"""Hand of an operator; empty: not stated."""
 Direction = tuple[float, float, float]
 
 
 class HandMap(Value):
     """What `sim.retarget` takes from the recipe; all that is left out follows from the robot's frames and geometry."""
 
-    side: Literal["", "left", "right"] = ""
+    side: Side = ""
     """Hand of the operator that moves it."""
     fingers: dict[Finger, str] = Field(default_factory=dict)
     """Finger -> role of the fingertip among the robot's `frames`."""

@@ -74,6 +74,8 @@ class HandModel:
         """Bodies of the first finger."""
         self._set(self.home)
         palm = self.data.site(robot.frames[own.palm])
+        self.palm_link: str = self.model.body(self.model.site(robot.frames[own.palm]).bodyid[0]).name
+        """Link of the palm's frame."""
         self.palm = transforms.rigid(palm.xmat.reshape(3, 3).copy(), palm.xpos.copy())
         """T_world_palm (4, 4) of this model."""
         self._contacts: list[int] = []
