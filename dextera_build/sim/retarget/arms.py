@@ -18,7 +18,7 @@ class Palm:
 
     def __init__(self, palm: np.ndarray, options: Retargeting) -> None:
         self._options = options
-        self._turn = lie.about_z(options.heading_rad)
+        self._turn = lie.about_z(options.heading_rad or 0.0)
         self._palm = np.array(palm, np.float64)
         self._start = (self._palm, np.eye(4))
         self._last: np.ndarray | None = None

@@ -70,7 +70,7 @@ class HandModel:
         self._inside, self.radii = self._spheres()
         group = self._groups(int(self.model.site(robot.frames[own.palm]).bodyid[0]), robot.links)
         self._only_the_hand(group)
-        self.first = np.flatnonzero(group == FIRST)
+        self.first = frozenset(np.flatnonzero(group == FIRST).tolist())
         """Bodies of the first finger."""
         self._set(self.home)
         palm = self.data.site(robot.frames[own.palm])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError, listing
 from dextera_build.geometry import hands, quaternions, transforms
 from dextera_build.sim.model.forward import Kinematics
-from dextera_build.sim.retarget.arms import Palm
+from dextera_build.sim.retarget.arms import Palm, heading
 from dextera_build.sim.retarget.fingers import Fingers, measured
 from dextera_build.sim.retarget.matching import Matched, matched
 from dextera_build.sim.retarget.options import Retargeting
@@ -51,7 +51,7 @@ def retarget(robot: RobotModel, stream: HandStream, options: Retargeting | None 
     Raises:
         RuleError: A hand that is needed is never seen or is mirrored, or the robot has no hand.
     """
-    options = options or Retargeting()
+    options = _headed(options or Retargeting(), stream)
     start = Kinematics(robot)
     start.pose({})
     limbs = [name for name in robot.limb_names if robot.limbs[name].hand]
@@ -82,6 +82,14 @@ def check_side(points: np.ndarray, side: str) -> None:
             facts={"messages that show it": f"{int((bend[told] < 0).sum())} of {int(told.sum())} with bent fingers"},
             hint="the device swapped the hands, or its frame is left-handed: swap both hands, or negate one axis",
         )
+
+
+def _headed(options: Retargeting, stream: HandStream) -> Retargeting:
+    """The options with a heading."""
+    if options.heading_rad is not None or stream.head is None or np.isnan(stream.head).any(axis=1).all():
+        return options
+    head = stream.head[~np.isnan(stream.head).any(axis=1)][0]
+    return replace(options, heading_rad=heading(quaternions.to_matrix(head[3:].astype(np.float64))))
 
 
 def _limb(own: Matched, stream: HandStream, palm: np.ndarray, options: Retargeting) -> Targets:

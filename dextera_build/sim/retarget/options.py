@@ -27,8 +27,9 @@ class Retargeting:
     """Metre of the robot's hand per metre of the operator's; None: by the lengths of their fingers."""
     arm_scale: float = 1.0
     """Metre of a palm per metre of a wrist."""
-    heading_rad: float = 0.0
-    """Angle about the z axis that turns the operator's axes to those of the robot's base [rad]."""
+    heading_rad: float | None = None
+    """Angle about the z axis that turns the operator's axes to those of the robot's base [rad]; None: the operator's
+    head looks along the base's x axis at the first message that has one, or 0 without a head."""
     jump_m: float = 0.06
     """Displacement of a wrist between two messages that is not followed [m]."""
     jump_rad: float = float(np.radians(25))

@@ -76,9 +76,9 @@ class HandTerms:
         self._hand, self._goal = hand, goal
         count = len(goal.tips)
         pairs = list(combinations(range(count), 2))
-        self._first = np.array([one for one, _ in pairs])
-        self._second = np.array([other for _, other in pairs])
-        self._wanted = np.concatenate([goal.tips, goal.tips[self._second] - goal.tips[self._first]])
+        unit = np.eye(count)
+        self._vectors = np.concatenate([unit, [unit[other] - unit[one] for one, other in pairs]])
+        self._wanted = self._vectors @ goal.tips
         pinch = goal.pinch
         # The vector of a pinching pair gives way to its gap; pairs with the thumb come first.
         between = np.full(len(pairs), BETWEEN)
@@ -87,21 +87,21 @@ class HandTerms:
         # A pinch is firm where its gap is small; on the way there the hand follows the vectors.
         self._gaps = np.where(pinch.on, PINCHED * pinch.share, 0.0)
         self._thick = hand.radii[1:] + hand.radii[0]
-        thumb, others = hand.bodies[0], hand.bodies[1:][pinch.on]
-        self._meeting = {frozenset((int(thumb), int(other))) for other in others}
+        thumb, *others = hand.bodies.tolist()
+        self._meeting = {frozenset((thumb, other)) for other, on in zip(others, pinch.on, strict=True) if on}
 
     def at(self, estimate: np.ndarray) -> Terms:
         """Residuals at a posture (H,)."""
         seen = self._hand.at(estimate)
-        vectors = np.concatenate([seen.tips, seen.tips[self._second] - seen.tips[self._first]]) - self._wanted
-        gaps = np.linalg.norm(seen.centres[1:] - seen.centres[0], axis=1) - self._thick - self._goal.pinch.gap_m
-        free = np.array([0.0 if frozenset(pair) in self._meeting else CLEAR_M for pair in seen.bodies.tolist()])
-        deep = np.minimum(seen.close - free, 0.0) if len(free) else np.zeros(0)
+        vectors = self._vectors @ seen.tips - self._wanted
+        gaps = _lengths(seen.centres[1:] - seen.centres[0]) - self._thick - self._goal.pinch.gap_m
+        free = [0.0 if frozenset(pair) in self._meeting else CLEAR_M for pair in seen.bodies.tolist()]
+        deep = np.minimum(seen.close - np.array(free), 0.0)
         return Terms(seen, vectors, gaps, deep, estimate - self._goal.last, estimate - self._goal.rest)
 
     def value(self, seen: Terms, before: Terms) -> float:
         """Half the weighted sum of squares, with robust weights of `before`."""
-        squares = np.square(seen.vectors).sum(axis=1)
+        squares = np.einsum("vi,vi->v", seen.vectors, seen.vectors)
         # Parts come and go, so that they have no weights of `before`.
         inside = np.minimum(-seen.deep, self._yielding(seen))
         return (
@@ -118,10 +118,11 @@ class HandTerms:
     def local(self, estimate: np.ndarray, seen: Terms) -> Local:
         """Normal equations at the posture of the last `at`, without motors that push against their limits."""
         tips, centres, close = self._hand.moving()
-        vectors = np.concatenate([tips, tips[self._second] - tips[self._first]]).reshape(-1, len(estimate))
+        count, size = len(tips), len(estimate)
+        vectors = (self._vectors @ tips.reshape(count, -1)).reshape(-1, size)
         weights = np.repeat(self._robust(seen), 3)
         away = seen.seen.centres[1:] - seen.seen.centres[0]
-        away /= np.maximum(np.linalg.norm(away, axis=1), 1e-9)[:, None]
+        away /= np.maximum(_lengths(away), 1e-9)[:, None]
         gaps = np.einsum("fi,fih->fh", away, centres[1:] - centres[0])
         rows = np.concatenate([vectors, gaps, close])
         off = -np.concatenate([seen.vectors.ravel(), seen.gaps, seen.deep])
@@ -130,7 +131,7 @@ class HandTerms:
             off,
             np.concatenate([weights, self._gaps, APART * least_squares.huber(-seen.deep, self._yielding(seen))]),
         )
-        matrix = found.matrix + (STAY + REST) * np.eye(len(estimate))
+        matrix = found.matrix + (STAY + REST) * np.eye(size)
         right = found.right - STAY * seen.stay - REST * seen.rest
         held = ((estimate <= self._hand.lower) & (right < 0)) | ((estimate >= self._hand.upper) & (right > 0))
         matrix[held] = matrix[:, held] = 0.0
@@ -142,7 +143,12 @@ class HandTerms:
         return np.asarray(np.clip(estimate + step, self._hand.lower, self._hand.upper))
 
     def _yielding(self, seen: Terms) -> np.ndarray:
-        return np.where(np.isin(seen.seen.bodies, self._hand.first).any(axis=1), *YIELDING_M)
+        return np.array([YIELDING_M[self._hand.first.isdisjoint(pair)] for pair in seen.seen.bodies.tolist()])
 
     def _robust(self, seen: Terms) -> np.ndarray:
-        return self._weights * least_squares.huber(np.linalg.norm(seen.vectors, axis=1), HUBER_M)
+        return self._weights * least_squares.huber(_lengths(seen.vectors), HUBER_M)
+
+
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    """Lengths (N,) of (N, 3); `np.linalg.norm` takes three times as long."""
+    return np.asarray(np.sqrt(np.einsum("ni,ni->n", vectors, vectors)))
