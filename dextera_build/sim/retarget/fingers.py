@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.geometry import hands, least_squares
+from dextera_build.sim.retarget.hand_model import CLEAR_M
 from dextera_build.sim.retarget.low_pass import LowPass
 from dextera_build.sim.retarget.matching import Matched
 from dextera_build.sim.retarget.options import Retargeting
 from dextera_build.sim.retarget.pinches import Pinches
 from dextera_build.sim.retarget.terms import Goal, HandTerms
 
+SPREADING = 4
+"""Passes over neighbouring fingers that push their tips apart."""
 FIRST = least_squares.Schedule(tries=60, damping=1e-2, still=1e-4)
 """From the open hand to the first message."""
 NEXT = least_squares.Schedule(tries=8, taken=5, in_turn=3, damping=1e-3, gain=1e-3, still=1e-4)
@@ -49,7 +52,7 @@ class Fingers:
         pinch = self._pinches.next(apart, self._thickness)
         rest = self.matched.straight
         last, schedule = (rest, FIRST) if self._posture is None else (self._posture, NEXT)
-        terms = HandTerms(self.matched.hand, Goal(self.wanted(points), pinch, last, rest))
+        terms = HandTerms(self.matched.hand, Goal(self._side_by_side(self.wanted(points)), pinch, last, rest))
         found, _ = least_squares.levenberg_marquardt(last, terms.at(last), terms, schedule)
         self._posture = found
         return self._filter.next(found, seconds)
@@ -59,6 +62,22 @@ class Fingers:
         own, frame = self.matched, hands.palm_frame(points, self.matched.side)
         reach = (points[self._tips] - points[self._knuckles].mean(axis=0)) @ frame
         return np.asarray(own.anchor + self.scale * reach @ own.turn.T)
+
+    def _side_by_side(self, tips: np.ndarray) -> np.ndarray:
+        """Tips (F, 3) of which neighbours but the thumb have room beside each other, where they are bent alike.
+
+        Links of a robot are often wider than an operator's fingers.
+        """
+        found, own = tips.copy(), self.matched
+        for _ in range(SPREADING):
+            for one in range(1, len(found) - 1):
+                away, room = found[one + 1] - found[one], own.widths[one] + own.widths[one + 1] + CLEAR_M
+                beside = float(away @ own.across)
+                ahead = float(np.linalg.norm(away - beside * own.across))
+                share = min(max(2.0 - ahead / room, 0.0), 1.0)
+                push = share * max(room - beside, 0.0) / 2 * own.across
+                found[one], found[one + 1] = found[one] - push, found[one + 1] + push
+        return np.asarray(found)
 
 
 def measured(points: np.ndarray, valid: np.ndarray) -> np.ndarray:

@@ -10,14 +10,11 @@ import numpy as np
 
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import transforms
+from dextera_build.sim.control.mechanism import surface_points
 from dextera_build.sim.model.fixed_joints import alone
 
 CLEAR_M = 0.002
 """Distance below which two parts of the hand are reported as close [m]."""
-
-
-FIRST = 2
-"""Group of the first finger in `HandModel._groups`."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +65,7 @@ class HandModel:
         self.bodies = np.array([self.model.site_bodyid[site] for site in self._sites])
         """(F,) bodies of the fingertips."""
         self._inside, self.radii = self._spheres()
-        group = self._groups(int(self.model.site(robot.frames[own.palm]).bodyid[0]), robot.links)
-        self._only_the_hand(group)
-        self.first = frozenset(np.flatnonzero(group == FIRST).tolist())
-        """Bodies of the first finger."""
+        self._only_the_hand(self._groups(int(self.model.site(robot.frames[own.palm]).bodyid[0]), robot.links))
         self._set(self.home)
         palm = self.data.site(robot.frames[own.palm])
         self.palm_link: str = self.model.body(self.model.site(robot.frames[own.palm]).bodyid[0]).name
@@ -135,6 +129,13 @@ class HandModel:
     def place(self, site: str) -> np.ndarray:
         """Position (3,) [m] of a site of the robot in the palm's frame, at the last posture."""
         return np.asarray(self._turn.T @ (self.data.site(site).xpos - self.palm[:3, 3]))
+
+    def width(self, finger: int, across: np.ndarray) -> float:
+        """Largest distance from a fingertip to a side of its link, along `across` (3,), at the last posture [m]."""
+        body = int(self.bodies[finger])
+        along = self.data.xmat[body].reshape(3, 3).T @ self._turn @ across
+        corners = surface_points(self.model, body) - self.model.site_pos[self._sites[finger]]
+        return float(np.abs(corners @ along).max())
 
     def gap(self, one: int, other: int) -> float:
         """Smallest distance of the surfaces of two fingertips' links at the last posture; below 0 inside [m].
@@ -224,7 +225,7 @@ class HandModel:
             way = self._above(body)
             moving = next((each for each in way if model.body_dofnum[each]), -1)
             fingers = [finger for finger, chain in enumerate(above) if moving in chain]
-            group[body] = fingers[0] + FIRST if len(fingers) == 1 else int(palm in way)
+            group[body] = fingers[0] + 2 if len(fingers) == 1 else int(palm in way)
         return group
 
     def _above(self, body: int) -> list[int]:

@@ -38,6 +38,10 @@ class Matched:
     """Mean length of these fingers [m]."""
     straight: np.ndarray
     """(H,) motor positions of the open hand [rad]."""
+    across: np.ndarray
+    """(3,) unit direction from the index finger to the last one, in the palm's frame."""
+    widths: np.ndarray
+    """(F,) distance from each fingertip to the sides of its link, along `across` [m]."""
     scale: float | None
     """The scale of the recipe."""
 
@@ -67,7 +71,9 @@ def matched(robot: RobotModel, limb: str) -> Matched:
     # WebXR: -Z along the fingers, -Y out of the palm.
     axes = np.stack([np.cross(-facing, -pointing), -facing, -pointing], axis=1)
     length = float(np.linalg.norm(reach[1:], axis=1).mean())
-    return Matched(hand, limb, side, fingers, axes, anchor, length, straight, stated.scale)
+    across = axes[:, 0] if side == hands.SIDES[1] else -axes[:, 0]
+    widths = np.array([hand.width(finger, across) for finger in range(len(roles))])
+    return Matched(hand, limb, side, fingers, axes, anchor, length, straight, across, widths, stated.scale)
 
 
 def _roles(robot: RobotModel, limb: str, stated: HandMap) -> dict[str, str]:

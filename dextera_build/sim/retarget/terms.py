@@ -25,11 +25,9 @@ BETWEEN = 0.3
 proportions miss their places by more."""
 PINCHED = 200.0
 """Weight of the gap between two tips that pinch."""
-APART = 400.0
-"""Weight of the depth of parts that are not to touch."""
-YIELDING_M = (2.5e-4, 7.5e-4)
-"""Depth above which its influence is constant, of the thumb and of other fingers [m]. A finger held far from its place
-gives way: a thumb caught behind another finger would never come back."""
+APART, YIELDING_M = 400.0, 2.5e-4
+"""Weight of the depth of parts that are not to touch, and depth above which its influence is constant [m]. A finger
+held far from its place gives way: a thumb caught behind another finger would never come back."""
 STAY, REST = 1e-2, 4e-4
 """Weights of a radian away from the last posture, and from the open hand."""
 
@@ -103,7 +101,7 @@ class HandTerms:
         """Half the weighted sum of squares, with robust weights of `before`."""
         squares = np.einsum("vi,vi->v", seen.vectors, seen.vectors)
         # Parts come and go, so that they have no weights of `before`.
-        inside = np.minimum(-seen.deep, self._yielding(seen))
+        inside = np.minimum(-seen.deep, YIELDING_M)
         return (
             float(
                 self._robust(before) @ squares
@@ -129,7 +127,7 @@ class HandTerms:
         found = least_squares.normal(
             rows,
             off,
-            np.concatenate([weights, self._gaps, APART * least_squares.huber(-seen.deep, self._yielding(seen))]),
+            np.concatenate([weights, self._gaps, APART * least_squares.huber(-seen.deep, YIELDING_M)]),
         )
         matrix = found.matrix + (STAY + REST) * np.eye(size)
         right = found.right - STAY * seen.stay - REST * seen.rest
@@ -141,9 +139,6 @@ class HandTerms:
     def moved(self, estimate: np.ndarray, step: np.ndarray) -> np.ndarray:
         """The posture after a step, within the limits."""
         return np.asarray(np.clip(estimate + step, self._hand.lower, self._hand.upper))
-
-    def _yielding(self, seen: Terms) -> np.ndarray:
-        return np.array([YIELDING_M[self._hand.first.isdisjoint(pair)] for pair in seen.seen.bodies.tolist()])
 
     def _robust(self, seen: Terms) -> np.ndarray:
         return self._weights * least_squares.huber(_lengths(seen.vectors), HUBER_M)
