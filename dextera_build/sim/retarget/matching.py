@@ -14,6 +14,8 @@ from dextera_build.sim.retarget.hand_model import HandModel
 
 SAME = {"little": "pinky"}
 """Names of fingers in roles of frames, if they are not those of the operator's fingers."""
+SLANT = 0.5
+"""Smallest sine of the angle between the directions out of the palm and along the fingers."""
 SWEEPS, STEPS = 3, 9
 """Sweeps over the joints of a finger, and positions of each, when it is straightened."""
 
@@ -66,7 +68,9 @@ def matched(robot: RobotModel, limb: str) -> Matched:
     facing, pointing = _directions(robot, limb, stated, hand, roots)
     straight = _straight(hand, pointing)
     fingers = tuple(hands.FINGERS.index(name) for name in roles)
-    side = _side(limb, stated, roots, fingers, np.cross(pointing, facing))
+    # Fingers begin in their order, but the two of a gripper may begin at one place.
+    order = roots[[1, -1]] if len(roles) > 2 else hand.at(hand.home).tips
+    side = _side(limb, stated, order, fingers, np.cross(pointing, facing))
     reach = hand.at(straight).tips - roots
     # WebXR: -Z along the fingers, -Y out of the palm.
     axes = np.stack([np.cross(-facing, -pointing), -facing, -pointing], axis=1)
@@ -80,7 +84,8 @@ def _roles(robot: RobotModel, limb: str, stated: HandMap) -> dict[str, str]:
     """Finger -> role of its tip, the thumb first."""
     own = robot.limbs[limb]
     named = {SAME.get(name := role.rpartition("tip_")[2], name): role for role in own.tips}
-    found: dict[str, str] = dict(stated.fingers) or {name: named[name] for name in hands.FINGERS if name in named}
+    stated_or_named = {str(name): role for name, role in stated.fingers.items()} or named
+    found = {name: stated_or_named[name] for name in hands.FINGERS if name in stated_or_named}
     if not own.palm or "thumb" not in found or len(found) < 2:
         raise RuleError(
             f"limb `{limb}` has no hand that an operator's hand can move",
@@ -89,7 +94,7 @@ def _roles(robot: RobotModel, limb: str, stated: HandMap) -> dict[str, str]:
             hint=f"add frames `palm`, `tip_thumb` and `tip_index`, or state `hands: {{{limb}: {{fingers: "
             "{thumb: ..., index: ...}}}` in the robot's recipe",
         )
-    return {"thumb": found.pop("thumb"), **{name: found[name] for name in hands.FINGERS if name in found}}
+    return found
 
 
 def _directions(
@@ -109,7 +114,18 @@ def _directions(
         middle = hand.at((hand.lower + hand.upper) / 2).tips - roots
         facing = middle[1:].mean(axis=0)
     out = np.array(facing, np.float64)
-    return _unit(out - (out @ along) * along), along
+    beside = out - (out @ along) * along
+    if np.linalg.norm(beside) < SLANT * np.linalg.norm(out):
+        raise RuleError(
+            f"the palm of limb `{limb}` faces along its fingers",
+            code="DXB-B522",
+            facts={
+                "facing": " ".join(f"{each:.3g}" for each in out),
+                "pointing": " ".join(f"{each:.3g}" for each in along),
+            },
+            hint=f"state `facing` and `pointing` in `hands: {{{limb}: ...}}`: facing leaves the palm at right angles",
+        )
+    return _unit(beside), along
 
 
 def _straight(hand: HandModel, pointing: np.ndarray) -> np.ndarray:
@@ -130,19 +146,15 @@ def _straight(hand: HandModel, pointing: np.ndarray) -> np.ndarray:
     return found
 
 
-def _side(limb: str, stated: HandMap, roots: np.ndarray, fingers: tuple[int, ...], across: np.ndarray) -> str:
-    """The operator's hand of which the robot's has the order of fingers."""
-    if len(fingers) > 2:
-        first, last = roots[1], roots[-1]
-    else:
-        first, last = roots[0], roots[1]
-    found = hands.SIDES[int((first - last) @ across > 0)]
+def _side(limb: str, stated: HandMap, order: np.ndarray, fingers: tuple[int, ...], across: np.ndarray) -> str:
+    """The operator's hand of which the robot's has the order of fingers: from `order` (2, 3) first to last [m]."""
+    found = hands.SIDES[int((order[0] - order[1]) @ across > 0)]
     wanted = stated.side or (limb if limb in hands.SIDES else found)
     if wanted != found:
         raise RuleError(
             f"the hand of limb `{limb}` is a {found} one, but `{wanted}` is stated",
             code="DXB-B521",
-            facts={"order of the fingers": listing(hands.FINGERS[each] for each in fingers)},
+            facts={"order of the fingers": ", ".join(hands.FINGERS[each] for each in fingers)},
             hint="check `facing`, `pointing` and the order of `fingers` in `hands`: facing leaves the palm, "
             "pointing runs along straight fingers",
         )

@@ -58,7 +58,7 @@ def retarget(robot: RobotModel, stream: HandStream, options: Retargeting | None 
     if not limbs:
         raise RuleError(
             f"the robot has no hand to move; its limbs: {listing(robot.limb_names)}",
-            code="DXB-B522",
+            code="DXB-B523",
             hint="mark the links of the hand by `hand` in the robot's recipe",
         )
     return {name: _limb(matched(robot, name), stream, start.frame(robot.limbs[name].palm), options) for name in limbs}
@@ -78,7 +78,7 @@ def check_side(points: np.ndarray, side: str) -> None:
     if told.any() and (bend[told] < 0).mean() > DOUBT:
         raise RuleError(
             f"the {side} hand of the operator is mirrored: its fingers bend to the back of the hand",
-            code="DXB-B523",
+            code="DXB-B524",
             facts={"messages that show it": f"{int((bend[told] < 0).sum())} of {int(told.sum())} with bent fingers"},
             hint="the device swapped the hands, or its frame is left-handed: swap both hands, or negate one axis",
         )
@@ -99,7 +99,7 @@ def _limb(own: Matched, stream: HandStream, palm: np.ndarray, options: Retargeti
     if not tracked.any():
         raise RuleError(
             f"limb `{own.limb}` follows the operator's {own.side} hand, which is never seen",
-            code="DXB-B524",
+            code="DXB-B525",
             facts={"messages": len(tracked)},
             hint=f"record both hands, or state `hands: {{{own.limb}: {{side: ...}}}}` in the robot's recipe",
         )

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dextera_build.artifacts.robots.robot import RobotModel
-from dextera_build.errors import listing
 from dextera_build.geometry import hands, human_hand
 from dextera_build.geometry.human_pinch import pinching
 from dextera_build.sim.retarget.fingers import Fingers
@@ -53,8 +52,8 @@ def examples(robot: RobotModel, limb: str) -> Examples:
             told.append(f"{name[10:]} {own.hand.gap(0, names.index(name[10:])) * 1e3:.0f} mm")
     size = float(np.mean(hands.finger_lengths(points)[own.others]))
     about = (
-        f"the operator's {own.side} hand, {listing(names)}; fingers of {own.length_m * 1e3:.0f} mm, "
-        f"scale {own.scale or own.length_m / size:.2f}; in a pinch the thumb comes to {listing(told)}"
+        f"the operator's {own.side} hand, {', '.join(names)}; fingers of {own.length_m * 1e3:.0f} mm, "
+        f"scale {own.scale or own.length_m / size:.2f}; in a pinch the thumb comes to {', '.join(told)}"
     )
     bodies = (*(own.hand.model.body(int(body)).name for body in own.hand.bodies), own.hand.palm_link)
     # From in front of the palm, from the side of the thumb.

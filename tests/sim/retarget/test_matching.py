@@ -102,3 +102,10 @@ def test_a_right_hand_is_not_taken_for_a_left_one(leap: RobotModel, fields: dict
         matched(stating(leap, "arm", **fields), "arm")
     assert caught.value.code == "DXB-B521"
     assert "facing leaves the palm" in caught.value.hint
+
+
+def test_a_palm_that_faces_along_its_fingers_is_refused(leap: RobotModel) -> None:
+    with pytest.raises(RuleError, match="the palm of limb `arm` faces along its fingers") as caught:
+        matched(stating(leap, "arm", pointing=(0.2, 0.0, -1.0)), "arm")
+    assert caught.value.code == "DXB-B522"
+    assert caught.value.facts["facing"] == "0 0 -1"

@@ -117,7 +117,7 @@ def test_targets_drive_the_robot_within_its_limits(revo: RobotModel) -> None:
 def test_a_hand_that_is_never_seen_is_refused(leap: RobotModel) -> None:
     with pytest.raises(RuleError, match="limb `arm` follows the operator's right hand, which is never seen") as caught:
         retarget(leap, lost(stream(20), 1, slice(None)))
-    assert caught.value.code == "DXB-B524"
+    assert caught.value.code == "DXB-B525"
     assert caught.value.facts == {"messages": "20"}
     assert "`hands: {arm: {side: ...}}`" in caught.value.hint
 
@@ -129,7 +129,7 @@ def test_a_mirrored_hand_is_refused(side: str) -> None:
     other = hands.SIDES[side == "left"]
     with pytest.raises(RuleError, match=f"the {other} hand of the operator is mirrored") as caught:
         check_side(points, other)
-    assert caught.value.code == "DXB-B523"
+    assert caught.value.code == "DXB-B524"
     assert "with bent fingers" in caught.value.facts["messages that show it"]
 
 
@@ -152,7 +152,7 @@ def test_a_robot_without_a_hand_is_refused(leap: RobotModel) -> None:
     bare = leap.model_copy(update={"limbs": {"arm": leap.limbs["arm"].model_copy(update={"hand": ()})}})
     with pytest.raises(RuleError, match="the robot has no hand to move; its limbs: arm") as caught:
         retarget(bare, stream(5))
-    assert caught.value.code == "DXB-B522"
+    assert caught.value.code == "DXB-B523"
 
 
 def test_palms_are_rigid(revo: RobotModel) -> None:
