@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from dextera_build.artifacts.robots.robot import RobotModel
-from dextera_build.geometry import transforms
+from dextera_build.geometry import quaternions, transforms
 from dextera_build.sim.control.mechanism import surface_points
 from dextera_build.sim.model.fixed_joints import alone
 
@@ -145,7 +145,7 @@ class HandModel:
         links = [np.flatnonzero(self.model.geom_bodyid == self.bodies[finger]) for finger in (one, other)]
         solid = [[geom for geom in link if self.model.geom_contype[geom]] for link in links]
         pairs = [(first, second) for first in solid[0] for second in solid[1]]
-        return min(mujoco.mj_geomDistance(self.model, self.data, *pair, 1.0, None) for pair in pairs)
+        return float(min(mujoco.mj_geomDistance(self.model, self.data, *pair, 1.0, None) for pair in pairs))
 
     def touching(self) -> list[tuple[str, str]]:
         """Pairs of links that are inside each other at the last posture."""
@@ -189,9 +189,7 @@ class HandModel:
             best, place = np.inf, model.site_pos[site]
             centre, radius = place, 0.0
             for geom in np.flatnonzero((model.geom_bodyid == body) & (model.geom_contype > 0)):
-                turn = np.zeros(9)
-                mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
-                turn = turn.reshape(3, 3)
+                turn = quaternions.to_matrix(model.geom_quat[geom])
                 middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
                 inner = half - half.min()
                 own = turn.T @ (place - model.geom_pos[geom]) - middle

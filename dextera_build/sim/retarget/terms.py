@@ -141,7 +141,7 @@ class HandTerms:
         return np.asarray(np.clip(estimate + step, self._hand.lower, self._hand.upper))
 
     def _robust(self, seen: Terms) -> np.ndarray:
-        return self._weights * least_squares.huber(_lengths(seen.vectors), HUBER_M)
+        return np.asarray(self._weights * least_squares.huber(_lengths(seen.vectors), HUBER_M))
 
 
 def _lengths(vectors: np.ndarray) -> np.ndarray:

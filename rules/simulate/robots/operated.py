@@ -62,9 +62,8 @@ def _show(ctx: Context, robot: RobotModel, limb: str) -> None:
     from dextera_build.sim.retarget.postures import examples
 
     found = examples(robot, limb)
-    ctx.say(f"hand of `{limb}`: {found.about}")
     for name, joints in list(found.joints.items())[:2]:
         picture = portrait.of_robot(
             robot.model, robot.followed({**robot.home, **joints}), around=(found.bodies, found.view)
         )
-        ctx.preview(picture, f"`{limb}` as the operator's hand: {name}")
+        ctx.preview(picture, f"hand of `{limb}`, {name}: {found.about}")

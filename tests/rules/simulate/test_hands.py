@@ -24,9 +24,14 @@ def test_a_stated_hand_is_kept_told_and_shown(tmp_path: Path) -> None:
     options = runner.find("simulate.robot").rule.options.model_validate_json(json.dumps(plain))
     robot: RobotModel = runner.run("simulate.robot", options=options.model_dump())
     assert robot.hands["arm"].scale == 1.5
-    told = "\n".join(runner.said)
-    assert "hand of `arm`: the operator's right hand, thumb, index, middle, ring" in told
-    assert "scale 1.50; in a pinch the thumb comes to index 1 mm, middle 1 mm, ring 1 mm" in told
+    home, opened, pinch = sorted(runner.outcome.previews, key=lambda each: len(each[0]))
+    assert home[0] == "at home"
+    assert opened[0].startswith(
+        "hand of `arm`, open: the operator's right hand, thumb, index, middle, ring; fingers of 140 mm"
+    )
+    assert pinch[0].startswith("hand of `arm`, thumb and index: the operator's right hand")
+    assert pinch[0].endswith("scale 1.50; in a pinch the thumb comes to index 1 mm, middle 1 mm, ring 1 mm")
+    assert opened[1] != pinch[1]
 
 
 @pytest.mark.parametrize(
