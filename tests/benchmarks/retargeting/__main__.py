@@ -1,7 +1,6 @@
 """Retargeting to the LEAP Hand and the Revo 1 beside dex-retargeting, on motions that a program made.
 
-    make .venv/dexret/.installed
-    python -m tests.benchmarks.retargeting --peer .venv/dexret/bin/python
+    make bench-retargeting
 
 Both get the same joints, the same kinematics (the robot of the recipe, as URDF for the peer), the same place of the
 wrist and, in the rows `same scale`, the same scale.
@@ -28,7 +27,6 @@ from tests.benchmarks.retargeting import urdf
 from tests.benchmarks.retargeting.measures import HEAD, Run, row
 from tests.hand_motions import motion
 
-RATES = (30.0, 72.0, 90.0)
 NOISE_M = 5e-4
 PEER = Path(__file__).with_name("peer.py")
 LEAP_SCALE, ALPHA = 1.6, 0.2
