@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
-.PHONY: help setup demo test test-all servers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine \
+.PHONY: help setup demo test test-all servers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine bench-retargeting \
 	docs lock clean clean-all
 
 help: ## Print this list
@@ -84,6 +84,9 @@ bench-engine: setup $(VENV)/.peers ## Measure dxb beside other build tools; hour
 	@.ci/system peers
 	$(BIN)/python -m tests.benchmarks.engine --out build/bench-engine $(ARGS)
 
+bench-retargeting: setup $(VENV)/dexret/.installed ## Measure retargeting of hands beside dex-retargeting; two minutes
+	$(BIN)/python -m tests.benchmarks.retargeting --peer $(VENV)/dexret/bin/python $(ARGS)
+
 docs: setup ## Build the docs pages into site/
 	$(BIN)/python -m sphinx -W --keep-going -q -b html dextera_build/docs site
 	@echo "docs: site/index.html"
@@ -141,6 +144,13 @@ $(VENV)/servers/.installed: $(VENV)/.created
 # Beside the environment, so that `make setup` need not fetch its 245 MB; what it asks for else is locked.
 $(VENV)/ray/.installed: Makefile $(VENV)/.created
 	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/ray ray==2.60.0 msgpack==1.2.4
+	@touch $@
+
+# A peer of retargeting in an environment of its own, with torch for processors: 1.6 GB. It imports six without asking for it.
+$(VENV)/dexret/.installed: Makefile $(VENV)/.created
+	$(PYTHON) -m venv $(VENV)/dexret
+	$(VENV)/dexret/bin/python -m pip install --quiet torch==2.13.0
+	$(VENV)/dexret/bin/python -m pip install --quiet dex-retargeting==0.5.0 six==1.17.0
 	@touch $@
 
 # Build tools to measure against, in an environment of their own.

@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import Field, model_validator
 
 from dextera_build.artifacts.base import Artifact, Folder, Value
+from dextera_build.artifacts.robots.hand_map import HandMap as HandMap
 from dextera_build.artifacts.robots.limb import Grip as Grip
 from dextera_build.artifacts.robots.limb import Gripper as Gripper
 from dextera_build.artifacts.robots.limb import Group as Group
@@ -47,6 +48,8 @@ class RobotModel(Artifact):
     """Source of kinematics, masses and limits."""
     limbs: dict[str, Limb] = Field(default_factory=dict)
     """Name -> limb: `left` and `right`, or `arm`. By default they follow from the roles of `frames`, see `limbs_of`."""
+    hands: dict[str, HandMap] = Field(default_factory=dict)
+    """Limb -> how an operator's hand maps to its hand, as far as the recipe states it."""
     followers: tuple[Follower, ...] = ()
     """Joints that move with an actuated one; they are not part of an action."""
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import daqp
 import mink
-import mujoco
 import numpy as np
 
 from dextera_build.artifacts.robots.robot import RobotModel
-from dextera_build.geometry import quaternions, transforms
-from dextera_build.sim.model.robot import load
+from dextera_build.geometry import transforms
+from dextera_build.sim.model.fixed_joints import alone
 
 SOLVER = "daqp"
 DAMPING = 1e-6
@@ -81,7 +79,7 @@ class ArmKinematics:
         self.joints: tuple[str, ...] = tuple(joint.name for joint in arm)
         """Their arm joints, in the robot's order."""
         coupled = [each for each in robot.followers if each.group == "arm" and each.leader in moved]
-        self._model = _arms_alone(robot, moved | {each.name for each in coupled})
+        self._model = alone(robot, moved | {each.name for each in coupled})
         self._frames = [robot.frames[robot.limbs[limb].palm] for limb in self.limbs]
         self._address = np.array([self._model.joint(name).qposadr[0] for name in self.joints])
         self._coupled = [(int(self._model.joint(each.name).qposadr[0]), each) for each in coupled]
@@ -238,33 +236,6 @@ class ArmKinematics:
         for address, each in self._coupled:
             positions[address] = each.ratio * joints[self.joints.index(each.leader)] + each.offset
         return np.asarray(positions)
-
-
-def _arms_alone(robot: RobotModel, kept: set[str]) -> Any:
-    """The robot's model with all joints but `kept` fixed at home."""
-    spec = load(robot.model)
-    home = robot.followed(robot.home)
-    for element in [*spec.actuators, *(each for each in spec.equalities if each.name1 not in kept)]:
-        spec.delete(element)
-    for joint in list(spec.joints):
-        if joint.name in home and joint.name not in kept:
-            _fix(joint, home[joint.name])
-            spec.delete(joint)
-    return spec.compile()
-
-
-def _fix(joint: Any, position: float) -> None:
-    """Move the joint's body to its pose at `position` [rad or m]."""
-    body, axis = joint.parent, np.array(joint.axis) / np.linalg.norm(joint.axis)
-    turned = quaternions.to_matrix(np.array(body.quat))
-    if joint.type == mujoco.mjtJoint.mjJNT_SLIDE:
-        body.pos = np.array(body.pos) + turned @ axis * position
-        return
-    turn = np.concatenate([[np.cos(position / 2)], np.sin(position / 2) * axis])
-    about = quaternions.to_matrix(turn)
-    pivot = np.array(joint.pos)
-    body.pos = np.array(body.pos) + turned @ (pivot - about @ pivot)
-    body.quat = quaternions.from_matrix(turned @ about)
 
 
 def _cost(solution: Solution) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import mujoco
@@ -45,12 +45,23 @@ def stand(model: Any, data: Any, width: int, height: int) -> tuple[Camera, np.nd
     return camera, pose
 
 
-def of_robot(robot: Folder, joints: Mapping[str, float], size: int = 480) -> np.ndarray:
-    """Render the robot at `joints` [rad] from its front left, (size, size, 3) uint8."""
+def of_robot(
+    robot: Folder,
+    joints: Mapping[str, float],
+    size: int = 480,
+    around: tuple[Collection[str], np.ndarray] | None = None,
+) -> np.ndarray:
+    """Render the robot at `joints` [rad] from its front left, (size, size, 3) uint8.
+
+    Args:
+        robot: Its model.
+        joints: Joint -> position [rad]; other joints are at 0.
+        size: Edge of the picture [px].
+        around: Links that fill the picture, and the direction (3,) from them to the viewer; None: the whole robot.
+    """
     spec = robots.load(robot)
-    spec.worldbody.add_light(
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=[-0.5, -0.4, -1], pos=[2, 2, 3], diffuse=[0.6] * 3
-    )
+    light = [-0.5, -0.4, -1] if around is None else list(-around[1])
+    spec.worldbody.add_light(type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=light, pos=[2, 2, 3], diffuse=[0.6] * 3)
     spec.add_texture(
         name="sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
@@ -65,10 +76,10 @@ def of_robot(robot: Folder, joints: Mapping[str, float], size: int = 480) -> np.
     for name, position in joints.items():
         data.joint(name).qpos[0] = position
     mujoco.mj_forward(model, data)
-    places = data.geom_xpos
+    places = data.geom_xpos if around is None else data.xpos[[model.body(name).id for name in around[0]]]
     middle = (places.min(axis=0) + places.max(axis=0)) / 2
     reach = float(np.linalg.norm(places - middle, axis=1).max()) + 0.1
-    aside = np.array([0.75, 0.55, 0.35])
+    aside = np.array([0.75, 0.55, 0.35]) if around is None else around[1]
     pose = cameras.look_at(middle + aside / np.linalg.norm(aside) * reach * 2.6, middle)
     half = (size - 1) / 2
     camera = Camera(width=size, height=size, fx=size * 1.2, fy=size * 1.2, cx=half, cy=half)

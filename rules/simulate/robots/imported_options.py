@@ -7,6 +7,7 @@ from pydantic import Field, NonNegativeFloat, PositiveFloat
 from dextera_build.rule import Options
 
 from .limbs import GripOptions, LimbOptions, Quaternion, Vector
+from .operated import HandOptions
 from .robot import FrameOptions
 
 
@@ -87,5 +88,7 @@ class ImportedRobotOptions(Options):
     """Name -> grip of the only hand."""
     limbs: dict[str, LimbOptions] = Field(default_factory=dict)
     """Limb -> properties that do not follow from the roles of `frames`."""
+    hands: dict[str, HandOptions] = Field(default_factory=dict)
+    """Limb -> how an operator's hand maps to its hand."""
     apart: tuple[tuple[str, str], ...] = ()
     """Pairs of links excluded from contact, in addition to neighbours and links that touch at home."""

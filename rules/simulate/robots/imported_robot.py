@@ -13,6 +13,7 @@ from dextera_build.rule import Context, rule
 from . import imported_parts
 from .imported_options import ImportedRobotOptions
 from .limbs import limbs_of
+from .operated import with_hands
 
 if TYPE_CHECKING:
     from dextera_build.sim.model.imported.assembly import Placed
@@ -51,7 +52,7 @@ def imported_robot(ctx: Context, files: Folder, *, options: ImportedRobotOptions
         source=options.source,
         followers=found.followers,
     )
-    model = limbs_of(ctx, model, options.limbs, options.grips)
+    model = with_hands(ctx, limbs_of(ctx, model, options.limbs, options.grips), options.hands)
     imported_parts.check_places(ctx, model, parts, wanted, found.plan.fixed)
     mass = sum(each.mass for each in wanted)
     ctx.metric("mass", mass, "kg")

@@ -12,6 +12,7 @@ from dextera_build.errors import listing
 from dextera_build.rule import Context, Fraction, Options, rule
 
 from .limbs import GripOptions, LimbOptions, Quaternion, Vector, check_joints, limbs_of
+from .operated import HandOptions, with_hands
 
 
 class PieceOptions(Options):
@@ -165,6 +166,8 @@ class RobotOptions(Options):
     """Name -> grip of the only hand."""
     limbs: dict[str, LimbOptions] = Field(default_factory=dict)
     """Limb -> properties that do not follow from the roles of `frames`."""
+    hands: dict[str, HandOptions] = Field(default_factory=dict)
+    """Limb -> how an operator's hand maps to its hand."""
     apart: tuple[tuple[str, str], ...] = ()
     """Pairs of links excluded from contact, in addition to neighbours."""
 
@@ -201,7 +204,7 @@ def robot(ctx: Context, *, options: RobotOptions) -> RobotModel:
         source=options.source,
         followers=followers,
     )
-    model = limbs_of(ctx, model, options.limbs, options.grips)
+    model = with_hands(ctx, limbs_of(ctx, model, options.limbs, options.grips), options.hands)
     ctx.preview(portrait.of_robot(model.model, model.followed(model.home)), "at home")
     return model
 

@@ -12,6 +12,7 @@ import numpy as np
 from dextera_build.artifacts.base import Folder
 from dextera_build.errors import RuleError
 from dextera_build.sim.model import robot as robots
+from dextera_build.sim.model.fixed_joints import fix
 from dextera_build.sim.model.imported.precise import precise
 from dextera_build.sim.model.imported.source import Source
 from dextera_build.sim.model.robot_meshes import COLLISION, SEEN, VISUAL
@@ -155,7 +156,7 @@ def finished(spec: Any, plan: Plan) -> tuple[Folder, list[tuple[str, str]]]:
         RuleError: MuJoCo rejects the model.
     """
     for name, position in plan.fixed.items():
-        _fix(spec, name, position)
+        fix(spec, name, position)
     for drive in plan.drives:
         _add_drive(spec, drive)
     for name, (leader, ratio, offset) in plan.followers.items():
@@ -202,24 +203,6 @@ def compiled(spec: Any) -> Any:
         raise RuleError(
             "the parts do not fit together", code="DXB-B217", facts={"MuJoCo": str(error).strip()}
         ) from None
-
-
-def _fix(spec: Any, name: str, position: float) -> None:
-    """Replace a joint by the pose that it gives its body."""
-    from dextera_build.geometry import lie, quaternions
-
-    joint = spec.joint(name)
-    body, axis = joint.parent, np.array(joint.axis) / np.linalg.norm(joint.axis)
-    moved = position - float(joint.ref)
-    if moved:
-        turn = quaternions.to_matrix(np.array(body.quat) / np.linalg.norm(body.quat))
-        if joint.type == mujoco.mjtJoint.mjJNT_SLIDE:
-            body.pos = np.array(body.pos) + turn @ (axis * moved)
-        else:
-            anchor, rotation = np.array(joint.pos), lie.rotation(axis * moved)
-            body.pos = np.array(body.pos) + turn @ (anchor - rotation @ anchor)
-            body.quat = quaternions.from_matrix(turn @ rotation)
-    spec.delete(joint)
 
 
 def _add_drive(spec: Any, drive: Drive) -> None:

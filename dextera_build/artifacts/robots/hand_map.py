@@ -1,0 +1,30 @@
+"""How the hand of an operator maps to a hand of a robot, as far as a recipe states it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, PositiveFloat
+
+from dextera_build.artifacts.core.value import Value
+
+Finger = Literal["thumb", "index", "middle", "ring", "pinky"]
+"""Fingers of an operator, as in `geometry.hands`."""
+Side = Literal["", "left", "right"]
+"""Hand of an operator; empty: not stated."""
+Direction = tuple[float, float, float]
+
+
+class HandMap(Value):
+    """What `sim.retarget` takes from the recipe; all that is left out follows from the robot's frames and geometry."""
+
+    side: Side = ""
+    """Hand of the operator that moves it."""
+    fingers: dict[Finger, str] = Field(default_factory=dict)
+    """Finger -> role of the fingertip among the robot's `frames`."""
+    facing: Direction | None = None
+    """Unit direction normal to the palm, outwards, in the frame of the palm."""
+    pointing: Direction | None = None
+    """Unit direction along the straight fingers, in the frame of the palm."""
+    scale: PositiveFloat | None = None
+    """Metre of the robot's hand per metre of the operator's."""

@@ -1,0 +1,119 @@
+"""Motion of a robot from a recorded motion of an operator's hands: a pure function of both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dextera_build.artifacts.robots.hand_stream import LOST, HandStream
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.errors import RuleError, listing
+from dextera_build.geometry import hands, quaternions, transforms
+from dextera_build.sim.model.forward import Kinematics
+from dextera_build.sim.retarget.arms import Palm, heading
+from dextera_build.sim.retarget.fingers import Fingers, measured
+from dextera_build.sim.retarget.matching import Matched, matched
+from dextera_build.sim.retarget.options import Retargeting
+
+BENT_M = 0.015
+"""Mean bend of the fingers from which on a message tells a left hand from a right one [m]; see `hands.curl`."""
+DOUBT = 0.8
+"""Share of such messages that must say that a hand is mirrored."""
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Targets of one limb at every message."""
+
+    side: str
+    """Hand of the operator that moved it."""
+    palms: np.ndarray
+    """(N, 4, 4) T_base_palm; `sim.control.operator.PoseControl` brings arms there within their limits."""
+    fingers: np.ndarray
+    """(N, H) positions of the hand's motors, in the limb's order [rad]."""
+    held: np.ndarray
+    """(N,) whether the palm stays where it was: clutch open, tracking lost, or a jump."""
+    scale: float
+    """Metre of the robot's hand per metre of the operator's."""
+
+
+def retarget(robot: RobotModel, stream: HandStream, options: Retargeting | None = None) -> dict[str, Targets]:
+    """Targets of every limb that has a hand, by limb.
+
+    A hand that is lost holds its fingers and its palm. Until a hand is seen for the first time, it is open.
+
+    Args:
+        robot: The embodiment; at the first message its palms are at home.
+        stream: The operator's hands.
+        options: Constants; None: the defaults.
+
+    Raises:
+        RuleError: A hand that is needed is never seen or is mirrored, or the robot has no hand.
+    """
+    options = _headed(options or Retargeting(), stream)
+    start = Kinematics(robot)
+    start.pose({})
+    limbs = [name for name in robot.limb_names if robot.limbs[name].hand]
+    if not limbs:
+        raise RuleError(
+            f"the robot has no hand to move; its limbs: {listing(robot.limb_names)}",
+            code="DXB-B523",
+            hint="mark the links of the hand by `hand` in the robot's recipe",
+        )
+    return {name: _limb(matched(robot, name), stream, start.frame(robot.limbs[name].palm), options) for name in limbs}
+
+
+def check_side(points: np.ndarray, side: str) -> None:
+    """Raise if a motion (N, 25, 3) of a hand of `side` is that of the other one.
+
+    Fingers bend to the palm alone, and the order of the fingers then says which hand it is (`hands.curl`). Messages
+    with straight fingers say nothing.
+
+    Raises:
+        RuleError: It is mirrored.
+    """
+    bend = hands.curl(points) * (1 if side == hands.SIDES[1] else -1)
+    told = np.abs(bend) > BENT_M
+    if told.any() and (bend[told] < 0).mean() > DOUBT:
+        raise RuleError(
+            f"the {side} hand of the operator is mirrored: its fingers bend to the back of the hand",
+            code="DXB-B524",
+            facts={"messages that show it": f"{int((bend[told] < 0).sum())} of {int(told.sum())} with bent fingers"},
+            hint="the device swapped the hands, or its frame is left-handed: swap both hands, or negate one axis",
+        )
+
+
+def _headed(options: Retargeting, stream: HandStream) -> Retargeting:
+    """The options with a heading."""
+    if options.heading_rad is not None or stream.head is None or np.isnan(stream.head).any(axis=1).all():
+        return options
+    head = stream.head[~np.isnan(stream.head).any(axis=1)][0]
+    return replace(options, heading_rad=heading(quaternions.to_matrix(head[3:].astype(np.float64))))
+
+
+def _limb(own: Matched, stream: HandStream, palm: np.ndarray, options: Retargeting) -> Targets:
+    hand = hands.SIDES.index(own.side)
+    points, tracked = stream.positions[:, hand].astype(np.float64), stream.tracking[:, hand] > LOST
+    turns = stream.rotations[:, hand, hands.WRIST].astype(np.float64)
+    if not tracked.any():
+        raise RuleError(
+            f"limb `{own.limb}` follows the operator's {own.side} hand, which is never seen",
+            code="DXB-B525",
+            facts={"messages": len(tracked)},
+            hint=f"record both hands, or state `hands: {{{own.limb}: {{side: ...}}}}` in the robot's recipe",
+        )
+    check_side(points[tracked], own.side)
+    follower, following = Fingers(own, measured(points, tracked), options), Palm(palm, options)
+    fingers, palms, held = np.tile(own.straight, (len(points), 1)), np.zeros((len(points), 4, 4)), []
+    last, since = own.straight, stream.stamps[0]
+    for number, stamp in enumerate(stream.stamps):
+        wrist = None
+        if tracked[number]:
+            last, since = follower.next(points[number], float(stamp - since)), stamp
+            if stream.clutch[number, hand]:
+                wrist = transforms.rigid(quaternions.to_matrix(turns[number]), points[number, hands.WRIST])
+        fingers[number] = last
+        palms[number], still = following.next(wrist)
+        held.append(still)
+    return Targets(own.side, palms, fingers, np.array(held), follower.scale)

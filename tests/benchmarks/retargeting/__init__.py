@@ -1,0 +1,1 @@
+"""Retargeting of hands beside dex-retargeting."""

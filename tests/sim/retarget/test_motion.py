@@ -1,0 +1,161 @@
+"""Targets from recordings: what holds, what is refused, and that they drive a robot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED, HandStream
+from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.errors import RuleError
+from dextera_build.geometry import hands, transforms
+from dextera_build.sim.control.operator import Aim, Command, PoseControl
+from dextera_build.sim.model.forward import Kinematics
+from dextera_build.sim.retarget.motion import check_side, retarget
+from dextera_build.sim.retarget.options import Retargeting
+from tests.hand_motions import motion
+from tests.hand_streams import stream
+
+
+def palm_of(robot: RobotModel, limb: str) -> np.ndarray:
+    kinematics = Kinematics(robot)
+    kinematics.pose({})
+    return kinematics.frame(robot.limbs[limb].palm)
+
+
+def lost(own: HandStream, hand: int, rows: slice) -> HandStream:
+    """A stream in which a hand is lost for a while."""
+    positions, rotations, tracking = own.positions.copy(), own.rotations.copy(), own.tracking.copy()
+    positions[rows, hand] = rotations[rows, hand] = np.nan
+    tracking[rows, hand] = LOST
+    return own.model_copy(update={"positions": positions, "rotations": rotations, "tracking": tracking})
+
+
+def test_each_limb_follows_the_hand_of_its_side(leap: RobotModel, revo: RobotModel) -> None:
+    made = stream(60)
+    assert {limb: each.side for limb, each in retarget(revo, made).items()} == {"left": "left", "right": "right"}
+    only = retarget(leap, made)
+    assert {limb: each.side for limb, each in only.items()} == {"arm": "right"}
+    assert only["arm"].fingers.shape == (60, 16)
+    assert only["arm"].palms.shape == (60, 4, 4)
+
+
+def test_the_palm_starts_at_home_and_moves_with_the_closed_clutch_alone(leap: RobotModel) -> None:
+    made = stream(60)
+    found, start = retarget(leap, made)["arm"], palm_of(leap, "arm")
+    free = ~made.clutch[:, 1]
+    assert free.sum() == 15
+    assert found.held.tolist() == [*[True] * 16, *[False] * 44]
+    assert found.palms[:16] == pytest.approx(np.tile(start, (16, 1, 1)))
+    wrists = made.positions[:, 1, hands.WRIST].astype(float)
+    # The head of the stream looks along x, as the robot does.
+    assert found.palms[20, :3, 3] - start[:3, 3] == pytest.approx(wrists[20] - wrists[15], abs=1e-6)
+
+
+def test_a_lost_hand_holds_and_goes_on_from_there(leap: RobotModel) -> None:
+    made = lost(stream(90), 1, slice(40, 60))
+    found = retarget(leap, made)["arm"]
+    assert np.ptp(found.fingers[39:60], axis=0).max() == 0.0
+    assert np.ptp(found.palms[39:61], axis=0).max() == 0.0
+    assert found.held[40:61].all()
+    assert not found.held[61:].any()
+    assert np.isfinite(found.fingers).all()
+    speeds = np.linalg.norm(np.diff(found.palms[:, :3, 3], axis=0), axis=1)
+    assert speeds[59:63].max() < 0.01
+
+
+def test_the_same_recording_gives_the_same_targets(revo: RobotModel) -> None:
+    first, second = retarget(revo, stream(40)), retarget(revo, stream(40))
+    for limb in first:
+        np.testing.assert_array_equal(first[limb].fingers, second[limb].fingers)
+        np.testing.assert_array_equal(first[limb].palms, second[limb].palms)
+
+
+def test_where_the_operator_stands_and_looks_does_not_matter(leap: RobotModel) -> None:
+    """The head gives the heading."""
+    plain = stream(40)
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    half = np.array([np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4)])  # the same as a quaternion
+    assert plain.head is not None
+    w, z = half[0], half[3]
+
+    def turned(quaternions: np.ndarray) -> np.ndarray:
+        a, b, c, d = np.moveaxis(quaternions.astype(float), -1, 0)
+        return np.stack([w * a - z * d, w * b - z * c, w * c + z * b, w * d + z * a], axis=-1).astype(np.float32)
+
+    head = np.concatenate([plain.head[:, :3] @ turn.T, turned(plain.head[:, 3:])], axis=1).astype(np.float32)
+    moved = plain.model_copy(
+        update={
+            "positions": (plain.positions @ turn.T + [1.0, 2.0, 0.5]).astype(np.float32),
+            "rotations": turned(plain.rotations),
+            "head": head,
+        }
+    )
+    one, other = retarget(leap, plain)["arm"], retarget(leap, moved)["arm"]
+    assert other.palms == pytest.approx(one.palms, abs=1e-5)
+    assert other.fingers == pytest.approx(one.fingers, abs=5e-3)
+    fixed = retarget(leap, moved, Retargeting(heading_rad=0.0))["arm"]
+    assert np.abs(fixed.palms - one.palms).max() > 0.01
+
+
+def test_targets_drive_the_robot_within_its_limits(revo: RobotModel) -> None:
+    made = stream(72)
+    found, control = retarget(revo, made), PoseControl(revo, 72.0)
+    control.begin(np.array([joint.home for joint in revo.joints]))
+    speed = np.array([joint.velocity for joint in revo.joints]) / 72.0
+    last, lags = np.array([joint.home for joint in revo.joints]), []
+    for row in range(len(made.stamps)):
+        command = Command({limb: Aim(each.palms[row], each.fingers[row]) for limb, each in found.items()}, "free")
+        targets = control.follow(command)
+        assert (np.abs(targets - last) <= speed + 1e-9).all()
+        lags.append(control.lag_m(command))
+        last = targets
+    assert max(lags) < 0.01
+    assert max(lags[30:]) > 0.0
+
+
+def test_a_hand_that_is_never_seen_is_refused(leap: RobotModel) -> None:
+    with pytest.raises(RuleError, match="limb `arm` follows the operator's right hand, which is never seen") as caught:
+        retarget(leap, lost(stream(20), 1, slice(None)))
+    assert caught.value.code == "DXB-B525"
+    assert caught.value.facts == {"messages": "20"}
+    assert "`hands: {arm: {side: ...}}`" in caught.value.hint
+
+
+@pytest.mark.parametrize("side", hands.SIDES)
+def test_a_mirrored_hand_is_refused(side: str) -> None:
+    _, points, _ = motion(30.0, side, noise_m=1e-3)
+    check_side(points, side)
+    other = hands.SIDES[side == "left"]
+    with pytest.raises(RuleError, match=f"the {other} hand of the operator is mirrored") as caught:
+        check_side(points, other)
+    assert caught.value.code == "DXB-B524"
+    assert "with bent fingers" in caught.value.facts["messages that show it"]
+
+
+def test_swapped_hands_of_a_recording_are_refused(leap: RobotModel) -> None:
+    made = stream(144)
+    swapped = {name: getattr(made, name)[:, ::-1].copy() for name in ("positions", "rotations")}
+    with pytest.raises(RuleError, match="the right hand of the operator is mirrored"):
+        retarget(leap, made.model_copy(update=swapped))
+
+
+def test_a_flat_hand_says_nothing_about_its_side() -> None:
+    _, points, names = motion(30.0, "right")
+    flat = points[:1].copy()
+    assert names[0] == "open"
+    assert TRACKED == 2
+    check_side(flat, "right")
+
+
+def test_a_robot_without_a_hand_is_refused(leap: RobotModel) -> None:
+    bare = leap.model_copy(update={"limbs": {"arm": leap.limbs["arm"].model_copy(update={"hand": ()})}})
+    with pytest.raises(RuleError, match="the robot has no hand to move; its limbs: arm") as caught:
+        retarget(bare, stream(5))
+    assert caught.value.code == "DXB-B523"
+
+
+def test_palms_are_rigid(revo: RobotModel) -> None:
+    for each in retarget(revo, stream(40)).values():
+        for palm in each.palms:
+            assert transforms.invert(palm) @ palm == pytest.approx(np.eye(4), abs=1e-6)
