@@ -1,11 +1,11 @@
 """`HandStream` as MCAP of ROS 2 messages, one file for what dxb writes and what another recorder wrote.
 
-Each hand is a topic of `geometry_msgs/PoseArray` with 25 poses in WebXR's order; an array without poses, or whose
-numbers are all NaN or all 0, is a lost hand. The head is `geometry_msgs/PoseStamped`. A message `sensor_msgs/Joy` holds
-pinch of left and right and further inputs as `axes`, and clutch and tracking state of left and right as `buttons`;
-without it, a tracked hand moves the robot, and the pinch follows from the distance of the tips. Device, origin, names
-of inputs and takes are a JSON object in a `std_msgs/String`, which stays with the hands in every copy of a recording,
-and which other recorders may leave out.
+Each hand is a topic of `geometry_msgs/PoseArray` with 25 poses in WebXR's order, or 26 in OpenXR's, whose first is the
+palm; an array without poses, or whose numbers are all NaN or all 0, is a lost hand. The head is
+`geometry_msgs/PoseStamped`. A message `sensor_msgs/Joy` holds pinch of left and right and further inputs as `axes`, and
+clutch and tracking state of left and right as `buttons`; without it, a tracked hand moves the robot, and the pinch
+follows from the distance of the tips. Device, origin, names of inputs and takes are a JSON object in a
+`std_msgs/String`, which stays with the hands in every copy of a recording, and which other recorders may leave out.
 """
 
 from __future__ import annotations
@@ -34,6 +34,8 @@ INPUTS = ("sensor_msgs/msg/Joy", "sensor_msgs/Joy")
 TEXTS = ("std_msgs/msg/String", "std_msgs/String")
 ABOUT = "/hands/about"
 """Topic of the description of a recording."""
+OPENXR = 26
+"""Joints of OpenXR's hands: the palm, and then those of WebXR with the same axes (XR_EXT_hand_tracking)."""
 NEAR_S = 0.1
 """Largest time from a hand's message to the head's pose and the inputs that belong to it [s]."""
 
@@ -202,9 +204,9 @@ def _poses(stream: Stream, topic: str, kinds: Sequence[str]) -> _Rows:
     if len(frames) > 1:
         raise _frames_differ({f"`{topic}`": listing(sorted(frames))})
     shape = (len(rows), -1, 7) if rows else (0, len(hands.JOINTS), 7)
-    return _Rows(
-        np.array(times, np.int64), np.array(rows, np.float32).reshape(shape), next(iter(frames), "") or "world"
-    )
+    with np.errstate(over="ignore"):  # such numbers are refused as not finite
+        poses = np.array(rows, np.float32).reshape(shape)
+    return _Rows(np.array(times, np.int64), poses, next(iter(frames), "") or "world")
 
 
 def _numbers(topic: str, message: Any, time: int, wanted: int) -> np.ndarray:
@@ -212,9 +214,10 @@ def _numbers(topic: str, message: Any, time: int, wanted: int) -> np.ndarray:
     poses = message.poses if hasattr(message, "poses") else [message.pose]
     if not len(poses):
         return np.full((wanted, 7), np.nan)
+    if len(poses) == wanted + 1 == OPENXR:
+        poses = poses[1:]
     if len(poses) != wanted:
         known = {21: "21 are MediaPipe's landmarks: add the metacarpals of the four fingers"}
-        known |= {26: "26 are OpenXR's joints: leave out the first, the palm"}
         raise ArtifactError(
             f"a hand on `{topic}` has {len(poses)} joints instead of {wanted}",
             code="DXB-A560",
@@ -229,9 +232,10 @@ def _numbers(topic: str, message: Any, time: int, wanted: int) -> np.ndarray:
 
 def _unit(poses: np.ndarray) -> np.ndarray:
     """Poses (K, 7) with quaternions of length 1; those in single precision are unchanged."""
-    length = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
-    exact = (np.abs(length - 1) < 1e-6) | (length == 0)
-    return np.hstack([poses[:, :3], poses[:, 3:] / np.where(exact, 1.0, length)])
+    with np.errstate(over="ignore", invalid="ignore"):  # such numbers are refused as not finite
+        length = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+        exact = (np.abs(length - 1) < 1e-6) | (length == 0)
+        return np.hstack([poses[:, :3], poses[:, 3:] / np.where(exact, 1.0, length)])
 
 
 def _matched(times: np.ndarray, rows: _Rows, most: int) -> np.ndarray:

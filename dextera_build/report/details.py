@@ -126,9 +126,11 @@ def _body(node: Node, known: _Known, pictures: Pictures) -> Html:
 def _film(node: Node, films: Films | None) -> Html | None:
     """The film of a node whose result is a small MP4 file."""
     source = films.mp4(node.fields) if films is not None and node.artifact == "Video" else ""
+    if not source:
+        return None
     about = f"film of {node.address}"
-    shown = {"src": source, "controls": True, "loop": True, "muted": True, "aria-label": about}
-    return tag("figure", {"class": "film"}, tag("video", shown)) if source else None
+    video = tag("video", {"src": source, "controls": True, "loop": True, "muted": True, "aria-label": about})
+    return tag("figure", {"class": "film"}, video)
 
 
 def _rows(title: str, rows: list[tuple[str, Child]]) -> Html | None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dextera_build.artifacts.robots.hand_stream import HandStream
@@ -149,8 +151,15 @@ def test_a_recording_that_does_not_fit_is_refused(tmp_path: Path, code: str) -> 
     assert caught.value.hint
 
 
-def test_the_hint_names_what_21_and_26_joints_are(tmp_path: Path) -> None:
-    for count, word in ((21, "MediaPipe"), (26, "OpenXR"), (5, "WebXR")):
+def test_the_palm_of_openxr_is_left_out(tmp_path: Path) -> None:
+    made = rows(stream(1), 0, 0)
+    palm = made[:1] + np.eye(7)[:1] * 0.01
+    found = HandStream.load(recorded(tmp_path / "a.mcap", [("/vr/l", 0.0, np.vstack([palm, made]))]), topics=OTHERS)
+    np.testing.assert_array_equal(found.positions[:, 0], stream(1).positions[:, 0])
+
+
+def test_the_hint_names_what_other_numbers_of_joints_are(tmp_path: Path) -> None:
+    for count, word in ((21, "MediaPipe"), (27, "WebXR"), (5, "WebXR")):
         with pytest.raises(ArtifactError, match=f"{count} joints") as caught:
             HandStream.load(recorded(tmp_path / "a.mcap", [("/vr/l", 0.0, one(count))]), topics=OTHERS)
         assert word in caught.value.hint
@@ -202,3 +211,31 @@ def test_a_message_that_is_cut_short_is_named(tmp_path: Path) -> None:
         recording.send("/hands/left", "geometry_msgs/PoseArray", 0, data[: len(data) // 2])
     with pytest.raises(ArtifactError, match="`left` cannot be read as MCAP"):
         HandStream.load(tmp_path / "a.mcap")
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.integers(0, 10**6), st.integers(1, 255))
+def test_a_damaged_message_is_read_or_refused(tmp_path: Path, place: int, flip: int) -> None:
+    data = bytearray(messages.pose_array(0, "odom", one()))
+    data[place % len(data)] ^= flip
+    with (tmp_path / "a.mcap").open("wb") as out, Recording(out) as recording:
+        recording.send("/hands/left", "geometry_msgs/PoseArray", 0, bytes(data))
+    with contextlib.suppress(ArtifactError):
+        assert HandStream.load(tmp_path / "a.mcap").positions.shape == (1, 2, 25, 3)
+
+
+TEXTS = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.text(max_size=3),
+    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.sampled_from(["first", "last", "seed"]), inner),
+    max_leaves=4,
+)
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.fixed_dictionaries(dict.fromkeys(("device", "synthetic", "buttons", "takes"), TEXTS)))
+def test_any_description_is_read_or_refused(tmp_path: Path, found: dict[str, Any]) -> None:
+    with (tmp_path / "a.mcap").open("wb") as out, Recording(out) as recording:
+        recording.send(hand_stream.ABOUT, "std_msgs/String", 0, messages.text(json.dumps(found)))
+        recording.send("/hands/left", "geometry_msgs/PoseArray", 0, messages.pose_array(0, "odom", one()))
+    with contextlib.suppress(ArtifactError):
+        assert HandStream.load(tmp_path / "a.mcap").device

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import islice
 from typing import Any, Literal, NamedTuple, Protocol
 
@@ -15,7 +16,7 @@ from dextera_build.errors import listing
 from dextera_build.geometry import hands as human
 from dextera_build.geometry.human_hand import Hand, open_angles
 from dextera_build.previews.hands import strip
-from dextera_build.rule import Context, rule
+from dextera_build.rule import Context, Tolerance, rule
 
 from . import fitted, placed, smooth, tracked
 from .smooth import Motion
@@ -58,8 +59,13 @@ class _Driven(NamedTuple):
     scale: float
 
 
-# The angles of the fingers are the result of solving, which is rounded differently on another processor.
-@rule(version=1, packages=("numpy",))
+# The angles of the fingers are solved for, which is rounded differently on another processor; signs of quaternions are
+# free.
+@rule(
+    version=1,
+    packages=("numpy",),
+    tolerance=Tolerance({"positions": 1e-4, "rotations": math.inf, "head": 1e-4, "pinch": 0.01}),
+)
 def hands(
     ctx: Context[HandsBackend], robot: RobotModel, episodes: Episodes, *, options: HandsOptions | None = None
 ) -> HandStream:
