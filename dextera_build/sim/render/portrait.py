@@ -57,7 +57,7 @@ def of_robot(
         robot: Its model.
         joints: Joint -> position [rad]; other joints are at 0.
         size: Edge of the picture [px].
-        around: Links that fill the picture, and the direction (3,) from them to the viewer; None: the whole robot.
+        around: Links that alone are drawn, and the direction (3,) from them to the viewer; None: the whole robot.
     """
     spec = robots.load(robot)
     light = [-0.5, -0.4, -1] if around is None else list(-around[1])
@@ -76,9 +76,13 @@ def of_robot(
     for name, position in joints.items():
         data.joint(name).qpos[0] = position
     mujoco.mj_forward(model, data)
-    places = data.geom_xpos if around is None else data.xpos[[model.body(name).id for name in around[0]]]
+    shown = np.ones(model.ngeom, bool)
+    if around is not None:
+        shown = np.isin(model.geom_bodyid, [model.body(name).id for name in around[0]])
+        model.geom_group[~shown] = robots.CONTACT_GROUP
+    places = data.geom_xpos[shown]
     middle = (places.min(axis=0) + places.max(axis=0)) / 2
-    reach = float(np.linalg.norm(places - middle, axis=1).max()) + 0.1
+    reach = float(np.linalg.norm(places - middle, axis=1).max()) + (0.1 if around is None else 0.02)
     aside = np.array([0.75, 0.55, 0.35]) if around is None else around[1]
     pose = cameras.look_at(middle + aside / np.linalg.norm(aside) * reach * 2.6, middle)
     half = (size - 1) / 2

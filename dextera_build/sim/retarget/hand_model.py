@@ -65,11 +65,12 @@ class HandModel:
         self.bodies = np.array([self.model.site_bodyid[site] for site in self._sites])
         """(F,) bodies of the fingertips."""
         self._inside, self.radii = self._spheres()
-        self._only_the_hand(self._groups(int(self.model.site(robot.frames[own.palm]).bodyid[0]), robot.links))
+        group = self._groups(int(self.model.site(robot.frames[own.palm]).bodyid[0]), robot.links)
+        self.links: tuple[str, ...] = tuple(self.model.body(body).name for body in np.flatnonzero(group).tolist())
+        """Links of the hand."""
+        self._only_the_hand(group)
         self._set(self.home)
         palm = self.data.site(robot.frames[own.palm])
-        self.palm_link: str = self.model.body(self.model.site(robot.frames[own.palm]).bodyid[0]).name
-        """Link of the palm's frame."""
         self.palm = transforms.rigid(palm.xmat.reshape(3, 3).copy(), palm.xpos.copy())
         """T_world_palm (4, 4) of this model."""
         self._contacts: list[int] = []

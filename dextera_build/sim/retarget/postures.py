@@ -25,8 +25,8 @@ class Examples:
     """The correspondence in a sentence."""
     joints: dict[str, dict[str, float]]
     """Name -> positions of the hand's motors by joint [rad]."""
-    bodies: tuple[str, ...]
-    """Links of the fingertips, and of the palm."""
+    links: tuple[str, ...]
+    """Links of the hand."""
     view: np.ndarray
     """(3,) direction from the hand to a viewer who sees the palm, in the base."""
 
@@ -55,8 +55,7 @@ def examples(robot: RobotModel, limb: str) -> Examples:
         f"the operator's {own.side} hand, {', '.join(names)}; fingers of {own.length_m * 1e3:.0f} mm, "
         f"scale {own.scale or own.length_m / size:.2f}; in a pinch the thumb comes to {', '.join(told)}"
     )
-    bodies = (*(own.hand.model.body(int(body)).name for body in own.hand.bodies), own.hand.palm_link)
     # From in front of the palm, from the side of the thumb.
     across = -own.turn[:, 0] if own.side == hands.SIDES[1] else own.turn[:, 0]
     view = own.hand.palm[:3, :3] @ (across - own.turn[:, 1])
-    return Examples(about, found, bodies, view)
+    return Examples(about, found, own.hand.links, view)

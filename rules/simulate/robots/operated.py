@@ -64,6 +64,6 @@ def _show(ctx: Context, robot: RobotModel, limb: str) -> None:
     found = examples(robot, limb)
     for name, joints in list(found.joints.items())[:2]:
         picture = portrait.of_robot(
-            robot.model, robot.followed({**robot.home, **joints}), around=(found.bodies, found.view)
+            robot.model, robot.followed({**robot.home, **joints}), around=(found.links, found.view)
         )
         ctx.preview(picture, f"hand of `{limb}`, {name}: {found.about}")
