@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field, PositiveFloat
+from pydantic import Field
 
 from dextera_build.artifacts.core.value import Value
 
@@ -26,5 +26,5 @@ class HandMap(Value):
     """Unit direction normal to the palm, outwards, in the frame of the palm."""
     pointing: Direction | None = None
     """Unit direction along the straight fingers, in the frame of the palm."""
-    scale: PositiveFloat | None = None
+    scale: float | None = None
     """Metre of the robot's hand per metre of the operator's."""
