@@ -14,7 +14,6 @@ from dextera_build.rule import Context, Options
 
 from .limbs import Vector
 
-
 Finger = Literal["thumb", "index", "middle", "ring", "pinky"]
 """Fingers of an operator, as in `geometry.hands`."""
 
