@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field, PositiveFloat
+from pydantic import Field
 
 from dextera_build.artifacts.core.value import Value
 
-Finger = Literal["thumb", "index", "middle", "ring", "pinky"]
-"""Fingers of an operator, as in `geometry.hands`."""
 Side = Literal["", "left", "right"]
 """Hand of an operator; empty: not stated."""
 Direction = tuple[float, float, float]
@@ -20,11 +18,11 @@ class HandMap(Value):
 
     side: Side = ""
     """Hand of the operator that moves it."""
-    fingers: dict[Finger, str] = Field(default_factory=dict)
-    """Finger -> role of the fingertip among the robot's `frames`."""
+    fingers: dict[str, str] = Field(default_factory=dict)
+    """Finger as in `geometry.hands.FINGERS` -> role of the fingertip among the robot's `frames`."""
     facing: Direction | None = None
     """Unit direction normal to the palm, outwards, in the frame of the palm."""
     pointing: Direction | None = None
     """Unit direction along the straight fingers, in the frame of the palm."""
-    scale: PositiveFloat | None = None
+    scale: float | None = None
     """Metre of the robot's hand per metre of the operator's."""

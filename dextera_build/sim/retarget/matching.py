@@ -84,7 +84,7 @@ def _roles(robot: RobotModel, limb: str, stated: HandMap) -> dict[str, str]:
     """Finger -> role of its tip, the thumb first."""
     own = robot.limbs[limb]
     named = {SAME.get(name := role.rpartition("tip_")[2], name): role for role in own.tips}
-    stated_or_named = {str(name): role for name, role in stated.fingers.items()} or named
+    stated_or_named = stated.fingers or named
     found = {name: stated_or_named[name] for name in hands.FINGERS if name in stated_or_named}
     if not own.palm or "thumb" not in found or len(found) < 2:
         raise RuleError(

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal
 
 from pydantic import Field, PositiveFloat
 
-from dextera_build.artifacts.robots.hand_map import Finger, HandMap, Side
+from dextera_build.artifacts.robots.hand_map import HandMap, Side
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.rule import Context, Options
 
 from .limbs import Vector
+
+Finger = Literal["thumb", "index", "middle", "ring", "pinky"]
+"""Fingers of an operator, as in `geometry.hands`."""
 
 
 class HandOptions(Options):

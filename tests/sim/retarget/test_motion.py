@@ -8,7 +8,7 @@ import pytest
 from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED, HandStream
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.errors import RuleError
-from dextera_build.geometry import hands, transforms
+from dextera_build.geometry import hands, lie, quaternions, transforms
 from dextera_build.sim.control.operator import Aim, Command, PoseControl
 from dextera_build.sim.model.forward import Kinematics
 from dextera_build.sim.retarget.motion import check_side, retarget
@@ -50,6 +50,26 @@ def test_the_palm_starts_at_home_and_moves_with_the_closed_clutch_alone(leap: Ro
     wrists = made.positions[:, 1, hands.WRIST].astype(float)
     # The head of the stream looks along x, as the robot does.
     assert found.palms[20, :3, 3] - start[:3, 3] == pytest.approx(wrists[20] - wrists[15], abs=1e-6)
+
+
+def test_a_hand_that_turns_about_its_palm_turns_the_robots_in_place(leap: RobotModel) -> None:
+    """The point of the hand that stays is where the robot's palm is, about 30 mm from the knuckles to the wrist."""
+    made = stream(60)
+    still = np.tile(made.positions[:1], (60, 1, 1, 1)).astype(float)
+    knuckles = [hands.KNUCKLES[finger] for finger in (1, 2, 3)]
+    frame = hands.palm_frame(still[0, 1], "right")
+    pivot = still[0, 1, knuckles].mean(axis=0) + 0.03 * frame[:, 2]
+    turned = made.rotations.copy()
+    for row in range(60):
+        turn = lie.rotation(np.array([0.0, 0.0, 0.01 * row]))
+        still[row, 1] = pivot + (still[row, 1] - pivot) @ turn.T
+        wrist = turn @ quaternions.to_matrix(made.rotations[0, 1, hands.WRIST].astype(float))
+        turned[row, 1, hands.WRIST] = quaternions.from_matrix(wrist)
+    found = retarget(leap, made.model_copy(update={"positions": still.astype(np.float32), "rotations": turned}))["arm"]
+    wrists = still[:, 1, hands.WRIST]
+    assert np.linalg.norm(wrists[-1] - wrists[15]) > 0.02
+    assert np.linalg.norm(found.palms[-1, :3, 3] - found.palms[15, :3, 3]) < 0.006
+    assert transforms.angle(found.palms[15, :3, :3].T @ found.palms[-1, :3, :3]) == pytest.approx(0.44, abs=0.01)
 
 
 def test_a_lost_hand_holds_and_goes_on_from_there(leap: RobotModel) -> None:
