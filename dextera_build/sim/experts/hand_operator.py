@@ -21,8 +21,8 @@ from dextera_build.sim.runtime.environment import Environment
 SETTLE_S = 0.5
 """Time for the robot to come to rest after the last message, before the task's condition must hold [s]."""
 NEAR_M = 0.05
-"""Distance between the open fingers' reach and the task's object at which free motion ends [m]: the hand cannot touch
-the object before, even if it lags behind its command."""
+"""Distance of a fingertip or a palm from the task's object at which free motion ends [m]; more than a hand lags behind
+its command."""
 
 
 def hands_of(robot: RobotModel) -> dict[str, Matched]:
@@ -70,7 +70,6 @@ class HandOperator:
         names = [joint.name for joint in robot.joints]
         self._places = np.array([names.index(name) for name in self._arm.joints], int)
         self._object, self._points = task.object, environment.bundle.objects[task.object].points.astype(np.float64)
-        self._reach = {limb: _reach(hand) + NEAR_M for limb, hand in self._own.items()}
         self._times = take.stamps - take.stamps[0]
         self._period = environment.period_s
         self.longest_s: float = float(self._times[-1]) + SETTLE_S + task.hold_s
@@ -106,8 +105,12 @@ class HandOperator:
     def _at(self, aims: Mapping[str, Aim], base_from_object: np.ndarray) -> bool:
         """Whether a hand is near the object at pose T_base_object (4, 4)."""
         points = transforms.apply(base_from_object, self._points)
-        away = {limb: np.linalg.norm(points - aim.palm[:3, 3], axis=1).min() for limb, aim in aims.items()}
-        return any(away[limb] < reach for limb, reach in self._reach.items())
+        for limb, aim in aims.items():
+            tips = transforms.apply(aim.palm, self._own[limb].hand.at(aim.fingers).tips)
+            parts = np.concatenate([tips, aim.palm[None, :3, 3]])
+            if np.linalg.norm(points[:, None] - parts, axis=-1).min() < NEAR_M:
+                return True
+        return False
 
 
 def _drives(take: HandStream, hand: Matched) -> bool:
@@ -122,8 +125,3 @@ def _seen(take: HandStream) -> dict[str, str]:
         f"{side} hand": f"tracked in {seen} of {len(take.stamps)} messages, clutch closed in {shut}"
         for side, seen, shut in zip(hands.SIDES, tracked.tolist(), closed.tolist(), strict=True)
     }
-
-
-def _reach(hand: Matched) -> float:
-    """Distance from the palm's frame to the farthest tip of the open hand [m]."""
-    return float(np.linalg.norm(hand.hand.at(hand.straight).tips, axis=1).max())

@@ -63,6 +63,14 @@ class Fingers:
         reach = (points[self._tips] - points[self._knuckles].mean(axis=0)) @ frame
         return np.asarray(own.anchor + self.scale * reach @ own.turn.T)
 
+    def origin(self, points: np.ndarray) -> np.ndarray:
+        """The point (3,) of the operator's hand (25, 3) that corresponds to the origin of the robot's palm [m].
+
+        A wrist would not do: where a hand turns, its wrist and its palm move by different ways.
+        """
+        own, frame = self.matched, hands.palm_frame(points, self.matched.side)
+        return np.asarray(points[self._knuckles].mean(axis=0) - frame @ own.turn.T @ own.anchor / self.scale)
+
     def _side_by_side(self, tips: np.ndarray) -> np.ndarray:
         """Tips (F, 3) of which neighbours but the thumb have room beside each other, where they are bent alike.
 

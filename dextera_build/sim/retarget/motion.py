@@ -126,7 +126,7 @@ def follow(own: Matched, stream: HandStream, palm: np.ndarray, options: Retarget
         if tracked[number]:
             last, since = follower.next(points[number], float(stamp - since)), stamp
             if stream.clutch[number, hand]:
-                wrist = transforms.rigid(quaternions.to_matrix(turns[number]), points[number, hands.WRIST])
+                wrist = transforms.rigid(quaternions.to_matrix(turns[number]), follower.origin(points[number]))
         fingers[number] = last
         palms[number], still = following.next(wrist)
         held.append(still)
