@@ -30,8 +30,8 @@ class Palm:
         against the last message is not followed.
 
         Args:
-            wrist: (4, 4) rotation of the wrist at the place of `Fingers.origin`, in a frame with z up; None: the clutch is
-                open, or tracking is lost.
+            wrist: (4, 4) rotation of the wrist at the place of `Fingers.origin`, in a frame with z up; None: the clutch
+                is open, or tracking is lost.
         """
         last, self._last = self._last, None if wrist is None else np.array(wrist, np.float64)
         if self._last is None:
