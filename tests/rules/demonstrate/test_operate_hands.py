@@ -39,13 +39,13 @@ def lifting(runner: RuleRunner, tmp_path_factory: pytest.TempPathFactory) -> Cal
     def get(name: str) -> TaskBundle:
         if name not in made:
             robot = built(name, tmp_path_factory.mktemp(name))
-            made[name] = _task(runner, robot)
+            made[name] = _task(runner, robot, list(robot.limb_names) if len(robot.limbs) > 1 else [])
         return made[name]
 
     return get
 
 
-def _task(runner: RuleRunner, robot: RobotModel) -> TaskBundle:
+def _task(runner: RuleRunner, robot: RobotModel, limbs: list[str]) -> TaskBundle:
     can = factories.box_asset(factories.pose(0.0, 0.0), size=(0.06, 0.06, 0.14), mass=0.2)
     assets = Collection[Asset](items={"can": can})
     scene = runner.run(
@@ -55,7 +55,14 @@ def _task(runner: RuleRunner, robot: RobotModel) -> TaskBundle:
         support=factories.support(0.8),
         camera=factories.camera(),
     )
-    task = {"name": "LiftCan", "primitive": "lift", "object": "can", "lift": {"height_m": 0.08}, "timeout_s": 8.0}
+    task: dict[str, Any] = {
+        "name": "LiftCan",
+        "primitive": "lift",
+        "object": "can",
+        "lift": {"height_m": 0.08},
+        "timeout_s": 8.0,
+    }
+    task |= {"limbs": limbs} if limbs else {}
     reset = {"position_m": 0.01, "yaw_deg": 5.0, "dynamics": 0.2}
     made: TaskBundle = runner.run(
         "simulate.task",
@@ -110,6 +117,15 @@ def test_a_recording_without_the_hand_of_the_robot_is_refused(
     assert caught.value.code == "DXB-B526"
     assert caught.value.facts["right hand"] == "tracked in 0 of 20 messages, clutch closed in 5"
     assert caught.value.facts["the robot follows"] == "right (arm)"
+
+
+@pytest.mark.slow
+def test_a_recording_without_a_hand_that_the_task_names_is_refused(
+    runner: RuleRunner, lifting: Callable[[str], TaskBundle]
+) -> None:
+    with pytest.raises(RuleError, match="limb `left` follows the operator's left hand, which is never seen") as caught:
+        followed(runner, lifting("openarm_revo1"), stream(20, lost=[(0, 0, 20)]))
+    assert caught.value.code == "DXB-B525"
 
 
 @pytest.mark.slow
