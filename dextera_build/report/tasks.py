@@ -89,7 +89,8 @@ def _rates(run: Run, bundles: list[Node]) -> Iterator[tuple[Node, str, str, Rate
             continue
         if node.rule == _OPERATE:
             done = len(plain(node.fields.get("items", {})))
-            yield node, "scripted operator", kinds[here[0]], Rate(done, int(node.fields.get("attempts", done)))
+            who = "operator's hands" if "recording" in node.inputs else "scripted operator"
+            yield node, who, kinds[here[0]], Rate(done, int(node.fields.get("attempts", done)))
         elif node.artifact == "Trials":
             trials = [trial for trial in plain(node.fields.get("items", [])) if isinstance(trial, dict)]
             rate = Rate(sum(bool(trial.get("success")) for trial in trials), len(trials))

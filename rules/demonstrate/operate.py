@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.base import Collection
+from dextera_build.artifacts.robots.hand_stream import HandStream
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.reasons import spelled
 from dextera_build.artifacts.tasks.task import TaskBundle
@@ -22,13 +23,14 @@ class OperateOptions(Options):
     """Options of demonstrate.operate."""
 
     episodes: PositiveInt = 10
-    """Number of demonstrations."""
+    """Number of demonstrations; not for a recording."""
     seed: NonNegativeInt = 0
     """Seed of the starts."""
     tries: PositiveInt = 4
     """Maximum attempts per demonstration."""
     attempts: PositiveInt | None = None
-    """Fixed number of attempts, instead of `episodes` and `tries`: for success rates, including 0."""
+    """Fixed number of attempts, instead of `episodes` and `tries`: for success rates, including 0. Of a
+    recording, the first takes."""
     lag_m: PositiveFloat = 0.02
     """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
@@ -45,9 +47,15 @@ class OperateBackend(Protocol):
     """Interface of a backend of demonstrate.operate."""
 
     def operate(
-        self, ctx: Context, bundle: TaskBundle, terms: tuple[TermSpec, ...], common: OperateOptions, options: Any
+        self,
+        ctx: Context,
+        bundle: TaskBundle,
+        terms: tuple[TermSpec, ...],
+        recording: HandStream | None,
+        common: OperateOptions,
+        options: Any,
     ) -> Episodes:
-        """Attempt demonstrations until enough succeed or the attempts are used up."""
+        """Attempt demonstrations until enough succeed or the attempts are used up; of a recording every take."""
         ...
 
     def strips(
@@ -67,30 +75,38 @@ def operate(
     ctx: Context[OperateBackend],
     bundle: TaskBundle,
     terms: Collection[TermSpec] | None = None,
+    recording: HandStream | None = None,
     *,
     options: OperateOptions,
 ) -> Episodes:
     """Return demonstrations from drawn starts, in the robot's base frame [m, rad], and failed attempts with reasons.
 
-    The backend's operator plans only from the shape of the task's assets and the embodiment's data. The backend
-    offers `operate(bundle, terms, options) -> Episodes` and `strips(bundle, episodes) -> list of (caption, pixels)`.
+    A scripted operator plans only from the shape of the task's assets and the embodiment's data. Backend `hands`
+    follows a recording of hands: it attempts every take once, from the start of the take's seed or else from a drawn
+    one, and at least one must succeed. The backend offers `operate(bundle, terms, recording, options) -> Episodes` and
+    `strips(bundle, episodes) -> list of (caption, pixels)`.
 
     Raises:
-        RuleError: Too few attempts succeed, or the operator finds no plan for the task; not with option `attempts`.
+        RuleError: Too few attempts succeed, or the operator finds no plan for the task; not with option `attempts`. The
+            hands of the recording do not fit the robot, or the backend needs a recording or follows none.
     """
-    shown: Episodes = ctx.backend.operate(ctx, bundle, listed(terms), options, ctx.backend_options)
+    shown: Episodes = ctx.backend.operate(ctx, bundle, listed(terms), recording, options, ctx.backend_options)
     reasons = spelled(shown.reasons, most=5)
     done = len(shown.items)
+    enough = options.episodes if recording is None else 1
     ctx.check(
-        options.attempts is not None or done >= options.episodes,
-        f"the operator showed `{bundle.task.name}` {done} times of {options.episodes}",
+        options.attempts is not None or done >= enough,
+        f"the operator showed `{bundle.task.name}` {done} times of {enough}",
         attempts=shown.attempts,
         reasons=reasons,
-        hint="make the ranges of `reset` smaller, or move the robot's base",
+        hint="make the ranges of `reset` smaller, or move the robot's base"
+        if recording is None
+        else f"see the failures with `attempts: {shown.attempts}`, and record the task again",
     )
     low, high = wilson(done, shown.attempts)
     ctx.metric("success", 100 * done / shown.attempts, "%")
-    ctx.say(f"{done} of {shown.attempts} attempts ({100 * low:.0f}-{100 * high:.0f} %) {reasons}".rstrip())
+    source = "" if recording is None else f" of hands from {recording.device}"
+    ctx.say(f"{done} of {shown.attempts} attempts{source} ({100 * low:.0f}-{100 * high:.0f} %) {reasons}".rstrip())
     for caption, picture in ctx.backend.strips(ctx, bundle, shown, ctx.backend_options):
         ctx.preview(picture, caption)
     return shown

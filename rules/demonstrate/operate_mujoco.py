@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dextera_build.artifacts.robots.hand_stream import HandStream
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.term import TermSpec
@@ -14,11 +15,10 @@ from dextera_build.policy.added import of_specs
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import planning
 from dextera_build.sim.experts.drive import Driver, Filters
-from dextera_build.sim.render.stills import Stills
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
 
-from .film_strip import strip
+from .attempt_strips import attempt_strips
 
 if TYPE_CHECKING:
     from .operate import OperateOptions
@@ -29,14 +29,19 @@ BACKEND = Backend(
     packages=("mujoco", "mink", "daqp"),
     extra="learn",
 )
-SHOWN = 10
-"""Pictures per strip."""
 
 
 def operate(
-    ctx: Context, bundle: TaskBundle, terms: tuple[TermSpec, ...], common: OperateOptions, options: Options
+    ctx: Context,
+    bundle: TaskBundle,
+    terms: tuple[TermSpec, ...],
+    recording: HandStream | None,
+    common: OperateOptions,
+    options: Options,
 ) -> Episodes:
     """Attempt demonstrations until enough succeed or the attempts are used up."""
+    if recording is not None:
+        ctx.fail("the scripted operator follows no recording", hint="add `backend: hands`, or leave out `recording`")
     driver = Driver(Environment(bundle, terms=of_specs(terms, ctx.companion)))
     operator = planning.practise(driver, ctx.progress, anyway=common.attempts is not None)
     filters = Filters(lag_m=common.lag_m, press_n=common.press_n)
@@ -55,11 +60,4 @@ def operate(
 
 def strips(ctx: Context, bundle: TaskBundle, episodes: Episodes, options: Options) -> list[tuple[str, np.ndarray]]:
     """Film strips of the first success and the first failure."""
-    stills = Stills(bundle, None)
-    shown = [("a demonstration", episode) for episode in list(episodes.items.values())[:1]]
-    shown += [(f"failed: {episode.reason}", episode) for episode in list(episodes.failures.values())[:1]]
-    pictures = []
-    for caption, episode in shown:
-        rows = np.linspace(0, max(0, len(episode.joints) - 1), SHOWN).round().astype(int)
-        pictures.append((caption, strip(stills.at(episode, rows), SHOWN)))
-    return pictures
+    return attempt_strips(bundle, episodes)

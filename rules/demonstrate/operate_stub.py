@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dextera_build.artifacts.robots.hand_stream import HandStream
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.term import TermSpec
@@ -20,12 +21,18 @@ BACKEND = Backend(summary="no simulation: nothing moves, and every episode succe
 
 
 def operate(
-    ctx: Context, bundle: TaskBundle, terms: tuple[TermSpec, ...], common: OperateOptions, options: Options
+    ctx: Context,
+    bundle: TaskBundle,
+    terms: tuple[TermSpec, ...],
+    recording: HandStream | None,
+    common: OperateOptions,
+    options: Options,
 ) -> Episodes:
-    """Return the requested number of motionless episodes."""
+    """Return the requested number of motionless episodes, or one per take."""
+    count = min(common.most()) if recording is None else len(recording.demonstrations[: common.attempts])
     items = {
         f"{number:05d}": fake_trial(bundle, common.seed + number, "operator", success=True, terms=terms)
-        for number in range(min(common.most()))
+        for number in range(count)
     }
     return layout.gathered(bundle, items, {}, len(items), terms)
 

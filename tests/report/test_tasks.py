@@ -86,6 +86,14 @@ def test_a_task_has_one_card_with_its_film_and_its_rates(run: tuple[Run, FakeSto
     assert abs(float(frames[-1][..., 0].mean()) - 200) < 6
 
 
+def test_hands_are_not_called_a_script(run: tuple[Run, FakeStore]) -> None:
+    made, store = run
+    made.nodes[3].inputs = {**made.nodes[3].inputs, "recording": "a digest"}
+    (card,) = cards(made, Pictures(store, LADDER[0]), None)
+    assert re.search(r"operator(?:'|&#x27;|&#39;)s hands\s+twin\s+18/20", re.sub(r"<[^>]*>", " ", card))
+    assert "scripted" not in card
+
+
 def test_without_films_and_pictures_the_facts_stay(run: tuple[Run, FakeStore]) -> None:
     made, store = run
     damaged = json.loads(json.dumps(made.nodes[4].fields))

@@ -129,6 +129,20 @@ class HandStream(Artifact):
                 f"HandStream: {len(self.button_names)} names for {columns} columns of buttons", code="DXB-A556"
             )
 
+    def during(self, take: Take) -> HandStream:
+        """The messages of one take as a stream of its own, with their times."""
+        rows = slice(take.first, take.last)
+        names = ("stamps", "positions", "rotations", "tracking", "head", "pinch", "clutch", "buttons")
+        parts = {name: getattr(self, name) for name in names}
+        cut = {name: None if part is None else part[rows] for name, part in parts.items()}
+        whole = take.model_copy(update={"first": 0, "last": take.last - take.first})
+        return self.model_copy(update={**cut, "takes": (whole,)})
+
+    @property
+    def demonstrations(self) -> tuple[Take, ...]:
+        """The takes; one of all messages if none are marked."""
+        return self.takes or (Take(first=0, last=len(self.stamps)),)
+
     @property
     def wrists(self) -> np.ndarray:
         """Poses (N, 2, 7) of the wrists in `frame`: position [m] and quaternion w x y z; NaN where a hand is lost."""

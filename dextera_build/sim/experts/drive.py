@@ -68,8 +68,12 @@ class Driver:
         noise: Noise | None = None,
         filters: Filters | None = None,
         seed: int = 0,
+        longest_s: float = np.inf,
     ) -> Episode:
-        """Run `operator` from `start` and return the episode; a failed one contains the reason."""
+        """Run `operator` from `start` and return the episode; a failed one contains the reason.
+
+        Without success it ends after `longest_s`, or after the task's own limit [s].
+        """
         environment, rules = self.environment, filters or Filters()
         environment.begin(start)
         recorder, labels = Recorder(environment), _Labels()
@@ -94,6 +98,9 @@ class Driver:
             outcome = environment.step(sent)
             recorder.after(outcome.executed)
             reason = self._fault(command, rules) or outcome.reason
+            if not outcome.over and environment.steps * environment.period_s >= longest_s:
+                why = environment.judge.reasons[0] or "not held for long enough"
+                reason = reason or f"not done when the operator stopped: {why}"
             if reason or outcome.over:
                 done = outcome.success and not reason
                 return recorder.episode(origin, success=done, reason=reason, segments=labels.segments())

@@ -1,4 +1,4 @@
-"""Targets of a palm from poses of an operator's wrist, relative to where both were when the clutch closed."""
+"""Targets of a palm from poses of an operator's hand, relative to where both were when the clutch closed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ class Palm:
         against the last message is not followed.
 
         Args:
-            wrist: (4, 4) pose in the operator's frame with z up; None: the clutch is open, or tracking is lost.
+            wrist: (4, 4) rotation of the wrist at the place of `Fingers.origin`, in a frame with z up; None: the clutch
+                is open, or tracking is lost.
         """
         last, self._last = self._last, None if wrist is None else np.array(wrist, np.float64)
         if self._last is None:

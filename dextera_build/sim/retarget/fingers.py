@@ -63,10 +63,10 @@ class Fingers:
         reach = (points[self._tips] - points[self._knuckles].mean(axis=0)) @ frame
         return np.asarray(own.anchor + self.scale * reach @ own.turn.T)
 
-    def palm(self, points: np.ndarray) -> np.ndarray:
-        """The point (3,) of the operator's hand that is where the robot's palm has its frame [m].
+    def origin(self, points: np.ndarray) -> np.ndarray:
+        """The point (3,) of the operator's hand (25, 3) that corresponds to the origin of the robot's palm [m].
 
-        An operator who turns the hand about its palm thus turns the robot's about its palm, not about the wrist.
+        A wrist would not do: where a hand turns, its wrist and its palm move by different ways.
         """
         own, frame = self.matched, hands.palm_frame(points, self.matched.side)
         return np.asarray(points[self._knuckles].mean(axis=0) - frame @ own.turn.T @ own.anchor / self.scale)

@@ -16,6 +16,8 @@ from dextera_build.sim.retarget.fingers import Fingers, measured
 from dextera_build.sim.retarget.matching import Matched, matched
 from dextera_build.sim.retarget.options import Retargeting
 
+BASE = "base"
+"""Frame of streams whose poses are in the robot's base."""
 BENT_M = 0.015
 """Mean bend of the fingers from which on a message tells a left hand from a right one [m]; see `hands.curl`."""
 DOUBT = 0.8
@@ -51,7 +53,7 @@ def retarget(robot: RobotModel, stream: HandStream, options: Retargeting | None 
     Raises:
         RuleError: A hand that is needed is never seen or is mirrored, or the robot has no hand.
     """
-    options = _headed(options or Retargeting(), stream)
+    options = headed(options or Retargeting(), stream)
     start = Kinematics(robot)
     start.pose({})
     limbs = [name for name in robot.limb_names if robot.limbs[name].hand]
@@ -61,7 +63,7 @@ def retarget(robot: RobotModel, stream: HandStream, options: Retargeting | None 
             code="DXB-B523",
             hint="mark the links of the hand by `hand` in the robot's recipe",
         )
-    return {name: _limb(matched(robot, name), stream, start.frame(robot.limbs[name].palm), options) for name in limbs}
+    return {name: follow(matched(robot, name), stream, start.frame(robot.limbs[name].palm), options) for name in limbs}
 
 
 def check_side(points: np.ndarray, side: str) -> None:
@@ -84,15 +86,27 @@ def check_side(points: np.ndarray, side: str) -> None:
         )
 
 
-def _headed(options: Retargeting, stream: HandStream) -> Retargeting:
-    """The options with a heading."""
-    if options.heading_rad is not None or stream.head is None or np.isnan(stream.head).any(axis=1).all():
+def headed(options: Retargeting, stream: HandStream) -> Retargeting:
+    """The options with a heading; poses in the robot's base frame keep their axes."""
+    known = options.heading_rad is not None or stream.frame == BASE
+    if known or stream.head is None or np.isnan(stream.head).any(axis=1).all():
         return options
     head = stream.head[~np.isnan(stream.head).any(axis=1)][0]
     return replace(options, heading_rad=heading(quaternions.to_matrix(head[3:].astype(np.float64))))
 
 
-def _limb(own: Matched, stream: HandStream, palm: np.ndarray, options: Retargeting) -> Targets:
+def follow(own: Matched, stream: HandStream, palm: np.ndarray, options: Retargeting) -> Targets:
+    """Targets of one limb; those of a message depend on it and on earlier ones, and on the size of the hand.
+
+    Args:
+        own: Its hand and the operator's.
+        stream: The operator's hands.
+        palm: T_base_palm (4, 4) at the first message.
+        options: Constants, with a heading.
+
+    Raises:
+        RuleError: The hand is never seen or is mirrored.
+    """
     hand = hands.SIDES.index(own.side)
     points, tracked = stream.positions[:, hand].astype(np.float64), stream.tracking[:, hand] > LOST
     turns = stream.rotations[:, hand, hands.WRIST].astype(np.float64)
@@ -112,7 +126,7 @@ def _limb(own: Matched, stream: HandStream, palm: np.ndarray, options: Retargeti
         if tracked[number]:
             last, since = follower.next(points[number], float(stamp - since)), stamp
             if stream.clutch[number, hand]:
-                wrist = transforms.rigid(quaternions.to_matrix(turns[number]), follower.palm(points[number]))
+                wrist = transforms.rigid(quaternions.to_matrix(turns[number]), follower.origin(points[number]))
         fingers[number] = last
         palms[number], still = following.next(wrist)
         held.append(still)

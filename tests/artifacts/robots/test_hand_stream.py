@@ -77,3 +77,16 @@ def test_a_lost_hand_that_has_a_pose_is_refused() -> None:
     with pytest.raises(ArtifactError, match="does not fit its tracking state 0") as caught:
         stream(COUNT, tracking=array("tracking", (2, 0), 0))
     assert caught.value.facts["joints without a number"] == "0 of 25"
+
+
+def test_a_take_is_a_stream_of_its_own() -> None:
+    whole = with_buttons()
+    assert [(take.first, take.last) for take in whole.demonstrations] == [(0, 8), (9, 20)]
+    part = whole.during(whole.takes[1])
+    np.testing.assert_array_equal(part.stamps, whole.stamps[9:])
+    np.testing.assert_array_equal(part.positions, whole.positions[9:])
+    assert part.buttons is not None
+    assert whole.buttons is not None
+    np.testing.assert_array_equal(part.buttons, whole.buttons[9:])
+    assert HandStream(**dict(part)).takes == (Take(first=0, last=11),)
+    assert [(take.first, take.last) for take in stream(5).demonstrations] == [(0, 5)]

@@ -11,6 +11,8 @@ from dextera_build.errors import RuleError
 from dextera_build.geometry import hands, lie, quaternions, transforms
 from dextera_build.sim.control.operator import Aim, Command, PoseControl
 from dextera_build.sim.model.forward import Kinematics
+from dextera_build.sim.retarget.fingers import Fingers
+from dextera_build.sim.retarget.matching import matched
 from dextera_build.sim.retarget.motion import check_side, retarget
 from dextera_build.sim.retarget.options import Retargeting
 from tests.hand_motions import motion
@@ -116,6 +118,44 @@ def test_where_the_operator_stands_and_looks_does_not_matter(leap: RobotModel) -
     assert other.fingers == pytest.approx(one.fingers, abs=5e-3)
     fixed = retarget(leap, moved, Retargeting(heading_rad=0.0))["arm"]
     assert np.abs(fixed.palms - one.palms).max() > 0.01
+
+
+def test_targets_do_not_depend_on_later_messages(leap: RobotModel) -> None:
+    plain = stream(60)
+    positions = plain.positions.copy()
+    positions[40:, 1] += np.float32([0.0, 0.03, 0.02])
+    other = plain.model_copy(update={"positions": positions})
+    one, changed = retarget(leap, plain)["arm"], retarget(leap, other)["arm"]
+    assert changed.palms[:40] == pytest.approx(one.palms[:40], abs=1e-9)
+    assert changed.fingers[:40] == pytest.approx(one.fingers[:40], abs=1e-4)
+    assert np.abs(changed.palms[40:] - one.palms[40:]).max() > 0.01
+
+
+def test_poses_in_the_base_of_the_robot_keep_their_axes(leap: RobotModel) -> None:
+    """Wherever the head looks."""
+    made = stream(40, frame="base")
+    assert made.head is not None
+    turned = made.model_copy(update={"head": np.tile(np.float32([0, 0, 1.6, 1, 0, 0, 0]), (40, 1))})
+    np.testing.assert_array_equal(retarget(leap, turned)["arm"].palms, retarget(leap, made)["arm"].palms)
+
+
+def test_a_hand_that_turns_about_its_palm_turns_the_palm_in_place(hand: tuple[RobotModel, str]) -> None:
+    robot, limb = hand
+    made = stream(30, clutch=np.ones((30, 2), bool))
+    own = matched(robot, limb)
+    side = hands.SIDES.index(own.side)
+    points = made.positions[0, side].astype(float)
+    pivot = Fingers(own, hands.finger_lengths(points), Retargeting()).origin(points)
+    positions, rotations = made.positions.copy(), made.rotations.copy()
+    for row in range(30):
+        turn = lie.rotation(np.array([0.0, 0.0, 0.04 * row]))
+        positions[row, side] = (points - pivot) @ turn.T + pivot
+        whole = np.broadcast_to(quaternions.from_matrix(turn), (25, 4))
+        rotations[row, side] = quaternions.multiply(whole, made.rotations[0, side].astype(float))
+    found = retarget(robot, made.model_copy(update={"positions": positions, "rotations": rotations}))[limb]
+    assert np.ptp(positions[:, side, hands.WRIST], axis=0).max() > 0.04
+    assert np.ptp(found.palms[:, :3, 3], axis=0).max() < 1e-3
+    assert transforms.angle(found.palms[0, :3, :3].T @ found.palms[-1, :3, :3]) == pytest.approx(0.04 * 29, abs=1e-3)
 
 
 def test_targets_drive_the_robot_within_its_limits(revo: RobotModel) -> None:
