@@ -20,7 +20,6 @@ from dextera_build.artifacts.cameras.camera import Camera, Capture, Measured, Ph
 from dextera_build.artifacts.cameras.image import DepthImage, Image
 from dextera_build.artifacts.core.arrays import Array
 from dextera_build.artifacts.core.frames import Frames
-from dextera_build.artifacts.robots.hand_map import Finger, HandMap
 from dextera_build.artifacts.robots.noise import ColourNoise, DepthNoise
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.scenes.room import Room
@@ -100,13 +99,6 @@ def _folder(draw: Draw) -> dict[str, Any]:
 
 def _term(draw: Draw) -> dict[str, Any]:
     return _fields(draw, TermSpec) | {"term": "height", "rows": draw(st.sampled_from(ROWS))}
-
-
-def _hand_map(draw: Draw) -> dict[str, Any]:
-    fingers = draw(st.dictionaries(st.sampled_from(get_args(Finger)), LABELS))
-    rest = {name: info for name, info in HandMap.model_fields.items() if name != "fingers"}
-    drawn = {name: _drawn(draw, info.annotation, {}) for name, info in rest.items()}
-    return drawn | {"fingers": fingers, "scale": draw(st.sampled_from([None, 1.3]))}
 
 
 def _mesh(draw: Draw) -> dict[str, Any]:
@@ -201,7 +193,6 @@ SPECIAL: dict[type[BaseModel], Callable[[Draw], dict[str, Any]]] = {
     Splats: _splats,
     Room: _room,
     Operated: _operated,
-    HandMap: _hand_map,
     Material: scenes.material,
     Contact: scenes.contact,
     Box: scenes.box,
