@@ -115,6 +115,7 @@ POSITIONS = {
     "reference.world.objects.moves.position_deg",
     "factorize.listed.elements.joints.range_deg",
     "factorize.listed.elements.joints.at_deg",
+    "demonstrate.operate.hands.heading_deg",
     "simulate.cell.limits.workspace_m",
     "simulate.imported_robot.limbs.gripper.open",
     "simulate.imported_robot.limbs.gripper.closed",
