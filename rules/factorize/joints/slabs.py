@@ -31,7 +31,7 @@ BETTER = 0.02
 """Score difference above which one body explains a view better than another."""
 REFLEX = 1.1 * np.pi
 """Angle between two slabs above which they are adjacent faces of one body [rad]."""
-TRIES = 4
+TRIES = 6
 """Number of starts that are refined."""
 STEPS = (5, 25)
 """Steps of each start, and of the best one."""
@@ -112,7 +112,7 @@ def find(evidence: Evidence, seen: Seen, texture_px: int = 1024) -> Slabs | None
     Returns:
         The body; None if no body explains the view, or if the view does not determine its hinge.
     """
-    found = _fitted(evidence, list(slab_starts.starts(evidence.points)))
+    found = _fitted(evidence, list(slab_starts.starts(evidence)))
     if found is None:
         return None
     model, p, judged = found

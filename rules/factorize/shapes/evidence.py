@@ -9,7 +9,7 @@ from statistics import median
 import numpy as np
 
 from dextera_build.artifacts.objects.view import Seen
-from dextera_build.geometry import cameras, regions, transforms
+from dextera_build.geometry import cameras, planes, regions, transforms
 from dextera_build.geometry.depth_view import DepthView
 
 LEAST_POINTS = 150
@@ -24,6 +24,8 @@ STEEPEST = 0.3
 """Change of height over the size of a pixel below which a surface is level; of an upright one it is over 0.4."""
 STEP_PX = 0.75
 """Spacing of the rays across the silhouette [px]."""
+STEP_M, STEP_SIGMAS = 0.006, 5.0
+"""Depth difference above which two surfaces are apart: [m], and in addition in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,11 @@ class Evidence(DepthView):
         return np.concatenate([self.rays, self.silhouette.rays.reshape(-1, 6)]).astype(np.float32)
 
     @property
+    def point_sigma(self) -> np.ndarray:
+        """Standard deviation (N,) of the depth of every point of the core [m]."""
+        return self.sigma[self.core]
+
+    @property
     def eye(self) -> np.ndarray:
         """The camera's position (3,) in the world [m]."""
         return np.asarray(self.world_from_camera[:3, 3])
@@ -88,7 +95,7 @@ def gather(seen: Seen, samples: int = 1500, outline_samples: int = 220) -> Evide
     k, pose = seen.camera.matrix(), seen.world_from_camera
     mask = regions.without_pinholes(seen.mask)
     depth = seen.depth.astype(np.float64)
-    sigma = noise(depth)
+    sigma = planes.depth_sigma(depth)
     known = ~_grown(seen.occluder, 2)
     core = trusted(mask, depth, sigma) & known
     normals = _normals(np.where(core, depth, 0.0), k)
@@ -157,9 +164,9 @@ def _middle(depth: np.ndarray, heights: np.ndarray) -> tuple[float, float]:
     return median(depth[there].tolist()), median(heights[there].tolist())
 
 
-def noise(depth: np.ndarray) -> np.ndarray:
-    """Standard deviation of a depth reading [m], quadratic in the distance as for stereo and structured light."""
-    return np.asarray(0.001 + 0.002 * depth**2)
+def step(sigma: np.ndarray) -> np.ndarray:
+    """Depth difference above which two surfaces are apart [m], from the standard deviation of their depth."""
+    return STEP_M + STEP_SIGMAS * sigma
 
 
 def trusted(mask: np.ndarray, depth: np.ndarray, sigma: np.ndarray) -> np.ndarray:
@@ -169,7 +176,7 @@ def trusted(mask: np.ndarray, depth: np.ndarray, sigma: np.ndarray) -> np.ndarra
     inner = ndimage.binary_erosion(mask, iterations=2) & (depth > 0)
     high = ndimage.maximum_filter(np.where(depth > 0, depth, -np.inf), 3)
     low = ndimage.minimum_filter(np.where(depth > 0, depth, np.inf), 3)
-    return np.asarray(inner & (high - low < 0.006 + 4.0 * sigma))
+    return np.asarray(inner & (high - low < step(sigma)))
 
 
 def _grown(mask: np.ndarray, pixels: int) -> np.ndarray:
