@@ -21,6 +21,8 @@ LEAST_TILT = 0.05
 """Smallest horizontal component of the lid's normal: a more level lid does not determine a hinge (3 deg)."""
 BIN_M = 0.003
 """Thickness of the layers in which the distance from the lid's plane is averaged [m]."""
+STEP_M = 0.001
+"""Distance of two layers [m]."""
 LEAST_BIN = 30
 """Minimum number of points of a layer."""
 AWAY = 1.0
@@ -61,7 +63,7 @@ def _levels(heights: np.ndarray, off: np.ndarray, lid: np.ndarray, rest: np.ndar
     """
     found = [_foot(heights, off, float(np.median(lid)))]
     if len(rest) > LEAST_BIN:
-        found.append(float(np.quantile(rest, 0.98)))
+        found.append(_top(rest))
     found += [float(np.quantile(lid, 0.01)), panels.BASE_M]
     return [each for k, each in enumerate(found) if all(abs(each - other) > APART_M for other in found[:k])]
 
@@ -71,11 +73,22 @@ def _foot(heights: np.ndarray, off: np.ndarray, middle: float) -> float:
 
     The median of a layer averages the noise, so that it shows a step of less than one standard deviation.
     """
-    for top in np.arange(middle, float(heights.min()), -BIN_M):
-        layer = off[(heights < top) & (heights >= top - BIN_M)]
-        if len(layer) > LEAST_BIN and abs(float(np.median(layer))) > AWAY:
+    order = np.argsort(heights)
+    heights, off = heights[order], off[order]
+    tops = np.arange(middle, heights[0], -STEP_M)
+    first, last = np.searchsorted(heights, tops - BIN_M), np.searchsorted(heights, tops)
+    for top, start, end in zip(tops, first, last, strict=True):
+        if end - start > LEAST_BIN and abs(float(np.median(off[start:end]))) > AWAY:
             return float(top)
-    return float(heights.min())
+    return float(heights[0])
+
+
+def _top(rest: np.ndarray) -> float:
+    """The height at which the number of points per layer falls most [m]: the base's top."""
+    heights = np.sort(rest)
+    tops = np.arange(heights[0], heights[-1] + STEP_M, STEP_M)
+    below, here, above = (np.searchsorted(heights, tops + by) for by in (-BIN_M, 0.0, BIN_M))
+    return float(tops[np.argmax((here - below + LEAST_BIN) / (above - here + LEAST_BIN))])
 
 
 def _planes(points: np.ndarray, sigma: np.ndarray) -> Iterator[tuple[planes.Plane, np.ndarray]]:
