@@ -44,7 +44,7 @@ def starts(evidence: Evidence) -> Iterator[np.ndarray]:
         off = planes.distance(plane, evidence.points) / evidence.point_sigma
         for level in _levels(evidence.points[:, 2], off, lid[:, 2], rest[:, 2]):
             for side in (1.0, -1.0):
-                start = _start(plane[0], lid, rest, max(level, panels.THINNEST_M), side)
+                start = _start(plane[0], lid, rest, max(level, panels.THINNEST_M), side, evidence.eye)
                 if start is not None:
                     yield start
 
@@ -105,8 +105,10 @@ def _planes(points: np.ndarray, sigma: np.ndarray) -> Iterator[tuple[planes.Plan
         left &= ~mine
 
 
-def _start(normal: np.ndarray, lid: np.ndarray, rest: np.ndarray, level: float, side: float) -> np.ndarray | None:
-    """Parameters with the lid in a plane, hinged at height `level`, and the base on one side of its hinge."""
+def _start(
+    normal: np.ndarray, lid: np.ndarray, rest: np.ndarray, level: float, side: float, eye: np.ndarray
+) -> np.ndarray | None:
+    """Parameters with a lid whose face towards `eye` (3,) is seen, hinged at height `level`, and the base beside it."""
     # y of the body points from the base across the crease.
     across = side * np.array([normal[0], normal[1]]) / np.linalg.norm(normal[:2])
     crease = np.array([across[1], -across[0]])
@@ -114,7 +116,11 @@ def _start(normal: np.ndarray, lid: np.ndarray, rest: np.ndarray, level: float, 
     rise *= np.sign(rise[2]) / np.linalg.norm(rise)
     if rise[2] < LEAST_TILT:
         return None
+    angle = float(np.arctan2(rise[2], -rise[:2] @ across))
+    outward = np.array([*(across * np.sin(angle)), np.cos(angle)])
     middle = lid.mean(axis=0)
+    if outward @ (eye - middle) > 0.0:
+        middle = middle - panels.THIN_M * outward  # the inner face runs through the hinge
     foot = middle + rise * (level - middle[2]) / rise[2]
     edge = float(foot[:2] @ across)
     length = float(np.quantile((lid - foot) @ rise, 0.99))
@@ -126,5 +132,4 @@ def _start(normal: np.ndarray, lid: np.ndarray, rest: np.ndarray, level: float, 
         return None
     centre = crease * (left + right) / 2 + across * (edge - depth / 2)
     yaw = float(np.arctan2(crease[1], crease[0]))
-    angle = float(np.arctan2(rise[2], -rise[:2] @ across))
     return np.array([*centre, yaw, right - left, depth, level, length, panels.THIN_M, angle])
