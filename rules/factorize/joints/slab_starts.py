@@ -61,7 +61,9 @@ def _levels(heights: np.ndarray, off: np.ndarray, lid: np.ndarray, rest: np.ndar
         lid: Heights of the points on that plane [m].
         rest: Heights of the others [m].
     """
-    found = [_foot(heights, off, float(np.median(lid)))]
+    foot = _foot(heights, off, float(np.median(lid)))
+    # Seen from behind and above, an overhanging lid hides the end of the base by about its thickness.
+    found = [foot, foot + panels.THIN_M]
     if len(rest) > LEAST_BIN:
         found.append(_top(rest))
     found += [float(np.quantile(lid, 0.01)), panels.BASE_M]

@@ -64,7 +64,7 @@ class Evidence(DepthView):
     @property
     def point_sigma(self) -> np.ndarray:
         """Standard deviation (N,) of the depth of every point of the core [m]."""
-        return self.sigma[self.core]
+        return np.asarray(self.sigma[self.core])
 
     @property
     def eye(self) -> np.ndarray:
