@@ -78,7 +78,7 @@ def test_the_largest_plane_is_found_at_any_distance_with_its_share_of_the_points
     points = rays * depth[:, None]
     (normal, offset), near = planes.largest(points, planes.depth_sigma(depth), np.random.default_rng(0))
     assert np.degrees(np.arccos(abs(float(normal @ true[0])))) < 0.5
-    assert abs(offset) == pytest.approx(true[1], abs=0.2 * planes.depth_sigma(z))
+    assert abs(offset) == pytest.approx(true[1], abs=0.5 * planes.depth_sigma(z))
     # Points in front of and behind the plane may be within the gate by chance; it is narrow against their spread.
     assert near[~clutter].mean() > 0.99
     assert near[clutter].mean() < 0.1
