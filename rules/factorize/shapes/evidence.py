@@ -12,6 +12,8 @@ from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import cameras, planes, regions, transforms
 from dextera_build.geometry.depth_view import DepthView
 
+RELIEF_M = 0.001
+"""Standard deviation of a real surface from a body of a family [m]; nearby it matters beside the noise."""
 LEAST_POINTS = 150
 """Minimum number of pixels with trusted depth for a fit."""
 REACH_PX = 12.0
@@ -24,7 +26,7 @@ STEEPEST = 0.3
 """Change of height over the size of a pixel below which a surface is level; of an upright one it is over 0.4."""
 STEP_PX = 0.75
 """Spacing of the rays across the silhouette [px]."""
-STEP_M, STEP_SIGMAS = 0.006, 5.0
+STEP_M, STEP_SIGMAS = 0.006, 4.0
 """Depth difference above which two surfaces are apart: [m], and in addition in standard deviations."""
 
 
@@ -47,7 +49,7 @@ class Evidence(DepthView):
     mask: np.ndarray  # (H, W) bool
     known: np.ndarray  # (H, W) bool, not hidden by anything nearer
     depth: np.ndarray  # (H, W) float64 [m], 0 if not measured
-    sigma: np.ndarray  # (H, W) float64, standard deviation of the depth [m]
+    sigma: np.ndarray  # (H, W) float64, standard deviation of the depth from a body's [m]: noise and relief
     core: np.ndarray  # (H, W) bool, mask pixels with trusted depth
     points: np.ndarray  # (N, 3) world points of the core, row-major [m]
     normals: np.ndarray  # (N, 3) unit normals that face the camera
@@ -63,7 +65,7 @@ class Evidence(DepthView):
 
     @property
     def point_sigma(self) -> np.ndarray:
-        """Standard deviation (N,) of the depth of every point of the core [m]."""
+        """`sigma` (N,) of every point of the core [m]."""
         return np.asarray(self.sigma[self.core])
 
     @property
@@ -95,7 +97,7 @@ def gather(seen: Seen, samples: int = 1500, outline_samples: int = 220) -> Evide
     k, pose = seen.camera.matrix(), seen.world_from_camera
     mask = regions.without_pinholes(seen.mask)
     depth = seen.depth.astype(np.float64)
-    sigma = planes.depth_sigma(depth)
+    sigma = np.hypot(planes.depth_sigma(depth), RELIEF_M)
     known = ~_grown(seen.occluder, 2)
     core = trusted(mask, depth, sigma) & known
     normals = _normals(np.where(core, depth, 0.0), k)

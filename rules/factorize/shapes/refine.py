@@ -17,9 +17,8 @@ DEPTH_CAP = 8.0
 """Maximum depth residual, in standard deviations; also the residual of a ray that misses the body."""
 SOFT = 2.5
 """Scale above which residuals are downweighted, in standard deviations (Cauchy)."""
-INDEPENDENT = 30.0
-"""Effective number of independent residuals at the standard deviations of `planes.depth_sigma`; errors of neighbours
-are correlated."""
+INDEPENDENT = 40.0
+"""Effective number of independent residuals; errors of neighbours are correlated."""
 SIGMA_PX = 1.0
 """Standard deviation of the silhouette [px]."""
 

@@ -13,7 +13,7 @@ from .evidence import Evidence, step
 
 DEPTH_WEIGHT = 0.5
 """Cost of a wrong depth at every pixel, relative to an overlap of 1."""
-WRONG = 7.0
+WRONG = 6.0
 """Depth difference of a wrong depth, in standard deviations."""
 FREE_WEIGHT = 0.5
 """Cost of a rendered surface entirely in observed empty space."""
