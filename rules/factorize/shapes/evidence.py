@@ -12,8 +12,10 @@ from dextera_build.artifacts.objects.view import Seen
 from dextera_build.geometry import cameras, planes, regions, transforms
 from dextera_build.geometry.depth_view import DepthView
 
-RELIEF_M = 0.001
-"""Standard deviation of a real surface from a body of a family [m]; nearby it matters beside the noise."""
+MISFIT = 0.0005
+"""Standard deviation of a surface from a fitted body at 1 m, beyond the noise, in proportion to the square of the
+distance [m/m^2]: pixels are larger farther away. Without it, or with 1 mm at every distance, the hidden side of a
+leaning ellipsoid was worse: its lowest point was 9.3 mm instead of 5.5 mm too high, the mean of five draws at 0.75 m."""
 LEAST_POINTS = 150
 """Minimum number of pixels with trusted depth for a fit."""
 REACH_PX = 12.0
@@ -49,7 +51,7 @@ class Evidence(DepthView):
     mask: np.ndarray  # (H, W) bool
     known: np.ndarray  # (H, W) bool, not hidden by anything nearer
     depth: np.ndarray  # (H, W) float64 [m], 0 if not measured
-    sigma: np.ndarray  # (H, W) float64, standard deviation of the depth from a body's [m]: noise and relief
+    sigma: np.ndarray  # (H, W) float64, standard deviation of the depth from a body's [m]: noise and misfit
     core: np.ndarray  # (H, W) bool, mask pixels with trusted depth
     points: np.ndarray  # (N, 3) world points of the core, row-major [m]
     normals: np.ndarray  # (N, 3) unit normals that face the camera
@@ -65,8 +67,8 @@ class Evidence(DepthView):
 
     @property
     def point_sigma(self) -> np.ndarray:
-        """`sigma` (N,) of every point of the core [m]."""
-        return np.asarray(self.sigma[self.core])
+        """Standard deviation (N,) of the depth of every point of the core [m], noise alone."""
+        return planes.depth_sigma(self.depth[self.core])
 
     @property
     def eye(self) -> np.ndarray:
@@ -97,7 +99,7 @@ def gather(seen: Seen, samples: int = 1500, outline_samples: int = 220) -> Evide
     k, pose = seen.camera.matrix(), seen.world_from_camera
     mask = regions.without_pinholes(seen.mask)
     depth = seen.depth.astype(np.float64)
-    sigma = np.hypot(planes.depth_sigma(depth), RELIEF_M)
+    sigma = planes.depth_sigma(depth) + MISFIT * np.square(depth)
     known = ~_grown(seen.occluder, 2)
     core = trusted(mask, depth, sigma) & known
     normals = _normals(np.where(core, depth, 0.0), k)
