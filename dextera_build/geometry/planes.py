@@ -16,7 +16,7 @@ Real captures had up to 0.1.
 
 
 def depth_sigma(z: np.ndarray) -> np.ndarray:
-    """Standard deviation of a depth camera's z at depth `z`, both [m].
+    """Standard deviation of a depth camera's z at depth `z`, both [m]: the noise model of all rules.
 
     Triangulating cameras (structured light, active stereo) lose accuracy with z^2. 1.5 mm/m^2 is the random error of
     the first Kinect (Khoshelham and Oude Elberink 2012: 1.42e-3); the constant is the 1 mm step of stored depth.
@@ -77,6 +77,8 @@ def ransac(
     a, b, c = points[picks[:, 0]], points[picks[:, 1]], points[picks[:, 2]]
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1)
+    if not (lengths > 1e-9).any():
+        return fit(points)  # all on a line: any plane through it
     normals = normals[lengths > 1e-9] / lengths[lengths > 1e-9, None]
     offsets = -(normals * a[lengths > 1e-9]).sum(axis=1)
     limit = gate * sigma
@@ -84,6 +86,36 @@ def ransac(
     votes = [float(np.maximum(1.0 - square, 0.0).sum()) for square in squares]
     best = int(np.argmax(votes))
     return refine((normals[best], float(offsets[best])), points, sigma, gate=gate)
+
+
+def largest(
+    points: np.ndarray,
+    sigma: np.ndarray,
+    rng: np.random.Generator,
+    *,
+    gate: float = 3.0,
+    least: int = 3,
+    sampled: int = 4000,
+) -> tuple[Plane, np.ndarray] | None:
+    """The plane with the most points, by `ransac`, and which of them are on it; None without such a plane.
+
+    Args:
+        points: (N, 3) [m].
+        sigma: (N,) standard deviation of each point's distance [m]: `depth_sigma` of its depth.
+        rng: Source of the samples.
+        gate: Inlier threshold in standard deviations.
+        least: Minimum number of points on the plane, at least three.
+        sampled: Maximum number of points, randomly chosen, that the plane is fitted to.
+
+    Returns:
+        The plane, and (N,) bool: whether a point is within `gate` standard deviations of it.
+    """
+    if len(points) < least:
+        return None
+    pick = rng.choice(len(points), size=min(sampled, len(points)), replace=False)
+    plane = ransac(points[pick], sigma[pick], rng, gate=gate)
+    near = np.abs(distance(plane, points)) < gate * sigma
+    return (plane, near) if np.count_nonzero(near) >= least else None
 
 
 def refine(plane: Plane, points: np.ndarray, sigma: np.ndarray, *, gate: float = 3.0, rounds: int = 8) -> Plane:

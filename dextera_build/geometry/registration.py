@@ -53,10 +53,10 @@ class Search:
     freedom: np.ndarray  # (7, K) basis of the allowed twists: lie.FREE, UPRIGHT or resting()
     scale: float  # centre of the scale prior
     scale_sigma: float  # its relative standard deviation
+    noise_m: float  # standard deviation of a pair [m]: `planes.depth_sigma`
     iterations: int = 30
     keep: float = 0.98  # fraction of the pairs that remain after trimming
     point_weight: float = 0.15  # relative weight of point-to-point; constrains flat faces in their plane
-    noise_m: float = 0.002  # standard deviation of a pair [m]
     samples: float = 50.0  # effective number of independent measurements of all pairs
 
 

@@ -1,11 +1,13 @@
-"""Plane fits: exact data, outliers, clusters, determinism."""
+"""Plane fits: exact data, outliers, clusters, determinism; the noise model against a simulated camera."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.robots.noise import DepthNoise
 from dextera_build.geometry import planes
+from dextera_build.sim.render import sensor
 
 NORMAL = np.array([0.1, -0.8, -0.59]) / np.linalg.norm([0.1, -0.8, -0.59])
 
@@ -63,6 +65,58 @@ def test_refining_does_not_follow_a_distant_cluster():
     assert abs(normal @ NORMAL) > 0.9999
 
 
-def test_depth_noise_grows_with_the_square_of_the_distance():
-    near, far = planes.depth_sigma(np.array([1.0, 2.0])) - planes.depth_sigma(np.array(0.0))
-    assert far == pytest.approx(4 * near)
+@pytest.mark.parametrize("z", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("share", [0.4, 0.8])
+def test_the_largest_plane_is_found_at_any_distance_with_its_share_of_the_points(z, share):
+    rng = np.random.default_rng(5)
+    true = planes.facing((NORMAL, 0.8 * z))
+    rays = np.column_stack([rng.uniform(-0.2, 0.2, (3000, 2)), np.ones(3000)])
+    depth = -true[1] / (rays @ true[0])
+    depth += rng.normal(0.0, planes.depth_sigma(depth))
+    clutter = rng.uniform(size=3000) > share
+    depth[clutter] = rng.uniform(0.6 * z, 2.0 * z, clutter.sum())
+    points = rays * depth[:, None]
+    (normal, offset), near = planes.largest(points, planes.depth_sigma(depth), np.random.default_rng(0))
+    assert np.degrees(np.arccos(abs(float(normal @ true[0])))) < 0.5
+    assert abs(offset) == pytest.approx(true[1], abs=0.5 * planes.depth_sigma(z))
+    # Points in front of and behind the plane may be within the gate by chance; it is narrow against their spread.
+    assert near[~clutter].mean() > 0.99
+    assert near[clutter].mean() < 0.1
+
+
+def test_the_largest_plane_is_fitted_to_a_sample_but_holds_all_its_points():
+    points = on_plane(900, np.random.default_rng(6), 0.002)
+    plane, near = planes.largest(points, np.full(900, 0.002), np.random.default_rng(0), sampled=100)
+    assert len(near) == 900
+    assert near.mean() > 0.98
+    assert abs(plane[0] @ NORMAL) > 0.999
+
+
+def test_without_enough_points_on_it_there_is_no_largest_plane():
+    points = np.random.default_rng(7).uniform(-1.0, 1.0, (60, 3))
+    sigma = np.full(60, 0.001)
+    assert planes.largest(points, sigma, np.random.default_rng(0)) is not None
+    assert planes.largest(points, sigma, np.random.default_rng(0), least=20) is None
+    assert planes.largest(points[:2], sigma[:2], np.random.default_rng(0)) is None
+
+
+def test_points_of_a_line_are_on_a_plane():
+    points = np.outer(np.linspace(0.5, 1.5, 20), [0.1, 0.2, 1.0])
+    _, near = planes.largest(points, np.full(20, 0.001), np.random.default_rng(0))
+    assert near.all()
+
+
+def test_depth_noise_is_a_millimetre_nearby_and_grows_with_the_square_of_the_distance():
+    distances = np.array([0.0, 0.5, 1.0, 2.0, 4.0])
+    assert planes.depth_sigma(distances) == pytest.approx(0.001 + 0.0015 * distances**2)
+
+
+@pytest.mark.parametrize("z", [0.5, 1.0, 2.0])
+def test_a_simulated_camera_has_at_most_the_noise_of_the_model_and_the_same_growth(z):
+    true = np.full((120, 160), z)
+    k = np.array([[600.0, 0.0, 79.5], [0.0, 600.0, 59.5], [0.0, 0.0, 1.0]])
+    grey = np.full((120, 160, 3), 0.5)
+    depth = sensor.measure_depth(true, grey, k, DepthNoise(step_m=1e-6), np.random.default_rng(8))
+    spread = float(np.std(depth[depth > 0]))
+    assert spread < planes.depth_sigma(z)
+    assert spread == pytest.approx(planes.depth_sigma(z) - planes.depth_sigma(0.0), rel=0.15)

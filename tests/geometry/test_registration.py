@@ -42,11 +42,12 @@ def worst(found: ScaledPose) -> float:
     return float(np.linalg.norm(found.apply(BOX.vertices) - TRUTH.apply(BOX.vertices), axis=1).max())
 
 
+NOISE_M = 0.002
 START = ScaledPose(1.15, factories.pose(0.0, 0.03, 0.0, 0.4))
 
 
 def test_the_scale_of_a_half_visible_box_comes_back_within_three_percent():
-    found = registration.icp(START, visible, partial_view(), Search(lie.resting(), 1.1, 0.3, iterations=60))
+    found = registration.icp(START, visible, partial_view(), Search(lie.resting(), 1.1, 0.3, NOISE_M, iterations=60))
     assert found.scale == pytest.approx(1.0, abs=0.03)
     assert worst(found) < 0.004
 
@@ -76,14 +77,14 @@ def test_an_occluded_half_changes_neither_scale_nor_place():
     points = partial_view(middle)
     assert len(points) < 0.7 * len(partial_view())
     found = registration.icp(
-        start, lambda placed: visible(placed, middle), points, Search(lie.resting(), 1.0, 0.1, iterations=60)
+        start, lambda placed: visible(placed, middle), points, Search(lie.resting(), 1.0, 0.1, NOISE_M, iterations=60)
     )
     assert found.scale == pytest.approx(1.0, abs=0.03)
     assert worst(found) < 0.006
 
 
 def test_a_resting_body_keeps_its_up_axis_and_its_contact():
-    found = registration.icp(START, visible, partial_view(), Search(lie.resting(), 1.0, 0.1))
+    found = registration.icp(START, visible, partial_view(), Search(lie.resting(), 1.0, 0.1, NOISE_M))
     assert found.pose[:3, 2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
     assert found.apply(BOX.vertices)[:, 2].min() == pytest.approx(0.0, abs=1e-9)
 
@@ -91,21 +92,21 @@ def test_a_resting_body_keeps_its_up_axis_and_its_contact():
 def test_an_upright_body_keeps_its_up_axis_and_finds_the_other_five():
     """The basis is 7 x 5 in any order of components, so only its use shows a swap."""
     start = ScaledPose(1.08, factories.pose(0.03, 0.0, 0.015, 0.35))
-    found = registration.icp(start, visible, partial_view(), Search(lie.UPRIGHT, 1.0, 0.1, iterations=60))
+    found = registration.icp(start, visible, partial_view(), Search(lie.UPRIGHT, 1.0, 0.1, NOISE_M, iterations=60))
     assert found.pose[:3, 2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
     assert worst(found) < 0.004
 
 
 def test_all_seven_motions_are_found():
     tilted = ScaledPose(1.08, START.pose @ transforms.rigid(lie.rotation(np.array([0.08, -0.06, 0.0])), np.zeros(3)))
-    found = registration.icp(tilted, visible, partial_view(), Search(lie.FREE, 1.05, 0.3, iterations=60))
+    found = registration.icp(tilted, visible, partial_view(), Search(lie.FREE, 1.05, 0.3, NOISE_M, iterations=60))
     assert found.scale == pytest.approx(1.0, abs=0.03)
     assert found.pose[2, 2] > np.cos(np.radians(1.5))
 
 
 def test_a_model_out_of_sight_stays_where_it_is():
     behind = ScaledPose(1.0, factories.pose(0.0, -5.0))
-    assert registration.icp(behind, visible, partial_view(), Search(lie.FREE, 1.0, 0.1)) is behind
+    assert registration.icp(behind, visible, partial_view(), Search(lie.FREE, 1.0, 0.1, NOISE_M)) is behind
 
 
 def test_cube_rotations_are_the_group_of_24():

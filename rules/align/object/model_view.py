@@ -9,7 +9,7 @@ import numpy as np
 
 from dextera_build.artifacts.objects.object import Body
 from dextera_build.artifacts.objects.view import Seen
-from dextera_build.geometry import cameras, raycast
+from dextera_build.geometry import cameras, planes, raycast
 from dextera_build.geometry.registration import ScaledPose
 
 from ..canonical import bodies
@@ -82,6 +82,9 @@ class ModelView:
         faces: (F, 3) int.
         seen: The view to compare with.
         pixels: Approximate number of rays per render.
+
+    Attributes:
+        noise_m: Standard deviation of the object's depth [m]; 0 without depth.
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, seen: Seen, pixels: int = 20000) -> None:
@@ -104,6 +107,8 @@ class ModelView:
         self._depth = seen.depth[rows, columns].astype(np.float64)
         self._known = ~seen.occluder[rows, columns]
         self._mask = seen.mask[rows, columns]
+        measured = seen.depth[seen.mask & (seen.depth > 0.0)]
+        self.noise_m = float(planes.depth_sigma(np.median(measured))) if len(measured) else 0.0
 
     def visible(self, placed: ScaledPose) -> tuple[np.ndarray, np.ndarray]:
         """Model-frame points (N, 3) and outward normals (N, 3) visible to the camera, without occluded ones."""

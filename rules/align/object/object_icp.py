@@ -93,7 +93,7 @@ def _refined(
     if guess.pose[2, 2] > _VERTICAL:
         standing = abs(_lowest(vertices, guess)) <= options.rest_m
         freedom = lie.resting() if standing else lie.UPRIGHT
-    search = Search(freedom, guess.scale, options.guess_scale_sigma, options.iterations)
+    search = Search(freedom, guess.scale, options.guess_scale_sigma, model.noise_m, options.iterations)
     refined = registration.icp(guess, model.visible, points, search)
     gain = score.cost - model.score(refined).cost
     if gain < options.gain:

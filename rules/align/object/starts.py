@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dextera_build.artifacts.objects.view import Seen
-from dextera_build.geometry import lie, metrics, planes, registration, transforms
+from dextera_build.geometry import lie, metrics, registration, transforms
 from dextera_build.geometry.registration import ScaledPose, Search
 
 from . import proposals
@@ -71,12 +71,12 @@ def search(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen
         return judge.score(placed).cost + _sunk(corners, placed)
 
     def registered(starts: list[ScaledPose], iterations: int) -> list[ScaledPose]:
-        step = [Search(lie.FREE, one.scale, options.start_scale_sigma, iterations) for one in starts]
+        step = [Search(lie.FREE, one.scale, options.start_scale_sigma, model.noise_m, iterations) for one in starts]
         return [registration.icp(one, few.visible, points, how) for one, how in zip(starts, step, strict=True)]
 
     centre = metrics.surface_centroid(vertices, faces)
     ends: list[ScaledPose] = []
-    enough = options.enough_cost + 0.8 * _noise(seen) / 0.02
+    enough = options.enough_cost + 0.8 * model.noise_m / 0.02
     for more in (1, 4):
         starts = ranked(samples, seen, options.finalists * more, more)
         tried = _sorted(cost, registered(starts, options.coarse_iterations))
@@ -122,11 +122,6 @@ def _upright() -> list[np.ndarray]:
     return [yaw @ top for top in tops for yaw in registration.yaws(24)]
 
 
-def _noise(seen: Seen) -> float:
-    """Standard deviation of the depth of the object [m]."""
-    return float(planes.depth_sigma(np.median(seen.depth[seen.mask & (seen.depth > 0.0)])))
-
-
 def _hull(vertices: np.ndarray) -> Any:
     """Convex hull; None for a flat mesh."""
     from scipy.spatial import ConvexHull, QhullError
@@ -166,7 +161,7 @@ def _turns(samples: np.ndarray, centre: np.ndarray, placed: ScaledPose) -> list[
 def _finished(model: ModelView, corners: np.ndarray, start: ScaledPose, seen: Seen, options: IcpOptions) -> ScaledPose:
     """The candidate registered with more points, and placed flat if nearly so on a face of its hull's `corners`."""
     points = seen_points(seen, 3 * _POINTS)
-    how = Search(lie.FREE, start.scale, options.start_scale_sigma, options.iterations)
+    how = Search(lie.FREE, start.scale, options.start_scale_sigma, model.noise_m, options.iterations)
     free = registration.icp(start, model.visible, points, how)
     ends = [start, free, *_squared(model, corners, free, points, options)]
     return min(ends, key=lambda candidate: model.score(candidate).cost)
@@ -189,7 +184,7 @@ def _squared(
     if abs(lowest) <= options.rest_m:
         freedom = lie.resting()
         square = ScaledPose(placed.scale, transforms.rigid(upright, place - [0.0, 0.0, lowest]))
-    search = Search(freedom, placed.scale, options.start_scale_sigma, options.iterations)
+    search = Search(freedom, placed.scale, options.start_scale_sigma, model.noise_m, options.iterations)
     return [registration.icp(square, model.visible, points, search)]
 
 

@@ -78,12 +78,12 @@ def find(points: np.ndarray, valid: np.ndarray, most: int, warp_m: float, rng: n
     for _ in range(most):
         if left.sum() < 0.01 * valid.sum() or left.sum() < 500:
             break
-        rows, columns = np.nonzero(left)
-        pick = rng.choice(len(rows), size=min(SAMPLES, len(rows)), replace=False)
-        sample, noise = points[rows[pick], columns[pick]], sigma[rows[pick], columns[pick]]
-        plane = planes.facing(planes.ransac(sample, noise, rng, gate=GATE))
-        near = left & (np.abs(planes.distance(plane, points)) < GATE * sigma)
-        surface = _connected(plane, points, near)
+        largest = planes.largest(points[left], sigma[left], rng, gate=GATE, sampled=SAMPLES)
+        if largest is None:
+            break
+        near = left.copy()
+        near[left] = largest[1]
+        surface = _connected(planes.facing(largest[0]), points, near)
         if surface is not None:
             found.append(_refined(surface, points, sigma, valid))
         left &= ~near

@@ -33,8 +33,9 @@ REFLEX = 1.1 * np.pi
 """Angle between two slabs above which they are adjacent faces of one body [rad]."""
 TRIES = 4
 """Number of starts that are refined."""
-STEPS = (5, 25)
-"""Steps of each start, and of the best one."""
+STEPS = (2, 5, 25)
+"""Steps of each start, then of the best ones, then of the best one. A start's own loss says little about its fit: that
+of the true height may be the largest of all."""
 VESSEL_M = 0.035
 """Height of a base above which it may be a box rather than a slab [m]."""
 WALL_M = 0.005
@@ -112,7 +113,7 @@ def find(evidence: Evidence, seen: Seen, texture_px: int = 1024) -> Slabs | None
     Returns:
         The body; None if no body explains the view, or if the view does not determine its hinge.
     """
-    found = _fitted(evidence, list(slab_starts.starts(evidence.points)))
+    found = _fitted(evidence, list(slab_starts.starts(evidence)))
     if found is None:
         return None
     model, p, judged = found
@@ -134,16 +135,16 @@ def _fitted(evidence: Evidence, starts: list[np.ndarray]) -> tuple[Model, np.nda
     models = [_model(start) for start in starts]
     if not models:
         return None
-    first = [descend(model, evidence, model.starts[0], 0) for model in models]
+    first = [descend(model, evidence, model.starts[0], STEPS[0]) for model in models]
     order = np.argsort([fit.loss for fit in first], kind="stable")[:TRIES]
-    short = [descend(models[k], evidence, first[k].parameters, STEPS[0]) for k in order]
+    short = [descend(models[k], evidence, first[k].parameters, STEPS[1]) for k in order]
     k = int(np.argmin([fit.loss for fit in short]))
     model = models[order[k]]
-    p = descend(model, evidence, short[k].parameters, STEPS[1]).parameters
+    p = descend(model, evidence, short[k].parameters, STEPS[2]).parameters
     choices = [(model, p)]
     if p[5] > VESSEL_M:
         vessel = _model(np.array([*p, WALL_M, WALL_M]))
-        choices.append((vessel, descend(vessel, evidence, vessel.starts[0], STEPS[1]).parameters))
+        choices.append((vessel, descend(vessel, evidence, vessel.starts[0], STEPS[2]).parameters))
     judged = [judge(each.build(q), evidence, each.cost) for each, q in choices]
     best = int(np.argmax([mark.score for mark in judged]))
     return *choices[best], judged[best]

@@ -10,8 +10,8 @@ from dextera_build.artifacts.objects.view import MeasuredView, State
 from dextera_build.geometry import cameras, transforms
 from dextera_build.rule import Context, rule
 
-LEAST_M = 0.004
-"""Height above the support above which a point belongs to an object [m]."""
+from ..regions.heights import least_height
+
 LEAST_POINTS = 200
 """Minimum number of measured pixels above the support."""
 
@@ -26,7 +26,7 @@ def state(ctx: Context, capture: Capture, support: Support) -> State:
     depth, camera = capture.measured.depth, capture.photograph.camera
     points = cameras.backproject(depth.depth.astype(np.float64), camera.matrix())
     height = transforms.apply(support.camera_pose.matrix, points)[..., 2]
-    above = (depth.depth > 0) & (height > LEAST_M)
+    above = (depth.depth > 0) & (height > least_height(depth.depth))
     ctx.check(
         int(above.sum()) >= LEAST_POINTS,
         f"the second capture shows {int(above.sum())} measured pixels above its support",

@@ -34,8 +34,13 @@ def relief(seen: Workspace) -> Relief:
     sigma = planes.depth_sigma(depth)
     height = np.where(valid, points[..., 2], 0.0)
     height -= np.where(valid, warp(height, valid & over & (np.abs(height) < 4.0 * sigma)), 0.0)
-    threshold = 0.0025 + 1.8 * sigma
+    threshold = least_height(depth)
     return Relief(points, height, valid, threshold, valid & (height > threshold), over)
+
+
+def least_height(depth: np.ndarray) -> np.ndarray:
+    """Height above the support above which a point at `depth` belongs to an object, both [m]: relief and noise."""
+    return np.asarray(0.0025 + 1.8 * planes.depth_sigma(depth))
 
 
 def warp(height: np.ndarray, flat: np.ndarray) -> np.ndarray:

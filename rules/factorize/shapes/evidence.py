@@ -9,9 +9,13 @@ from statistics import median
 import numpy as np
 
 from dextera_build.artifacts.objects.view import Seen
-from dextera_build.geometry import cameras, regions, transforms
+from dextera_build.geometry import cameras, planes, regions, transforms
 from dextera_build.geometry.depth_view import DepthView
 
+MISFIT = 0.0005
+"""Standard deviation of a surface from a fitted body at 1 m, in addition to the noise and like it proportional to the
+square of the distance [m/m^2]. With the noise alone, the hidden side of a leaning ellipsoid was fitted worse: its
+Chamfer distance was 6.2 instead of 5.2 mm, means of five draws at 0.75 m."""
 LEAST_POINTS = 150
 """Minimum number of pixels with trusted depth for a fit."""
 REACH_PX = 12.0
@@ -24,6 +28,8 @@ STEEPEST = 0.3
 """Change of height over the size of a pixel below which a surface is level; of an upright one it is over 0.4."""
 STEP_PX = 0.75
 """Spacing of the rays across the silhouette [px]."""
+STEP_M, STEP_SIGMAS = 0.006, 4.0
+"""Depth difference above which two surfaces are apart: [m], and in addition in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +51,7 @@ class Evidence(DepthView):
     mask: np.ndarray  # (H, W) bool
     known: np.ndarray  # (H, W) bool, not hidden by anything nearer
     depth: np.ndarray  # (H, W) float64 [m], 0 if not measured
-    sigma: np.ndarray  # (H, W) float64, standard deviation of the depth [m]
+    sigma: np.ndarray  # (H, W) float64, standard deviation of the depth from a body's [m]: noise and misfit
     core: np.ndarray  # (H, W) bool, mask pixels with trusted depth
     points: np.ndarray  # (N, 3) world points of the core, row-major [m]
     normals: np.ndarray  # (N, 3) unit normals that face the camera
@@ -58,6 +64,11 @@ class Evidence(DepthView):
     def fitted_rays(self) -> np.ndarray:
         """Rays (P + S T, 6) float32 that a fit casts: those of the core, then those across the silhouette."""
         return np.concatenate([self.rays, self.silhouette.rays.reshape(-1, 6)]).astype(np.float32)
+
+    @property
+    def point_sigma(self) -> np.ndarray:
+        """Standard deviation (N,) of the depth of every point of the core [m], noise alone."""
+        return planes.depth_sigma(self.depth[self.core])
 
     @property
     def eye(self) -> np.ndarray:
@@ -88,7 +99,7 @@ def gather(seen: Seen, samples: int = 1500, outline_samples: int = 220) -> Evide
     k, pose = seen.camera.matrix(), seen.world_from_camera
     mask = regions.without_pinholes(seen.mask)
     depth = seen.depth.astype(np.float64)
-    sigma = noise(depth)
+    sigma = planes.depth_sigma(depth) + MISFIT * np.square(depth)
     known = ~_grown(seen.occluder, 2)
     core = trusted(mask, depth, sigma) & known
     normals = _normals(np.where(core, depth, 0.0), k)
@@ -157,9 +168,9 @@ def _middle(depth: np.ndarray, heights: np.ndarray) -> tuple[float, float]:
     return median(depth[there].tolist()), median(heights[there].tolist())
 
 
-def noise(depth: np.ndarray) -> np.ndarray:
-    """Standard deviation of a depth reading [m], quadratic in the distance as for stereo and structured light."""
-    return np.asarray(0.001 + 0.002 * depth**2)
+def step(sigma: np.ndarray) -> np.ndarray:
+    """Depth difference above which two surfaces are apart [m], from the standard deviation of their depth."""
+    return STEP_M + STEP_SIGMAS * sigma
 
 
 def trusted(mask: np.ndarray, depth: np.ndarray, sigma: np.ndarray) -> np.ndarray:
@@ -169,7 +180,7 @@ def trusted(mask: np.ndarray, depth: np.ndarray, sigma: np.ndarray) -> np.ndarra
     inner = ndimage.binary_erosion(mask, iterations=2) & (depth > 0)
     high = ndimage.maximum_filter(np.where(depth > 0, depth, -np.inf), 3)
     low = ndimage.minimum_filter(np.where(depth > 0, depth, np.inf), 3)
-    return np.asarray(inner & (high - low < 0.006 + 4.0 * sigma))
+    return np.asarray(inner & (high - low < step(sigma)))
 
 
 def _grown(mask: np.ndarray, pixels: int) -> np.ndarray:

@@ -9,10 +9,12 @@ import numpy as np
 from dextera_build.geometry import raycast
 from dextera_build.geometry.solids import Solid
 
-from .evidence import Evidence
+from .evidence import Evidence, step
 
 DEPTH_WEIGHT = 0.5
 """Cost of a wrong depth at every pixel, relative to an overlap of 1."""
+WRONG = 6.0
+"""Depth difference of a wrong depth, in standard deviations."""
 FREE_WEIGHT = 0.5
 """Cost of a rendered surface entirely in observed empty space."""
 
@@ -42,10 +44,10 @@ def judge(body: Solid, evidence: Evidence, complexity: float = 0.0) -> Judgement
     difference = np.abs(shown.depth - evidence.depth)[common]
     residual = float(np.median(difference)) if common.any() else float("inf")
     # Every trusted pixel counts; an uncovered one counts as entirely wrong.
-    error = np.minimum(difference / (6.0 * evidence.sigma[common]), 1.0).sum()
+    error = np.minimum(difference / (WRONG * evidence.sigma[common]), 1.0).sum()
     trusted = max(int(np.count_nonzero(evidence.core & evidence.known)), 1)
     depth_error = (float(error) + trusted - np.count_nonzero(common)) / trusted
-    seen_behind = (evidence.depth > 0) & (shown.depth < evidence.depth - 0.006 - 4.0 * evidence.sigma)
+    seen_behind = (evidence.depth > 0) & (shown.depth < evidence.depth - step(evidence.sigma))
     clear = np.where(mask, evidence.core, True)
     free = np.count_nonzero(covered & seen_behind & clear) / max(int(np.count_nonzero(covered)), 1)
     score = iou - DEPTH_WEIGHT * depth_error - FREE_WEIGHT * free - complexity

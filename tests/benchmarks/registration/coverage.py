@@ -61,7 +61,7 @@ def draw(number: int, seed: int) -> tuple[str, float, float]:
     off = transforms.rigid(lie.rotation(random.normal(0.0, 0.02, 3)), random.normal(0.0, 0.003, 3))
     start = ScaledPose(float(np.exp(random.normal(0.0, 0.03))), pose @ off)
     options = IcpOptions()
-    search = Search(lie.FREE, start.scale, options.start_scale_sigma, options.iterations)
+    search = Search(lie.FREE, start.scale, options.start_scale_sigma, model.noise_m, options.iterations)
     near = registration.icp(start, model.coarser(seen, 3000).visible, seen_points(seen, 800), search)
     found = polish.polished(model, near, options.start_scale_sigma, lie.FREE)
     size = found.scale * float(np.linalg.norm(np.ptp(vertices, axis=0)))

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import solids, transforms
+from dextera_build.geometry import planes, solids, transforms
 from dextera_build.geometry.solids import Solid
 
 from ..evidence import Evidence
 from ..refine import Model
 from .box import LARGEST_M, upright
-from .planes import largest_plane
 
 THIN_M = 0.006
 """Thickness of a slab with an unseen edge [m]."""
@@ -66,12 +65,13 @@ def slabs(p: np.ndarray) -> list[Solid]:
 
 def _from_behind(evidence: Evidence) -> np.ndarray | None:
     """A start if the camera sees one overhanging plane: it cannot stand alone, so it is a lid seen from behind."""
-    points = evidence.points[:: max(1, len(evidence.points) // 4000)]
-    plane = largest_plane(points)
-    if plane is None:
+    points = evidence.points
+    found = planes.largest(points, evidence.point_sigma, np.random.default_rng(0))
+    if found is None:
         return None
-    normal, offset = plane if plane[0] @ evidence.eye > plane[1] else (-plane[0], -plane[1])
-    lid = points[np.abs(points @ normal - offset) < 0.006]
+    plane, on_plane = found
+    normal, offset = plane if planes.distance(plane, evidence.eye) > 0 else (-plane[0], -plane[1])
+    lid = points[on_plane]
     level = float(np.linalg.norm(normal[:2]))
     if len(lid) < 0.6 * len(points) or not -0.8 < normal[2] < OVERHANG or level < 1e-6:
         return None
@@ -79,7 +79,7 @@ def _from_behind(evidence: Evidence) -> np.ndarray | None:
     crease = np.array([across[1], -across[0]])
     left, right = np.quantile(lid[:, :2] @ crease, [0.005, 0.995])
     length = (float(np.quantile(lid[:, 2], 0.995)) - BASE_M) / level
-    edge = (offset - BASE_M * normal[2]) / level - THIN_M / level
+    edge = (-offset - BASE_M * normal[2]) / level - THIN_M / level
     if length < 0.03 or right - left < 0.03:
         return None
     centre = crease * (left + right) / 2 + across * (edge - length / 2)
@@ -121,8 +121,8 @@ def _start(evidence: Evidence) -> np.ndarray | None:
 
 def _two_planes(evidence: Evidence) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]] | None:
     """(normal, points) of a level plane and of one rising from it, or None."""
-    points = evidence.points[:: max(1, len(evidence.points) // 4000)]
-    normals = evidence.normals[:: max(1, len(evidence.points) // 4000)]
+    step = max(1, len(evidence.points) // 4000)
+    points, normals, sigma = (each[::step] for each in (evidence.points, evidence.normals, evidence.point_sigma))
     level = normals[:, 2] > 0.93
     if level.mean() < 0.1:
         return None
@@ -131,12 +131,12 @@ def _two_planes(evidence: Evidence) -> tuple[tuple[np.ndarray, np.ndarray], tupl
     rest = ~level & (points[:, 2] > height + 0.008)
     if rest.sum() < 100 or base.sum() < 100:
         return None
-    plane = largest_plane(points[rest])
-    if plane is None:
+    found = planes.largest(points[rest], sigma[rest], np.random.default_rng(0))
+    if found is None:
         return None
-    normal, offset = plane
-    lid = np.abs(points @ normal - offset) < 0.006
+    plane, _ = found
+    lid = np.abs(planes.distance(plane, points)) < 3.0 * sigma
     lid &= points[:, 2] > height + 0.008
     if lid.sum() < 0.1 * len(points) or (lid | base).mean() < 0.6:
         return None
-    return (np.array([0.0, 0.0, 1.0]), points[base]), (normal, points[lid])
+    return (np.array([0.0, 0.0, 1.0]), points[base]), (plane[0], points[lid])

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from dextera_build.geometry import lie, solids, transforms
+from dextera_build.geometry import lie, planes, solids, transforms
 from dextera_build.geometry.solids import Solid
 
 from ..evidence import Evidence
 from ..refine import Model
 from .box import LARGEST_M, SMALLEST_M
-from .planes import largest_plane
 
 DEEP = 0.4
 """Minimum depth of a start along the line of sight, as a fraction of the median size: cartons are flat."""
 LEAST_PART = 0.15
 """Smallest fraction of the points on a face that defines a direction."""
+LEAST_FACE = 50
+"""Minimum number of points on a second face."""
+ASIDE = 0.35
+"""Largest cosine between the normals of two faces that are perpendicular."""
 
 
 def tilted(evidence: Evidence) -> tuple[list[np.ndarray], Model] | None:
@@ -61,18 +64,20 @@ def tilted_pose(frames: list[np.ndarray], p: np.ndarray) -> np.ndarray:
 def _frames(evidence: Evidence) -> list[np.ndarray]:
     """Orientations with axes normal to the largest seen faces, and the most upright axis as z."""
     step = max(1, len(evidence.points) // 4000)
-    points, normals = evidence.points[::step], evidence.normals[::step]
-    first = largest_plane(points)
-    if first is None or (np.abs(points @ first[0] - first[1]) < 0.005).mean() < LEAST_PART:
+    points, normals, sigma = (each[::step] for each in (evidence.points, evidence.normals, evidence.point_sigma))
+    first = planes.largest(points, sigma, np.random.default_rng(0))
+    if first is None or first[1].mean() < LEAST_PART:
         return []
-    aside = np.abs(normals @ first[0]) < 0.35
-    second = largest_plane(points[aside]) if aside.mean() > 0.5 * LEAST_PART else None
-    if second is not None and abs(second[0] @ first[0]) < 0.35:
-        return [_upright_frame(first[0], second[0])]
-    helper = np.eye(3)[int(np.argmin(np.abs(first[0])))]
-    along = np.cross(first[0], helper)
+    (normal, _), _ = first
+    aside = np.abs(normals @ normal) < ASIDE
+    if aside.mean() > 0.5 * LEAST_PART:
+        second = planes.largest(points[aside], sigma[aside], np.random.default_rng(0), least=LEAST_FACE)
+        if second is not None and abs(second[0][0] @ normal) < ASIDE:
+            return [_upright_frame(normal, second[0][0])]
+    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    along = np.cross(normal, helper)
     turns = np.deg2rad([0.0, 22.5, 45.0, 67.5])
-    return [_upright_frame(first[0], lie.rotation(first[0] * turn) @ along) for turn in turns]
+    return [_upright_frame(normal, lie.rotation(normal * turn) @ along) for turn in turns]
 
 
 def _upright_frame(first: np.ndarray, second: np.ndarray) -> np.ndarray:
