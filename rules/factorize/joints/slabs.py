@@ -31,7 +31,7 @@ BETTER = 0.02
 """Score difference above which one body explains a view better than another."""
 REFLEX = 1.1 * np.pi
 """Angle between two slabs above which they are adjacent faces of one body [rad]."""
-TRIES = 4
+TRIES = 8
 """Number of starts that are refined."""
 STEPS = (2, 5, 25)
 """Steps of each start, then of the best ones, then of the best one. A start's own loss says little about its fit: that
