@@ -38,7 +38,17 @@ def from_matrices(rotations: np.ndarray) -> np.ndarray:
 
 def to_matrix(quaternion: np.ndarray) -> np.ndarray:
     """(3, 3) rotation of a (4,) quaternion of any nonzero length."""
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    return _rows(*(quaternion / np.linalg.norm(quaternion)))
+
+
+def to_matrices(quaternions: np.ndarray) -> np.ndarray:
+    """(..., 3, 3) rotations of (..., 4) quaternions of any nonzero length; NaN where one is NaN."""
+    unit = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    return np.moveaxis(_rows(*np.moveaxis(unit, -1, 0)), (0, 1), (-2, -1))
+
+
+def _rows(w: np.ndarray, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Rotations (3, 3, ...) of unit quaternions whose components have any shape."""
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

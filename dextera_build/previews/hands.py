@@ -11,7 +11,7 @@ import numpy as np
 from dextera_build.artifacts.base import Artifact
 from dextera_build.artifacts.cameras.image import png
 from dextera_build.artifacts.robots.hand_stream import LOST, HandStream
-from dextera_build.geometry import hands
+from dextera_build.geometry import hands, quaternions
 from dextera_build.geometry.plot import COLOURS
 
 PANEL = (320, 230)
@@ -132,9 +132,9 @@ class _Drawing:
 def _views(stream: HandStream) -> _Views:
     """Name, and axes (3, 2) to the right and up of the picture, of each view."""
     up, ahead = np.array([0.0, 0, 1]), np.array([1.0, 0, 0])
-    if stream.head is not None and np.isfinite(stream.head).all(axis=1).any():
-        w, x, y, z = stream.head[np.isfinite(stream.head).all(axis=1)][:, 3:].mean(axis=0)
-        looks = -np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 0.0])
+    heads = stream.known_heads
+    if len(heads):
+        looks = -quaternions.to_matrix(heads[:, 3:].mean(axis=0))[:, 2] * [1, 1, 0]
         ahead = looks / np.linalg.norm(looks) if np.linalg.norm(looks) > 0.1 else ahead
     right = np.cross(ahead, up)
     tilt = np.deg2rad(25)

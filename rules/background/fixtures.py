@@ -46,16 +46,8 @@ def room_boxes(room: Room) -> list[SupportBox]:
 
 def support_boxes(seen: np.ndarray, feet: np.ndarray, box: SupportBox, room: Room) -> list[SupportBox]:
     """Boxes of the support's plane outside its own box, as thick as it, see `levels.beyond`."""
-    half = box.half_size[2]
-    return [
-        _box(
-            f"support_{number}",
-            np.array([*(level.low + level.high) / 2, -half]),
-            [*(level.high - level.low) / 2, half],
-            room,
-        )
-        for number, level in enumerate(beyond(seen, feet, box, room), start=1)
-    ]
+    found = enumerate(beyond(seen, feet, box, room), start=1)
+    return [_board(f"support_{number}", level, 2 * box.half_size[2], room) for number, level in found]
 
 
 def thing_boxes(scenery: Scenery, room: Room, objects: np.ndarray, height: float) -> list[SupportBox]:
@@ -82,11 +74,7 @@ def thing_boxes(scenery: Scenery, room: Room, objects: np.ndarray, height: float
     for number, (first, last) in enumerate(found):
         for part, (low, high) in enumerate(_parted(local, first * cell, last * cell, eye, flat)):
             boxes.append(_box(f"thing_{number}" + f"_{part}" * (part > 0), (low + high) / 2, (high - low) / 2, room))
-    for number, level in enumerate(flat):
-        middle, half = (level.low + level.high) / 2, (level.high - level.low) / 2
-        centre = np.array([*middle, level.height_m - BOARD_M / 2])
-        boxes.append(_box(f"level_{number}", centre, [*half, BOARD_M / 2], room))
-    return boxes
+    return boxes + [_board(f"level_{number}", level, BOARD_M, room) for number, level in enumerate(flat)]
 
 
 def _parted(
@@ -136,6 +124,12 @@ def _merged(local: np.ndarray, taken: np.ndarray, cell: float) -> list[tuple[np.
     grid = np.zeros(cells.max(axis=0) - start + 1, bool)
     grid[tuple((cells - start).T)] = True
     return [(low + start, high + start) for low, high in rectangles(grid)]
+
+
+def _board(name: str, level: Level, thickness: float, room: Room) -> SupportBox:
+    """A box below a level surface."""
+    centre = np.array([*(level.low + level.high) / 2, level.height_m - thickness / 2])
+    return _box(name, centre, [*(level.high - level.low) / 2, thickness / 2], room)
 
 
 def _box(name: str, centre: np.ndarray, half: np.ndarray | list[float], room: Room) -> SupportBox:

@@ -64,19 +64,23 @@ def survey(
 
 def seen_of(mask: np.ndarray, depth: np.ndarray, camera: Camera, support: Support) -> np.ndarray:
     """A sample of the points (N, 3) in a mask, in the world frame [m]."""
-    where = mask & (depth > 0)
-    points = cameras.backproject(np.where(where, depth, 0.0), camera.matrix())[where]
-    return transforms.apply(support.camera_pose.matrix, points[:: max(1, len(points) // 3000)])
+    return _sample(mask & (depth > 0), cameras.backproject(depth, camera.matrix()), support)
 
 
 def feet_of(instances: np.ndarray, depth: np.ndarray, camera: Camera, support: Support) -> np.ndarray:
     """Points (F, 2) of the instances (H, W) that stand on the support's plane, projected onto it [m]."""
-    found = [np.zeros((0, 2))]
+    found, measured = [np.zeros((0, 2))], cameras.backproject(depth, camera.matrix())
     for number in np.unique(instances[instances > 0]):
-        points = seen_of(instances == number, depth, camera, support)
+        points = _sample((instances == number) & (depth > 0), measured, support)
         if len(points) and abs(float(np.quantile(points[:, 2], 0.02))) < FOOT_M:
             found.append(points[:: max(1, len(points) // 300), :2])
     return np.concatenate(found)
+
+
+def _sample(mask: np.ndarray, measured: np.ndarray, support: Support) -> np.ndarray:
+    """Some of the points (H, W, 3) of a camera in a mask, in the world frame (N, 3) [m]."""
+    points = measured[mask]
+    return transforms.apply(support.camera_pose.matrix, points[:: max(1, len(points) // 3000)])
 
 
 def furnished(

@@ -86,7 +86,6 @@ def operate(
     for number, take in enumerate(takes):
         seed = seed_of("operate", common.seed, number) if take.seed is None else take.seed
         start = driver.environment.draw(seed)
-        driver.environment.begin(start)
         operator = HandOperator(driver.environment, own, recording.during(take), constants)
         episode = driver.run(operator, start, origin="operator", filters=filters, longest_s=operator.longest_s)
         (items if episode.success else failures)[f"{number:05d}"] = episode

@@ -21,6 +21,15 @@ def test_matrix_and_back(seed: int) -> None:
     np.testing.assert_allclose(np.abs(quaternion @ expected), 1.0, atol=1e-12)
 
 
+@given(st.integers(0, 100_000))
+def test_many_matrices_are_those_of_each(seed: int) -> None:
+    made = np.random.default_rng(seed).normal(size=(3, 2, 4))
+    made[0, 0] = np.nan
+    found = quaternions.to_matrices(made)
+    each = np.array([[quaternions.to_matrix(quaternion) for quaternion in row] for row in made])
+    np.testing.assert_allclose(found, each, atol=1e-12)
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_half_turns_have_one_sign(axis: int) -> None:
     signs = -np.ones(3)

@@ -14,7 +14,7 @@ Direction = tuple[float, float, float]
 
 
 class HandMap(Value):
-    """What `sim.retarget` takes from the recipe; all that is left out follows from the robot's frames and geometry."""
+    """Options of `sim.retarget` that a recipe states; defaults follow from the robot's frames and geometry."""
 
     side: Side = ""
     """Hand of the operator that moves it."""

@@ -144,6 +144,11 @@ class HandStream(Artifact):
         return self.takes or (Take(first=0, last=len(self.stamps)),)
 
     @property
+    def known_heads(self) -> np.ndarray:
+        """Rows (K, 7) of `head` that are not lost; none without a head."""
+        return np.zeros((0, 7), np.float32) if self.head is None else self.head[np.isfinite(self.head).all(axis=1)]
+
+    @property
     def wrists(self) -> np.ndarray:
         """Poses (N, 2, 7) of the wrists in `frame`: position [m] and quaternion w x y z; NaN where a hand is lost."""
         return np.concatenate([self.positions[:, :, WRIST], self.rotations[:, :, WRIST]], axis=-1)

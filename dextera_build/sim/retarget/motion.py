@@ -89,10 +89,10 @@ def check_side(points: np.ndarray, side: str) -> None:
 def headed(options: Retargeting, stream: HandStream) -> Retargeting:
     """The options with a heading; poses in the robot's base frame keep their axes."""
     known = options.heading_rad is not None or stream.frame == BASE
-    if known or stream.head is None or np.isnan(stream.head).any(axis=1).all():
+    heads = stream.known_heads
+    if known or not len(heads):
         return options
-    head = stream.head[~np.isnan(stream.head).any(axis=1)][0]
-    return replace(options, heading_rad=heading(quaternions.to_matrix(head[3:].astype(np.float64))))
+    return replace(options, heading_rad=heading(quaternions.to_matrix(heads[0, 3:].astype(np.float64))))
 
 
 def follow(own: Matched, stream: HandStream, palm: np.ndarray, options: Retargeting) -> Targets:

@@ -75,7 +75,6 @@ def _along_bones(positions: np.ndarray, rotations: np.ndarray) -> float:
     ends = [joint for joint, parent in enumerate(hands.PARENTS) if parent > hands.WRIST]
     starts = [hands.PARENTS[joint] for joint in ends]
     bones = positions[..., ends, :] - positions[..., starts, :]
-    w, x, y, z = np.moveaxis(rotations[..., starts, :], -1, 0)
-    back = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+    back = quaternions.to_matrices(rotations[..., starts, :])[..., 2]
     cosines = -(bones * back).sum(axis=-1) / np.linalg.norm(bones, axis=-1)
     return float(np.nanmean(cosines)) if np.isfinite(cosines).any() else 0.0

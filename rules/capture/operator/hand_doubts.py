@@ -69,7 +69,7 @@ def of_shape(ctx: Context, stream: HandStream) -> None:
                 f"bones of the {side} hand change their length by {100 * np.median(spread):.0f} %: these are noisy "
                 "landmarks, not a tracked skeleton"
             )
-        wrists = np.array([quaternions.to_matrix(row) for row in stream.rotations[seen, hand, hands.WRIST]])
+        wrists = quaternions.to_matrices(stream.rotations[seen, hand, hands.WRIST])
         angle = float(np.median(transforms.angles(wrists.swapaxes(1, 2) @ hands.palm_frame(points, side))))
         if angle > TURNED:
             ctx.warn(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dextera_build.artifacts.robots.hand_stream import LOST, HandStream
-from dextera_build.geometry import hands
+from dextera_build.geometry import hands, quaternions
 from dextera_build.rule import Context
 
 SIZES_M = (0.12, 0.26)
@@ -67,7 +67,7 @@ def _check_size(ctx: Context, stream: HandStream) -> None:
 
 
 def _check_head(ctx: Context, stream: HandStream) -> None:
-    heads = np.zeros((0, 7)) if stream.head is None else stream.head[np.isfinite(stream.head).all(axis=1)]
+    heads = stream.known_heads
     if not len(heads):
         ctx.fail(
             "the recording has no head, which tells where the operator looks from",
@@ -75,8 +75,7 @@ def _check_head(ctx: Context, stream: HandStream) -> None:
             hint="record the head as `geometry_msgs/PoseStamped` and name its topic in `head`; "
             'for a webcam or a phone, which have none, write `head: ""`',
         )
-    w, x, y, z = heads[:, 3:].T.astype(np.float64)
-    up = np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], axis=1).mean(axis=0)
+    up = quaternions.to_matrices(heads[:, 3:].astype(np.float64))[:, :, 1].mean(axis=0)
     if up[2] < 0.5:
         ctx.fail(
             "the head does not stand upright, so the recording's frame has not z up",
@@ -128,8 +127,7 @@ def _crossed(stream: HandStream) -> bool | None:
     """Whether the left hand is on average to the right of the right one, as the head sees it; None: not known."""
     if stream.head is None:
         return None
-    w, x, y, z = stream.head[:, 3:].T.astype(np.float64)
-    right = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1)
+    right = quaternions.to_matrices(stream.head[:, 3:].astype(np.float64))[:, :, 0]
     apart = stream.positions[:, 1, hands.WRIST] - stream.positions[:, 0, hands.WRIST]
     across = (right * apart).sum(axis=1)
     return bool(np.nanmean(across) < 0) if np.isfinite(across).any() else None
