@@ -10,13 +10,14 @@ from dextera_build import __version__
 from dextera_build.building import fetch
 from dextera_build.building.executors import executor
 from dextera_build.building.export import Out, Placed
-from dextera_build.errors import DxbError, StoreError, UsageError
+from dextera_build.errors import DxbError, StoreError, UsageError, did_you_mean, listing
 from dextera_build.session import Session, addresses, warnings
 from dextera_build.store import files
 
 if TYPE_CHECKING:
     from dextera_build.building.lock import Locking
     from dextera_build.engine.dry import Planned
+    from dextera_build.engine.expand import Unmatched
     from dextera_build.engine.graph import Address
     from dextera_build.engine.run import RunResult
     from dextera_build.recipe.plan import Plan
@@ -125,6 +126,12 @@ def _name_missing_locks(store: Store) -> None:
         ] = None
 
 
+def _says(one: Unmatched) -> str:
+    """The warning of a label that no copy has."""
+    known = did_you_mean(one.label, one.known) or f"the copies are {listing(one.known)}"
+    return f"{one.where}: `overrides.{one.label}` changes nothing: `{one.group}` has no `{one.label}`; {known}"
+
+
 @dataclass(frozen=True)
 class _Build:
     session: Session
@@ -169,6 +176,8 @@ class _Build:
                 exchange=order.bring_from or fetch.usable(session),
                 pause=log.flush,
             )
+        for one in result.unmatched:
+            warnings[_says(one)] = None
         if result.ok:
             session.note_built(session.variant)
         return Built(result, log.run, log.lost)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 
 from dextera_build.engine.graph import (
@@ -25,11 +25,23 @@ from dextera_build.engine.graph import (
 )
 from dextera_build.engine.states import State
 from dextera_build.engine.units import Gathering, Labels, Node, Opening, Path, Unit
-from dextera_build.errors import DxbError, RuleError
+from dextera_build.errors import DxbError, Place, RuleError
 from dextera_build.store import headers
 from dextera_build.store.store import Store
 
 _LABEL = re.compile(r"[^\[\]/\\\x00-\x1f]+")
+
+
+@dataclass(frozen=True)
+class Unmatched:
+    """A label under `overrides:` that no copy of its opened groups has."""
+
+    group: Address
+    label: str
+    known: tuple[str, ...]
+    """The labels of all copies."""
+    where: Place
+    """Of the group in the recipe."""
 
 
 class Wiring:
@@ -238,6 +250,17 @@ class Wiring:
         for label, text in unit.group.named.items():
             if label not in known and all(o.state is State.DONE and label not in o.items for o in others):
                 raise no_copy(text, unit.address, label, known)
+
+    def unmatched(self) -> Iterator[Unmatched]:
+        """Labels under `overrides:` of opened groups that no copy has: a misspelt one changes nothing."""
+        opened: dict[Path, list[Opening]] = {}
+        for (path, _), unit in self.openings.items():
+            opened.setdefault(path, []).append(unit)
+        for path, units in opened.items():
+            if all(unit.state is State.DONE for unit in units):
+                group, known = units[0].group, {label for unit in units for label in unit.items}
+                for label in sorted(set(group.overrides) - known):
+                    yield Unmatched(Address(path), label, tuple(sorted(known)), group.where)
 
     def collection(self, unit: Gathering) -> str:
         """Store the collection of the known outputs of all copies; returns its digest.

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dextera_build.engine import missing
+from dextera_build.engine.expand import Unmatched
 from dextera_build.engine.graph import Address, Graph
 from dextera_build.engine.policy import RunPolicy
 from dextera_build.engine.records import record_of
@@ -37,6 +38,8 @@ class RunResult:
     """Addresses of the requested nodes, one for each copy."""
     errors: Mapping[str, DxbError] = field(default_factory=dict)
     """Address of a failed node, group, collection or target -> its error."""
+    unmatched: tuple[Unmatched, ...] = ()
+    """Labels under `overrides:` that no copy has."""
 
 
 def build(
@@ -139,7 +142,9 @@ def _close(scheduler: Scheduler, records: Mapping[str, NodeFinished], whole: boo
     ok = whole and all(wish.state is State.DONE for wish in scheduler.wiring.wishes)
     asked = tuple(dict.fromkeys(scheduler.wiring.asked))
     errors = {address: record.error for address, record in records.items() if record.error is not None}
-    return RunResult(ok, {address: records[address] for address in nodes}, asked, errors)
+    return RunResult(
+        ok, {address: records[address] for address in nodes}, asked, errors, tuple(scheduler.wiring.unmatched())
+    )
 
 
 def _finish(scheduler: Scheduler, result: RunResult, seconds: float, interrupted: bool) -> None:

@@ -219,6 +219,19 @@ def test_labels_of_one_group_never_share_a_folder(counts: Space) -> None:
     assert sorted(placed(counts, counts.dxb("build", "s").out)) == [3, 6]
 
 
+def test_a_misspelt_label_of_an_override_is_told(counts: Space) -> None:
+    counts.write("rules/toy/grp.py", GRP.lstrip())
+    counts.write(
+        "recipes/s.yaml",
+        "nodes:\n  s: {rule: toy.grp}\n  b:\n    each: $s\n    as: o\n    nodes:\n      c: {rule: toy.mul, text: $o}\n"
+        "    overrides: {ab: {c: {add: 1}}}\ntargets: {default: [b.c]}\n",
+    )
+    said = counts.dxb("build", "s")
+    assert said.code == 0
+    place = "recipes/s.yaml:3:3"
+    assert f"warning: {place}: `overrides.ab` changes nothing: `b` has no `ab`; did you mean `a" in said.err
+
+
 def test_a_folder_in_the_place_of_the_table_goes(counts: Space) -> None:
     assert counts.dxb("build", "g:a0").code == 0
     table = counts.root / "cache/out/g/.placed"

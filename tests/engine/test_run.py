@@ -99,6 +99,19 @@ def test_an_override_touches_one_copy(store: Store) -> None:
     assert not any("box" in name for name in ran)
 
 
+def test_an_override_of_no_copy_is_told(store: Store) -> None:
+    plan = scene()
+    body = plan.members["body"]
+    assert isinstance(body, Group)
+    own = call("mesh", value="own", seen=item("body"))
+    changed = dataclasses.replace(body, overrides={"mugg": {"mesh": own}, "mug": {"mesh": own}})
+    plan = dataclasses.replace(plan, members={**plan.members, "body": changed})
+    result, _ = run(plan, store)
+    assert [(str(one.group), one.label, one.known) for one in result.unmatched] == [("body", "mugg", ("box", "mug"))]
+    result, _ = run(plan, store, Address(("seg",)))
+    assert not result.unmatched, "the group was not opened"
+
+
 def test_groups_in_groups_gather_by_joined_labels(store: Store) -> None:
     plan = graph(
         call("seg", "items", {"mug": "m", "box": "b"}),
