@@ -29,17 +29,20 @@ class Fact:
     """Row of the material table; empty if unknown."""
     friction: float | None = None
     """Sliding friction coefficient."""
+    held: str = ""
+    """Why the object is fixed in the scene; "" if it moves freely."""
 
     def short(self, name: str) -> str:
         """One line: name, mass, material and friction."""
         words = [name, mass(self.mass_kg), self.material, "" if self.friction is None else f"µ {self.friction:.2f}"]
+        words.append("held" if self.held else "")
         return " · ".join(word for word in words if word)
 
     def long(self, name: str) -> str:
         """A row per fact, as Markdown."""
         spread = "" if self.interval_kg is None else f" ({' to '.join(mass(each) for each in self.interval_kg)})"
         rows = [("mass", mass(self.mass_kg) + spread), ("material", self.material)]
-        rows.append(("friction", "" if self.friction is None else f"{self.friction:.2f}"))
+        rows += [("friction", "" if self.friction is None else f"{self.friction:.2f}"), ("held", self.held)]
         return f"**{name}**\n\n" + "\n".join(f"* {word}: {text}" for word, text in rows if text)
 
 

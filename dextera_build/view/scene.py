@@ -31,6 +31,7 @@ def show_scene(
     *,
     photo: Image | None = None,
     addresses: Mapping[str, str] | None = None,
+    held: Mapping[str, str] | None = None,
     bind: Callable[[str, str], str] | None = None,
 ) -> None:
     """Add a twin to a viser server.
@@ -43,6 +44,7 @@ def show_scene(
         camera: Intrinsics of the photograph [px].
         photo: The photograph, shown in the camera's frustum.
         addresses: Label -> node address, which then names the scene node; the label itself if left out.
+        held: Label of an object that is fixed in the simulated scene -> why; None: all move freely.
         bind: Gives the object of a label a name, and returns a message about it; None: names cannot be given.
     """
     add_frame(server, "/world", np.eye(4), axes=0.1)
@@ -51,7 +53,8 @@ def show_scene(
     outline = show(support, server, "/support")
     lens = [add_camera(server, "/camera", camera, support.camera_pose.matrix)]
     pieces: list[Any] = []
-    choose = _chosen(server, assets, bind)
+    facts = {label: _fact(asset, (held or {}).get(label, "")) for label, asset in assets.items()}
+    choose = _chosen(server, facts, bind)
     for label in sorted(assets):
         name = f"/{(addresses or {}).get(label, label)}"
         frames = _object(server, name, assets[label], pieces, partial(_tell, choose, label))
@@ -60,7 +63,7 @@ def show_scene(
         comparison = Comparison(server, "/photograph", camera, support.camera_pose.matrix, photo.pixels)
         comparison.aside += [*lens, outline]
         lens.append(comparison.picture)
-    labels = [_label(server, f"/labels/{label}", label, asset) for label, asset in assets.items()]
+    labels = [_label(server, f"/labels/{label}", facts[label].short(label), asset) for label, asset in assets.items()]
     with server.gui.add_folder("Show"):
         for title, handles in (("Labels", labels), ("Background", [static]), ("Camera", lens), ("Outline", [outline])):
             switch(server, title, handles, visible=True)
@@ -116,23 +119,23 @@ def _tell(choose: Callable[[str], None], label: str, _: object) -> None:
     choose(label)
 
 
-def _label(server: Any, name: str, label: str, asset: Asset) -> Any:
-    """Name, mass, material and friction above an object."""
+def _label(server: Any, name: str, text: str, asset: Asset) -> Any:
+    """A text above an object."""
     links = kinematics.link_poses(asset.body)
     corners = [transforms.apply(pose, asset.body.links[link].mesh.vertices) for link, pose in links.items()]
     placed = transforms.apply(asset.pose.matrix, np.concatenate(corners).astype(np.float64))
     low, high = placed.min(axis=0), placed.max(axis=0)
     position = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2] + ABOVE_M)
-    return add_label(server, name, _fact(asset).short(label), position)
+    return add_label(server, name, text, position)
 
 
-def _fact(asset: Asset) -> Fact:
+def _fact(asset: Asset, held: str) -> Fact:
     links, physics = list(asset.physics.links.values()), asset.physics
     low, high = sum(each.mass_low_kg for each in links), sum(each.mass_high_kg for each in links)
-    return Fact(sum(each.mass_kg for each in links), (low, high), physics.material, physics.friction)
+    return Fact(sum(each.mass_kg for each in links), (low, high), physics.material, physics.friction, held)
 
 
-def _chosen(server: Any, assets: Mapping[str, Asset], bind: Callable[[str, str], str] | None) -> Callable[[str], None]:
+def _chosen(server: Any, facts: Mapping[str, Fact], bind: Callable[[str, str], str] | None) -> Callable[[str], None]:
     """The part of the panel about the object that was clicked last; its function takes the label."""
     chosen = [""]
     words = server.gui.add_markdown("Click an object for its mass, material and friction.")
@@ -143,7 +146,7 @@ def _chosen(server: Any, assets: Mapping[str, Asset], bind: Callable[[str, str],
 
     def choose(label: str) -> None:
         chosen[0] = label
-        words.content = _fact(assets[label]).long(label)
+        words.content = facts[label].long(label)
         if name is not None and button is not None:
             name.value, name.visible, button.visible = label, True, True
 

@@ -127,6 +127,19 @@ def test_objects_tell_their_mass_and_material(shown: Recorder) -> None:
     assert words == f"box · {grams:.0f} g · {physics.material} · µ {physics.friction:.2f}"
 
 
+def test_a_held_object_is_marked_and_tells_why() -> None:
+    recorder, table, lens = Recorder(), factories.support(), factories.camera()
+    why = "nothing carries it: it would fall by 40 mm"
+    assets = {"box": factories.box_asset(), "tin": factories.box_asset(factories.pose(0.2))}
+    scene.show_scene(recorder, assets, factories.background(), table, lens, held={"box": why})
+    labels = {name: recorder.nodes[f"/labels/{name}"].values[0] for name in assets}
+    assert labels["box"].endswith(" · held")
+    assert "held" not in labels["tin"]
+    recorder.nodes["/box/base/visual"].clicked(None)
+    words = recorder.nodes["Click an object for its mass, material and friction."]
+    assert f"* held: {why}" in words.content
+
+
 def test_a_clicked_object_tells_its_facts_and_takes_a_name() -> None:
     recorder, asked = Recorder(), []
     table, lens = factories.support(), factories.camera()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from dextera_build.artifacts.cameras.camera import Photograph
@@ -179,6 +179,7 @@ def _scene(session: Session, nodes: dict[str, list[str]]) -> Fill:
     addresses = {(parse_address(node).labels or (node,))[-1]: node for node in nodes.get("Asset", [])}
     assets: dict[str, Any] = {label: session.artifact(node) for label, node in addresses.items()}
     photograph = loaded["Capture"].photograph
+    held = _held(session, nodes.get("Scene", []), assets)
 
     def fill(viewer: Any) -> Iterator[float]:
         show_scene(
@@ -189,11 +190,23 @@ def _scene(session: Session, nodes: dict[str, list[str]]) -> Fill:
             photograph.camera,
             photo=photograph.rgb,
             addresses=addresses,
+            held=held,
             bind=_binder(session, nodes, photograph),
         )
         return iter(())
 
     return fill
+
+
+def _held(session: Session, nodes: list[str], assets: Mapping[str, Asset]) -> dict[str, str]:
+    """Label -> why the last scene holds the object; empty without the bytes of a scene."""
+    from dextera_build.sim.model.names import body_names
+
+    if not nodes or nodes[-1] in fetch.bring(session, nodes[-1:]):
+        return {}
+    scene = session.artifact(nodes[-1])
+    reasons = scene.held if isinstance(scene, Scene) else {}
+    return {label: reasons[body] for label, body in body_names(assets).items() if body in reasons}
 
 
 def _binder(session: Session, nodes: dict[str, list[str]], photograph: Photograph) -> Callable[[str, str], str] | None:
