@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dextera_build.engine.graph import Graph
+from dextera_build.engine.graph import Graph, OnFailure
 from dextera_build.engine.states import LOST, State
-from dextera_build.engine.units import Gathering, States, Unit
+from dextera_build.engine.units import Gathering, Node, States, Unit
+
+
+def consequence(unit: Unit, graph: Graph) -> OnFailure:
+    """Effect of a failure of `unit` on the run, by its own call and the groups around it; the mildest counts."""
+    said = {graph.group(unit.path[:depth]).on_failure for depth in range(1, len(unit.path))}
+    if isinstance(unit, Node):
+        said.add(unit.call.on_failure)
+    return "leave_out" if "leave_out" in said else "go_on" if "go_on" in said else "stop"
 
 
 def can_do_without(unit: Unit, sources: Sequence[Unit], graph: Graph) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from dextera_build.errors import Place, UsageError, did_you_mean, listing
 from dextera_build.workers.capacity import Needs
@@ -70,6 +70,8 @@ class Fixed:
     labels: tuple[str, ...]
 
 
+OnFailure: TypeAlias = Literal["stop", "go_on", "leave_out"]
+"""Effect of a failure: the run stops; it goes on without the node and fails at its end; it goes on and succeeds."""
 Names: TypeAlias = tuple[str, ...]
 """Names from the root of the graph: the address of a call or group without labels."""
 Input: TypeAlias = Leaf | Output | Item | Gather | Pack
@@ -160,6 +162,7 @@ class Call:
     option_places: Mapping[str, Place] = field(default_factory=dict)
     """Where the recipe (or the command line) sets an option."""
     salt: str = ""
+    on_failure: OnFailure = "stop"
 
     def leaves(self) -> Iterator[Leaf]:
         """Every file and folder that the call reads."""
@@ -197,8 +200,8 @@ class Group:
     overrides: Mapping[str, Mapping[str, Call]]
     """Label -> member -> the call that replaces it in that copy (`body[mug].mesh`)."""
     where: Place
-    lenient: bool = False
-    """Whether copies that fail are left out of collections, and do not fail the build."""
+    on_failure: OnFailure = "stop"
+    """Effect of a copy that fails; collections do without it unless this is `stop`."""
     named: Mapping[str, str] = field(default_factory=dict)
     """Label of a copy that must exist -> the text of the request that names it."""
 
@@ -245,7 +248,7 @@ class Graph:
 
     def is_lenient(self, path: Names, outside: int = 0) -> bool:
         """Whether a group around the call or group at `path` is lenient, not counting the `outside` outermost ones."""
-        return any(self.group(path[:depth]).lenient for depth in range(outside + 1, len(path)))
+        return any(self.group(path[:depth]).on_failure != "stop" for depth in range(outside + 1, len(path)))
 
     def copy(self, path: Names, labels: tuple[str, ...] = ()) -> Call:
         """The call at `path`, or its replacement in the copy with these labels."""

@@ -85,7 +85,7 @@ class _Writer:
         over = ["fixed", list(member.over.labels)] if isinstance(member.over, Fixed) else self._input(member.over)
         inside = self._members(member.members)
         place = self._place(member.where)
-        return ["group", [member.name, over, inside, overrides, place, member.lenient, dict(member.named)]]
+        return ["group", [member.name, over, inside, overrides, place, member.on_failure, dict(member.named)]]
 
     def _call(self, call: Call) -> list[Any]:
         inputs = [[slot, *self._input(source)] for slot, source in call.inputs.items()]
@@ -98,6 +98,7 @@ class _Writer:
             self._place(call.where),
             places,
             call.salt,
+            call.on_failure,
         ]
 
     def _input(self, source: Input) -> list[Any]:
@@ -147,17 +148,17 @@ class _Reader:
         return {name: self._call(row) if kind == "call" else self._group(row) for name, kind, row in rows}
 
     def _group(self, row: list[Any]) -> Group:
-        name, over, inside, overrides, place, lenient, named = row
+        name, over, inside, overrides, place, on_failure, named = row
         replaced = {label: {inner: self._call(call) for inner, call in calls} for label, calls in overrides}
         opens = Fixed(tuple(over[1])) if over[0] == "fixed" else self._part(*over)
         assert not isinstance(opens, Leaf | Gather)
-        return Group(name, opens, self._members(inside), replaced, self._places[place], lenient, named)
+        return Group(name, opens, self._members(inside), replaced, self._places[place], on_failure, named)
 
     def _call(self, row: list[Any]) -> Call:
-        name, rule, options, inputs, place, option_places, salt = row
+        name, rule, options, inputs, place, option_places, salt, on_failure = row
         given = {slot: self._input(*source) for slot, *source in inputs}
         places = {option: self._places[number] for option, number in option_places.items()}
-        return Call(name, self._rules[rule], options, given, self._places[place], places, salt)
+        return Call(name, self._rules[rule], options, given, self._places[place], places, salt, on_failure)
 
     def _input(self, kind: str, *rest: Any) -> Input:
         if kind == "pack":

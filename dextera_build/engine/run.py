@@ -31,7 +31,7 @@ class RunResult:
     """The outcome of a run."""
 
     ok: bool
-    """Whether every target is up to date."""
+    """Whether every target is up to date, and nothing failed but copies that a group leaves out."""
     nodes: Mapping[str, NodeFinished]
     """Address -> record of the node, in the order in which the run reached them."""
     targets: tuple[str, ...]
@@ -139,11 +139,15 @@ def _close(scheduler: Scheduler, records: Mapping[str, NodeFinished], whole: boo
         if node.state is not State.BLOCKED:
             scheduler.states.set(node, State.CANCELLED)
         scheduler.listen(record_of(node, scheduler.policy.project, blockers.get(node.address, ())))
-    ok = whole and all(wish.state is State.DONE for wish in scheduler.wiring.wishes)
+    done = whole and all(wish.state is State.DONE for wish in scheduler.wiring.wishes)
     asked = tuple(dict.fromkeys(scheduler.wiring.asked))
     errors = {address: record.error for address, record in records.items() if record.error is not None}
     return RunResult(
-        ok, {address: records[address] for address in nodes}, asked, errors, tuple(scheduler.wiring.unmatched())
+        done and not scheduler.is_partial,
+        {address: records[address] for address in nodes},
+        asked,
+        errors,
+        tuple(scheduler.wiring.unmatched()),
     )
 
 

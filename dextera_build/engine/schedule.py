@@ -102,7 +102,9 @@ class Scheduler:
         self._measured = (0, 0)
         self._any_bare = False
         self._is_broken = False
-        """Whether anything failed that no lenient group contains."""
+        """Whether anything failed that stops the run."""
+        self.is_partial = False
+        """Whether anything failed without which the run goes on, and which fails it at its end."""
 
     @property
     def stopping(self) -> bool:
@@ -345,7 +347,8 @@ class Scheduler:
         self.states.set(unit, State.FAILED)
         self.failed.append(unit)
         self.errors.append(error)
-        self._is_broken |= not self.graph.is_lenient(unit.path)
+        effect = blocking.consequence(unit, self.graph)
+        self._is_broken, self.is_partial = self._is_broken or effect == "stop", self.is_partial or effect == "go_on"
         if isinstance(unit, Node):
             unit.error, unit.status = error, "failed"
             followers = self._disown(unit)

@@ -179,7 +179,7 @@ class CallMaker:
             options[choice.backend.name] = of_backend
         options |= {each.name: folders.options(decl, each, given.get(each.name)) for each in named.values()}
         places = {name: node.place for name, node in given.items()}
-        return Call(address[-1], facts, options, inputs, decl.place, places, decl.salt)
+        return Call(address[-1], facts, options, inputs, decl.place, places, decl.salt, decl.on_failure)
 
     def _choice(self, found: RuleFile, wanted: Node | None, decl: CallDecl) -> Choice | None:
         wish = self._backends.get(found.path)
@@ -232,7 +232,15 @@ class CallMaker:
         self, decl: CallDecl, arguments: Mapping[str, Node], found: RuleFile, named: Mapping[str, Companion]
     ) -> None:
         slots, options = found.rule.slots, found.rule.options.model_fields
-        known = {*slots, *options, *found.backends, *(each.name for each in named.values()), "backend", "salt"}
+        known = {
+            *slots,
+            *options,
+            *found.backends,
+            *(each.name for each in named.values()),
+            "backend",
+            "salt",
+            "on_failure",
+        }
         for name, node in arguments.items():
             if name not in known:
                 of_folder = folders.hint(self._library, found, named, name)

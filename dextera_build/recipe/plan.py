@@ -170,7 +170,7 @@ class _Planner:
             blocks[address] = members
             over_what, named = groups.collection(decl, over), self.maker.labels(address)
             blocks[address[:-1]][address[-1]] = Group(
-                address[-1], over_what, members, self._overrides[address], decl.place, decl.lenient, named
+                address[-1], over_what, members, self._overrides[address], decl.place, decl.on_failure, named
             )
         for address, call in self._calls.items():
             blocks[address[:-1]][address[-1]] = call

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from dextera_build.calls import secrets
+from dextera_build.engine.graph import OnFailure
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 from dextera_build.recipe import expect, matrix, strict_yaml
 from dextera_build.recipe.expect import Expectation
@@ -16,8 +17,10 @@ from dextera_build.recipe.strict_yaml import Node
 _MOST_BYTES = 64 << 20
 """Maximum size of a recipe file; 100,000 nodes take about 10 MB."""
 _DEEPEST = 100
-ON_FAILURE = ("stop", "leave_out")
-"""Effect of a failed copy of a group: the build fails, or collections do without the copy."""
+OF_GROUP: tuple[OnFailure, ...] = ("stop", "go_on", "leave_out")
+"""Effects that a group may choose for copies that fail; unless they stop the build, collections do without them."""
+OF_CALL: tuple[OnFailure, ...] = ("stop", "go_on")
+_NO_ARGUMENTS = ("rule", "recipe", "backend", "salt", "on_failure")
 _NAME = "abcdefghijklmnopqrstuvwxyz0123456789_"
 
 
@@ -40,6 +43,7 @@ class CallDecl:
     rule: str
     backend: Node | None
     salt: str
+    on_failure: OnFailure
     arguments: dict[str, Node]
     node: Node
     place: Place
@@ -70,8 +74,7 @@ class GroupDecl:
     nodes: dict[str, Decl]
     overrides: dict[str, dict[str, Node]]
     place: Place
-    lenient: bool
-    """Whether failed copies are left out of collections."""
+    on_failure: OnFailure
 
 
 @dataclass(frozen=True)
@@ -83,7 +86,7 @@ class MatrixDecl:
     """Label -> the values of that copy."""
     nodes: dict[str, Decl]
     place: Place
-    lenient: bool
+    on_failure: OnFailure
 
 
 Decl: TypeAlias = CallDecl | UseDecl | GroupDecl | MatrixDecl
@@ -276,7 +279,7 @@ def _node(name: str, node: Node, place: Place) -> Decl:
     if kinds == ["matrix"]:
         parts = mapping(node, f"the matrix `{name}`", {"matrix", "nodes", "on_failure"})
         copies = matrix.copies(entries(parts["matrix"], "matrix"), parts["matrix"].place)
-        return MatrixDecl(name, copies, _nodes(parts.get("nodes"), place), place, _is_lenient(parts))
+        return MatrixDecl(name, copies, _nodes(parts.get("nodes"), place), place, _on_failure(parts, OF_GROUP))
     if kinds == ["recipe"]:
         text(node.value["recipe"], "recipe")
         return UseDecl(name, node.value["recipe"], _arguments(node), place)
@@ -289,11 +292,12 @@ def _call(name: str, node: Node) -> CallDecl:
     backend = node.value.get("backend")
     if backend is not None:
         listed(backend, "backend")
-    return CallDecl(name, rule, backend, salt, _arguments(node), node, node.value["rule"].place)
+    effect = _on_failure(node.value, OF_CALL)
+    return CallDecl(name, rule, backend, salt, effect, _arguments(node), node, node.value["rule"].place)
 
 
 def _arguments(node: Node) -> dict[str, Node]:
-    return {key: inner for key, inner in node.value.items() if key not in ("rule", "recipe", "backend", "salt")}
+    return {key: inner for key, inner in node.value.items() if key not in _NO_ARGUMENTS}
 
 
 def _group(name: str, node: Node, place: Place) -> GroupDecl:
@@ -305,21 +309,24 @@ def _group(name: str, node: Node, place: Place) -> GroupDecl:
         label: entries(members, f"overrides.{label}")
         for label, members in entries(parts.get("overrides"), "overrides").items()
     }
-    return GroupDecl(name, parts["each"], item, _nodes(parts.get("nodes"), place), overrides, place, _is_lenient(parts))
+    return GroupDecl(
+        name, parts["each"], item, _nodes(parts.get("nodes"), place), overrides, place, _on_failure(parts, OF_GROUP)
+    )
 
 
-def _is_lenient(parts: dict[str, Node]) -> bool:
+def _on_failure(parts: dict[str, Node], known: tuple[OnFailure, ...]) -> OnFailure:
     if "on_failure" not in parts:
-        return False
+        return "stop"
     told = text(parts["on_failure"], "on_failure")
-    if told not in ON_FAILURE:
+    found = next((effect for effect in known if effect == told), None)
+    if found is None:
         raise RecipeError(
-            f"`on_failure` is `stop` or `leave_out`, not `{told}`",
+            f"`on_failure` is {' or '.join(f'`{effect}`' for effect in known)}, not `{told}`",
             code="DXB-R131",
             where=parts["on_failure"].place,
-            hint=did_you_mean(told, ON_FAILURE),
+            hint=did_you_mean(told, known),
         )
-    return told == "leave_out"
+    return found
 
 
 def _target(node: Node) -> list[Node]:

@@ -19,6 +19,41 @@ targets: {default: [after, beside]}
 """
 
 
+GROUP = '''
+"""toy.grp: two words."""
+from dextera_build.artifacts.base import Collection, File
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def grp(ctx: Context) -> Collection[File]:
+    """Two words."""
+    return Collection[File](items={"a": File(data=b"one"), "b": File(data=b"two")})
+'''
+JOIN = '''
+"""toy.join: joins words."""
+from dextera_build.artifacts.base import Collection, File
+from dextera_build.rule import Context, rule
+
+@rule(version=1)
+def join(ctx: Context, words: Collection[File]) -> File:
+    """Return all words."""
+    return File(data=b" ".join(word.data for word in words.items.values()))
+'''
+EACH = """nodes:
+  words: {rule: toy.grp}
+  word:
+    each: $words
+    as: word
+    on_failure: go_on
+    nodes:
+      cut: {rule: toy.slow, text: $word}
+    overrides:
+      b: {cut: {do: fail}}
+  joined: {rule: toy.join, words: $word.cut}
+targets: {default: [joined]}
+"""
+
+
 def test_a_failed_check_says_what_where_and_what_waits(space):
     space.write("recipes/say/bad.yaml", RECIPE % "fail")
     answer = space.dxb("build", "say/bad")
@@ -30,6 +65,29 @@ def test_a_failed_check_says_what_where_and_what_waits(space):
     assert "DXB-B201: the text is wrong" in log
     assert "hint: set `do` to `work`" in answer.err
     assert "Traceback" not in answer.err
+
+
+def test_a_node_with_go_on_does_not_stop_the_others(space):
+    space.write("recipes/say/bad.yaml", (RECIPE % "fail").replace("do: fail", "do: fail, on_failure: go_on"))
+    answer = space.build("say/bad")
+    assert answer.code == 1
+    assert answer.nodes("ran") == {"start", "other", "beside"}
+    assert answer.nodes("failed") == {"bad"}
+    assert "beside" in answer.out, "what was built is placed"
+
+
+def test_a_copy_with_go_on_is_missing_in_the_collection_and_told(space):
+    space.write("rules/toy/grp.py", GROUP.lstrip())
+    space.write("rules/toy/join.py", JOIN.lstrip())
+    space.write("recipes/say/each.yaml", EACH)
+    answer = space.build("say/each")
+    assert answer.code == 1
+    assert answer.nodes("failed") == {"word[b].cut"}
+    assert "joined" in answer.nodes("ran")
+    space.edit("recipes/say/each.yaml", "b: {cut: {do: fail}}", "b: {cut: {do: work}}")
+    again = space.build("say/each")
+    assert again.code == 0
+    assert {"word[b].cut", "joined"} <= again.nodes("ran")
 
 
 def test_keep_going_builds_what_does_not_depend_on_it(space):

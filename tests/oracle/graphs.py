@@ -67,14 +67,15 @@ class RandomGraph:
             self._replace(self._broken[-1][0], lambda old: _with(old, do="fail"))
 
     def forgive(self) -> None:
-        """Let about half of all groups leave out copies that fail."""
+        """Let about two thirds of all groups and calls not stop the run when they fail."""
         self.members = {name: self._forgiven(member) for name, member in self.members.items()}
 
     def _forgiven(self, member: Call | Group) -> Call | Group:
         if isinstance(member, Call):
-            return member
+            return dataclasses.replace(member, on_failure=self.random.choice(("stop", "go_on", "go_on")))
         members = {name: self._forgiven(inner) for name, inner in member.members.items()}
-        return dataclasses.replace(member, members=members, lenient=self.random.random() < 0.5)
+        effect = self.random.choice(("stop", "go_on", "leave_out"))
+        return dataclasses.replace(member, members=members, on_failure=effect)
 
     def mend(self) -> None:
         """Let every call that was broken do what it did."""

@@ -8,7 +8,18 @@ from pathlib import Path
 from typing import Any
 
 from dextera_build import digest
-from dextera_build.engine.graph import Address, Call, Fixed, Graph, Input, Item, Leaf, Output, node_address
+from dextera_build.engine.graph import (
+    Address,
+    Call,
+    Fixed,
+    Graph,
+    Input,
+    Item,
+    Leaf,
+    Output,
+    node_address,
+    parse_address,
+)
 from dextera_build.store.headers import collection_header, file_header, folder_header
 from tests.engine.tiny import _output, follow, text_header
 
@@ -53,8 +64,15 @@ class Reference:
                     self.node(target.call, labels)
 
     def ok(self, targets: list[Address]) -> bool:
-        """Whether all copies that `targets` name are built, apart from those that lenient groups leave out."""
-        return all(self._is_built(target) for target in targets)
+        """Whether all copies that `targets` name are built, apart from those that groups leave out."""
+        return all(self._is_built(target) for target in targets) and "go_on" not in map(self.effect, self.failed)
+
+    def effect(self, address: str) -> str:
+        """What the failure of a node does to the run."""
+        path = parse_address(address).call
+        around = {self.member(path[:depth]).on_failure for depth in range(1, len(path))}
+        own = self.call(path, parse_address(address).labels or ()).on_failure
+        return next((effect for effect in ("leave_out", "go_on") if effect in {*around, own}), "stop")
 
     def _is_built(self, target: Address) -> bool:
         outside = len(target.labels or ())
@@ -161,7 +179,7 @@ class Reference:
         return found
 
     def is_lenient(self, path: tuple[str, ...], outside: int) -> bool:
-        return any(self.member(path[:depth]).lenient for depth in range(outside + 1, len(path)))
+        return any(self.member(path[:depth]).on_failure != "stop" for depth in range(outside + 1, len(path)))
 
     def items(self, path: tuple[str, ...], labels: Labels) -> dict[str, str] | None:
         listed = self.member(path).over

@@ -306,7 +306,7 @@ def test_a_listed_cycle_is_found(space):
         (
             "nodes: {s: {rule: toy.start}, g: {each: $s, on_failure: skip, nodes: {a: {rule: toy.start}}}}",
             "R131",
-            "`on_failure` is `stop` or `leave_out`, not `skip`",
+            "`on_failure` is `stop` or `go_on` or `leave_out`, not `skip`",
             "1:57",
         ),
         ("nodes: {}", "R112", "no nodes are declared", "1:8"),
