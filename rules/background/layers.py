@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -66,6 +66,32 @@ def split(photograph: Photograph, depth: np.ndarray, support: Support, hole: np.
     alike = outside & ~elsewhere & coloured_like(photograph.rgb.pixels, level & around)
     goes_on = around & _nearer(_wide(alike), outside & ~alike)
     return Layers(hole, plane, floor, level, elsewhere, np.asarray(~elsewhere & (inside | goes_on)))
+
+
+def apart(layers: Layers, own: np.ndarray) -> Layers:
+    """The layers without surfaces that are level with the support and continue it beyond its edge, as a robot's plate.
+
+    A region of another colour is one if most of it is outside the convex outline of the pixels `own` (H, W) that have
+    the support's colours; inside, it is a sheet that lies on the support.
+    """
+    seen = layers.floor[_wide(layers.level & layers.behind & own & ~layers.hole)]
+    if len(seen) < 100:
+        return layers
+    outline = regions.convex_hull(seen[:: max(1, len(seen) // 20_000)])
+    outline = cv2.approxPolyDP(outline.astype(np.float32)[:, None], 0.001, True)[:, 0].astype(np.float64)
+    _, labels = cv2.connectedComponents((layers.behind & ~own & ~layers.hole).astype(np.uint8), connectivity=4)
+    inside = np.isfinite(layers.plane) & regions.inside_convex(layers.floor, outline)
+    within = np.bincount(labels[inside], minlength=labels.max() + 1) / np.maximum(np.bincount(labels.reshape(-1)), 1)
+    beyond = within < 0.5
+    beyond[0] = False
+    other = beyond[labels]
+    measured = other & layers.level
+    return replace(
+        layers,
+        level=layers.level & ~other,
+        elsewhere=layers.elsewhere | measured,
+        behind=layers.behind & ~other,
+    )
 
 
 def _wide(mask: np.ndarray) -> np.ndarray:

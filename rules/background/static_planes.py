@@ -17,7 +17,7 @@ from dextera_build.rule import Backend, Context, Fraction, Options
 
 from .furnished import bounded, feet_of, furnished, seen_of, survey
 from .holes import hole, remnants, shaded
-from .layers import SAME_COLOUR, Layers, split
+from .layers import SAME_COLOUR, Layers, apart, split
 from .rectified import top_view
 from .synthesis import fill_texture, smooth_part
 
@@ -78,7 +78,8 @@ def clean(
     own = shaded(photograph.rgb.pixels, layers.level & layers.behind, taken)
     missed = remnants(~own & ~taken, wide, _flat(photograph, depth, support, options), depth == 0)
     taken |= wide & ((layers.behind & own) | missed)
-    layers = bounded(split(photograph, depth, support, taken, options.snap_m), photograph, support)
+    layers = apart(split(photograph, depth, support, taken, options.snap_m), own)
+    layers = bounded(layers, photograph, support)
     image = photograph.rgb.pixels.astype(np.float32)
     if (taken & layers.behind).any():
         image = _fill_support(image, layers, own, photograph.camera, support, options)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -20,6 +21,7 @@ from dextera_build.geometry import cameras, raycast, regions, transforms
 from dextera_build.rule import Context, Options
 from rules.background import static_planes, static_stub
 from rules.background.boxes import support_box
+from rules.background.layers import apart, split
 from rules.background.static import StaticOptions, static
 from rules.background.surface import plane_depth
 from tests import factories
@@ -234,6 +236,43 @@ def test_beyond_the_supports_edge_the_wall_is_filled_with_wall(tmp_path: Path) -
     blue = result.image.pixels[..., 2].astype(int) - result.image.pixels[..., 0]
     assert (blue[edge - 40 : edge - 4, 135:185] > 60).mean() > 0.97
     assert (blue[edge + 4 : edge + 40, 135:185] < 0).mean() > 0.97
+
+
+def test_a_plate_level_with_the_table_does_not_widen_it(tmp_path: Path) -> None:
+    """A robot's plate behind the table has the height of its top; the wood ends where it was seen to end."""
+    empty, table = striped_table()
+    pose, level = table.camera_pose.matrix, empty.measured.depth.depth
+    points = transforms.apply(pose, cameras.backproject(level, LENS.matrix()))
+    down = cameras.rays(LENS.height, LENS.width, LENS.matrix()) @ pose[:3, :3].T
+    plate = (level > 0) & (abs(points[..., 0]) < 0.12) & (abs(points[..., 1] - 0.4) < 0.1)
+    floor = ((points[..., 1] > 0.3) & ~plate) | (level == 0)
+    deep = np.where(down[..., 2] < -0.05, (pose[2, 3] + 0.7) / np.maximum(-down[..., 2], 0.05), 0.0)
+    depth = np.where(floor, deep, level).astype(np.float32)
+    pixels = np.where(floor[..., None], np.array([60, 80, 200], np.uint8), empty.photograph.rgb.pixels)
+    pixels = np.where(plate[..., None], np.array([40, 42, 48], np.uint8), pixels)
+    edge = int(np.flatnonzero(points[:, 100, 1] <= 0.3).min())
+    mask = np.zeros_like(floor)
+    mask[edge - 12 : edge + 30, 90:115] = True  # a thing that hides a piece of the table's back edge, beside the plate
+    result = build(factories.rgbd(pixels.astype(np.uint8), depth, LENS), table, mask, tmp_path, static_planes)
+    blue = result.image.pixels[..., 2].astype(int) - result.image.pixels[..., 0]
+    assert (blue[edge - 10 : edge - 3, 93:112] > 0).all()
+    assert (blue[edge + 3 : edge + 28, 93:112] < 0).mean() > 0.97
+    assert abs(result.boxes[0].centre[1] + result.boxes[0].half_size[1] - 0.3) < 0.05
+
+
+def test_a_sheet_at_the_edge_is_a_part_of_the_table() -> None:
+    empty, table = striped_table()
+    pose = table.camera_pose.matrix
+    points = transforms.apply(pose, cameras.backproject(empty.measured.depth.depth, LENS.matrix()))
+    whole = split(empty.photograph, empty.measured.depth.depth, table, np.zeros((240, 320), bool), 0.015)
+    sheet = whole.behind & (abs(points[..., 0]) < 0.1) & (points[..., 1] > 0.25)
+    beyond = whole.behind & (points[..., 1] > 0.4)
+    wood = replace(whole, behind=whole.behind & ~beyond, level=whole.level & ~beyond)
+    kept = apart(wood, ~sheet)
+    np.testing.assert_array_equal(kept.behind, wood.behind)
+    wider = sheet | (beyond & (abs(points[..., 0]) < 0.1))
+    plate = replace(wood, behind=wood.behind | wider, level=wood.level | wider)
+    assert not apart(plate, ~(wider & beyond)).behind[wider & beyond].any()
 
 
 def test_the_robot_is_taken_out_too(tmp_path: Path) -> None:
