@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from dextera_build.code.loader import BackendFile, RuleFile
@@ -17,8 +17,13 @@ class Wish:
 
     names: tuple[str, ...]
     origin: str
-    """`recipe` or `command line`."""
+    """`recipe`, `command line`, or the inputs that a backend is for."""
     where: Place
+
+
+def taking(found: RuleFile, inputs: Collection[str]) -> tuple[str, ...]:
+    """The backends of a rule that are for one of the given inputs, see `Backend.takes`."""
+    return tuple(name for name, backend in found.backends.items() if {*backend.facts.takes} & {*inputs})
 
 
 @dataclass(frozen=True)

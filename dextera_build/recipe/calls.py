@@ -22,11 +22,11 @@ from dextera_build.errors import (
     listing,
 )
 from dextera_build.recipe import folders, matrix
-from dextera_build.recipe.backends import Choice, Wish, choose, with_used
+from dextera_build.recipe.backends import Choice, Wish, choose, taking, with_used
 from dextera_build.recipe.kinds import fits, parameters, type_name
 from dextera_build.recipe.option_values import checked
 from dextera_build.recipe.profiles import Profile
-from dextera_build.recipe.schema import CallDecl, listed
+from dextera_build.recipe.schema import KEYS, CallDecl, listed
 from dextera_build.recipe.scope import Absent, Scope
 from dextera_build.recipe.settings import COMMAND_LINE, Setting, put
 from dextera_build.recipe.strict_yaml import Node
@@ -165,12 +165,12 @@ class CallMaker:
         for setting in self._settings:
             if setting.call == address and (all(s is None for s in setting.labels) or label in setting.labels):
                 put(arguments, setting.option, setting.value)
-        choice = self._choice(found, (changed or {}).get("backend", decl.backend), decl)
         slots = found.rule.slots
         named = folders.named(self._library, decl, found, arguments)
-        facts = self._rule_facts(found, choice, named)
         self._refuse_unknown(decl, arguments, found, named)
         inputs = self._inputs(decl, {k: v for k, v in arguments.items() if k in slots}, slots, scope)
+        choice = self._choice(found, (changed or {}).get("backend", decl.backend), decl, inputs)
+        facts = self._rule_facts(found, choice, named)
         given = {name: node for name, node in arguments.items() if name not in slots}
         groups = {*found.backends, *(each.name for each in named.values())}
         own = {name: node for name, node in given.items() if name not in groups}
@@ -181,10 +181,12 @@ class CallMaker:
         places = {name: node.place for name, node in given.items()}
         return Call(address[-1], facts, options, inputs, decl.place, places, decl.salt, decl.on_failure)
 
-    def _choice(self, found: RuleFile, wanted: Node | None, decl: CallDecl) -> Choice | None:
+    def _choice(self, found: RuleFile, wanted: Node | None, decl: CallDecl, inputs: Collection[str]) -> Choice | None:
         wish = self._backends.get(found.path)
         if wish is None and wanted is not None:
             wish = Wish(listed(wanted, "backend"), "recipe", wanted.place)
+        if wish is None and (names := taking(found, inputs)):
+            wish = Wish(names, f"given `{'`, `'.join(found.backends[names[0]].facts.takes)}`", decl.place)
         return choose(found, wish, self._profile, decl.place, self._library.machine, fallback=self.fallback)
 
     def _own_options(self, decl: CallDecl, choice: Choice, given: Mapping[str, Node]) -> dict[str, Any] | None:
@@ -232,15 +234,7 @@ class CallMaker:
         self, decl: CallDecl, arguments: Mapping[str, Node], found: RuleFile, named: Mapping[str, Companion]
     ) -> None:
         slots, options = found.rule.slots, found.rule.options.model_fields
-        known = {
-            *slots,
-            *options,
-            *found.backends,
-            *(each.name for each in named.values()),
-            "backend",
-            "salt",
-            "on_failure",
-        }
+        known = {*slots, *options, *found.backends, *(each.name for each in named.values()), *KEYS}
         for name, node in arguments.items():
             if name not in known:
                 of_folder = folders.hint(self._library, found, named, name)

@@ -230,7 +230,9 @@ class _Planner:
                     where=decl.place,
                     hint="`each` and `matrix` make copies of nodes without naming them",
                 )
-            if isinstance(decl, CallDecl):
+            if isinstance(decl, CallDecl) and decl.given is not None and self._is_omitted(decl.given, scope):
+                scope.names[name] = Bound(None, lambda: type(None))
+            elif isinstance(decl, CallDecl):
                 self._pending[address] = (decl, scope)
                 self.maker.rule_file(decl)  # an unknown rule is refused here
                 scope.names[name] = Bound(Output(address), partial(self.maker.returned, decl, address))
@@ -244,6 +246,10 @@ class _Planner:
                 scope.names[name] = GroupName(address, inner)
             else:
                 scope.names[name] = self._group(address, decl, scope)
+
+    def _is_omitted(self, given: Node, scope: Scope) -> bool:
+        """Whether a node's `given` names an input that is not given."""
+        return scope.resolve(str(given.value), given.place).input is None
 
     def _group(self, address: tuple[str, ...], decl: GroupDecl, scope: Scope) -> GroupName:
         def over() -> Bound:

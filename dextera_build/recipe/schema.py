@@ -20,7 +20,8 @@ _DEEPEST = 100
 OF_GROUP: tuple[OnFailure, ...] = ("stop", "go_on", "leave_out")
 """Effects that a group may choose for copies that fail; unless they stop the build, collections do without them."""
 OF_CALL: tuple[OnFailure, ...] = ("stop", "go_on")
-_NO_ARGUMENTS = ("rule", "recipe", "backend", "salt", "on_failure")
+KEYS = ("rule", "recipe", "backend", "salt", "on_failure", "given")
+"""Keys of a node that are neither inputs nor options."""
 _NAME = "abcdefghijklmnopqrstuvwxyz0123456789_"
 
 
@@ -44,6 +45,8 @@ class CallDecl:
     backend: Node | None
     salt: str
     on_failure: OnFailure
+    given: Node | None
+    """The input without which the node does not exist."""
     arguments: dict[str, Node]
     node: Node
     place: Place
@@ -293,11 +296,14 @@ def _call(name: str, node: Node) -> CallDecl:
     if backend is not None:
         listed(backend, "backend")
     effect = _on_failure(node.value, OF_CALL)
-    return CallDecl(name, rule, backend, salt, effect, _arguments(node), node, node.value["rule"].place)
+    given = node.value.get("given")
+    if given is not None:
+        text(given, "given")
+    return CallDecl(name, rule, backend, salt, effect, given, _arguments(node), node, node.value["rule"].place)
 
 
 def _arguments(node: Node) -> dict[str, Node]:
-    return {key: inner for key, inner in node.value.items() if key not in _NO_ARGUMENTS}
+    return {key: inner for key, inner in node.value.items() if key not in KEYS}
 
 
 def _group(name: str, node: Node, place: Place) -> GroupDecl:

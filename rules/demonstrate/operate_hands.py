@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 BACKEND = Backend(
     summary="a recording of an operator's hands, retargeted, in MuJoCo; inverse kinematics by mink",
+    takes=("recording",),
     packages=("mujoco", "mink", "daqp"),
     extra="learn",
 )
