@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # More arguments for pytest: make test ARGS='-k recipe -x'
 ARGS ?=
 
-.PHONY: help setup demo test test-all servers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine bench-retargeting \
+.PHONY: help setup demo test test-medium test-all servers meshes check-envelope check-real check check-most format lint type layers examples package bench bench-engine bench-retargeting \
 	docs lock clean clean-all
 
 help: ## Print this list
@@ -31,8 +31,11 @@ demo: setup ## Build twin/laptop_scene and write its report
 	$(BIN)/dxb build twin/laptop_scene
 	$(BIN)/dxb report
 
-test: setup ## Run the quick tests, those of less than four seconds each
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow' $(ARGS)
+test: setup ## Run the quick tests, those of less than two seconds each
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m 'not slow and not medium' $(ARGS)
+
+test-medium: setup ## Run the tests of two to four seconds, as CI does after the quick ones
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m medium $(ARGS)
 
 test-all: setup servers meshes $(VENV)/.robots $(VENV)/.repair ## Run every test, also the slow ones, in a browser and on published meshes
 	@.ci/system browser

@@ -37,7 +37,7 @@ def pytest_runtestloop() -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """What CI runs says the same of the same code; every other run searches for cases that nobody tried."""
-    settings.load_profile("same" if config.getoption("markexpr") == "not slow" else "search")
+    settings.load_profile("same" if config.getoption("markexpr") in ("not slow and not medium", "medium") else "search")
 
 
 @pytest.fixture

@@ -25,6 +25,7 @@ def project(space):  # noqa: F811 - the fixture above
     return Project.find(space.root)
 
 
+@pytest.mark.medium
 def test_the_page_runs(tmp_path, monkeypatch, capsys):
     (tmp_path / "dxb.toml").write_text("")
     monkeypatch.chdir(tmp_path)

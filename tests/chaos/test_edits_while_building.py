@@ -108,12 +108,14 @@ def test_no_edit_during_a_build_is_published_under_another_key(seed: int, tmp_pa
 
 
 @pytest.mark.parametrize("seed", range(100, 101))
+@pytest.mark.medium
 def test_no_edit_during_a_build_by_workers_is_published_under_another_key(seed: int, tmp_path: Path) -> None:
     """Promise: the same where workers run nodes."""
     play(seed, tmp_path, workers=True)
 
 
 @pytest.mark.parametrize("seed", range(200, 201))
+@pytest.mark.medium
 def test_builds_at_once_agree_with_clean_ones_whatever_is_edited(seed: int, tmp_path: Path) -> None:
     """Promise: builds at once with other settings end as clean ones do, though files are edited meanwhile."""
     play_at_once(seed, tmp_path)

@@ -65,6 +65,7 @@ def test_rules_and_backends(space: Space) -> None:
     assert by_bash(space, "dxb build --backend factorize.mesh=st") == ["stub"]
 
 
+@pytest.mark.medium
 def test_recipes_nodes_and_runs(built: Space) -> None:
     assert by_bash(built, "dxb build say/") == ["say/words"]
     # Bash takes what stands before the last colon as a word of its own.

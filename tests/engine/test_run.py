@@ -7,6 +7,8 @@ import sys
 import threading
 from pathlib import Path
 
+import pytest
+
 from dextera_build import digest
 from dextera_build.engine.graph import Address, Graph, Group, Pack
 from dextera_build.engine.key import Writer
@@ -235,6 +237,7 @@ def test_what_was_done_is_remembered(store: Store) -> None:
     assert store.blobs.get(mesh.key_document).startswith(b'{"backend"')
 
 
+@pytest.mark.medium
 def test_a_long_chain_does_not_recurse(store: Store) -> None:
     length = 3 * sys.getrecursionlimit()
     links = [call("n0"), *(call(f"n{n}", "const", x=out(f"n{n - 1}")) for n in range(1, length))]

@@ -107,6 +107,7 @@ def test_only_known_depth_counts_and_relative_to_itself() -> None:
     assert float(loss_of(made, target, 0.2, 0.5)) == pytest.approx(0.5 * (0.5 + 0.25) / depth.numel(), rel=1e-4)
 
 
+@pytest.mark.medium
 def test_fitting_brings_the_pictures_near_and_does_not_depend_on_chance() -> None:
     wanted, start = targets(truth()), opened(moved(truth()), "cpu", 1)
     told: list[int] = []

@@ -107,6 +107,7 @@ def test_a_board_of_another_size_is_measured() -> None:
 
 
 @pytest.mark.parametrize("in_hand", [False, True])
+@pytest.mark.medium
 def test_the_stated_covariance_is_honest(in_hand: bool) -> None:
     """The benchmark has 400 draws of four setups; here the bounds are those of 40."""
     far, sigmas = [], []

@@ -28,6 +28,7 @@ def _alone(view: View, setup: Setup, solution: Solution) -> np.ndarray:
     return hand_eye_refine.alone(view, setup, hand_eye.predicted(solution, view, setup))
 
 
+@pytest.mark.medium
 def test_a_camera_that_stayed_is_rarely_called_moved() -> None:
     verdicts = [judged(seed, 0.0, 0.0) for seed in range(30)]
     states = [verdict.state for verdict in verdicts]

@@ -45,12 +45,14 @@ def test_a_build_after_any_edit_is_as_a_clean_one(seed: int, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("seed", range(100, 101))
+@pytest.mark.medium
 def test_a_build_by_workers_after_any_edit_is_as_a_clean_one(seed: int, tmp_path: Path) -> None:
     """Promise: the same where workers run nodes."""
     play(seed, tmp_path, workers=True)
 
 
 @pytest.mark.parametrize("seed", [208])  # edits what a process imports
+@pytest.mark.medium
 def test_a_build_whose_workers_spawn_processes_is_as_a_clean_one(seed: int, tmp_path: Path) -> None:
     """Promise: the same where processes run functions that workers start."""
     play(seed, tmp_path, workers=True, spawns=True, steps=2)

@@ -111,6 +111,7 @@ def test_a_language_model_that_cannot_tell_leaves_both_open(tmp_path):
     assert named(tmp_path, "0").undecided == ("up", "front")
 
 
+@pytest.mark.medium
 def test_a_language_model_that_names_no_number_is_an_error(tmp_path):
     pytest.importorskip("transformers")
     with pytest.raises(RuleError, match="names no number from 0 to 6") as caught:

@@ -34,6 +34,7 @@ def maps(found: MaskTrack) -> np.ndarray:
     return np.stack(list(found.every()))
 
 
+@pytest.mark.medium
 def test_shapes_that_turn_hide_one_another_and_leave(tmp_path: Path) -> None:
     """The box passes behind the disc, which hides up to half of it, and leaves the picture on the left."""
     shapes = [
@@ -79,6 +80,7 @@ def test_what_a_hand_hid_shows_again(tmp_path: Path, dimming: float) -> None:
     assert (found.names, line) == (("1",), "1 object through 60 frames")
 
 
+@pytest.mark.medium
 def test_nothing_is_invented_for_an_object_that_was_hidden(tmp_path: Path) -> None:
     """The box shows again on the other side of the disc, but it has been lost, so its masks stay empty."""
     shapes = [

@@ -79,6 +79,7 @@ def test_a_wrong_picture_turns_the_box_the_other_way(runner):
     assert worst(box, foreign(BOX), placed) > 0.05
 
 
+@pytest.mark.medium
 def test_half_hidden_the_scale_of_an_unknown_frame_is_within_three_per_cent(runner):
     """A plain ICP with a free scale ends at a sixteenth here, with a perfect fitness."""
     hidden = np.zeros((240, 320), bool)

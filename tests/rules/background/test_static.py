@@ -117,6 +117,7 @@ def test_depth_behind_the_object_is_the_plane(cleaned: tuple[Capture, Support, n
     np.testing.assert_allclose(background.depth.depth[mask], empty.measured.depth.depth[mask], atol=1e-3)
 
 
+@pytest.mark.medium
 def test_a_thing_across_the_picture_does_not_part_the_table(tmp_path: Path) -> None:
     empty, table = striped_table()
     mask = np.zeros((LENS.height, LENS.width), bool)

@@ -61,6 +61,7 @@ def test_the_seed_and_the_prompt_decide(tmp_path: Path, weights: Path) -> None:
     assert not np.array_equal(first, asked)
 
 
+@pytest.mark.medium
 def test_nothing_is_painted_where_nothing_is_taken_out(tmp_path: Path, weights: Path) -> None:
     nothing = np.zeros((240, 320), bool)
     painted, planes = cleaned(tmp_path, weights, nothing, steps=1), cleaned(tmp_path, weights, nothing)

@@ -142,6 +142,7 @@ def test_a_film_strip_of_a_success_and_of_a_failure(runner, view):
     assert first != second
 
 
+@pytest.mark.medium
 def test_with_a_cell_the_policy_sees_what_its_tracker_sees(runner):
     bundle = gate.bundle("reference")
     given = {"bundle": bundle, "checkpoint": saying(gate.PUSHES, bundle), "options": {"trials": 2}}

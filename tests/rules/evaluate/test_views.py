@@ -102,6 +102,7 @@ def test_the_twin_is_like_the_other_views(twin: tuple[dict[str, object], Scene],
     assert {"PSNR, all", "PSNR, seen", "Coverage"} <= set(runner.outcome.metrics)
 
 
+@pytest.mark.medium
 def test_the_baselines_draw_the_capture_and_nothing_else(twin: tuple[dict[str, object], Scene], tmp_path: Path) -> None:
     inputs, world = twin
     given = {"scene": world, "views": folder(), **inputs}
@@ -117,6 +118,7 @@ def test_the_baselines_draw_the_capture_and_nothing_else(twin: tuple[dict[str, o
     assert gaps["seen by the capture"]["PSNR"] < splat["seen by the capture"]["PSNR"] - 1
 
 
+@pytest.mark.medium
 def test_gaussians_are_drawn_with_the_objects(twin: tuple[dict[str, object], Scene], tmp_path: Path) -> None:
     pytest.importorskip("warp")
     inputs, world = twin

@@ -84,6 +84,7 @@ def test_clicks_count_in_the_picture_as_it_was_taken(runner, photographed):
         assert tabletops.iou(found.map.labels == number, labels == number) > 0.99
 
 
+@pytest.mark.medium
 def test_which_side_is_up_can_be_said(runner, photographed):
     found, _, warnings = segmented(runner, turned(photographed, 2), up="bottom")
     assert len(found.names) == 3

@@ -115,6 +115,7 @@ def test_a_training_leaves_no_temporary_files(tmp_path: Path, monkeypatch: pytes
     assert not list(folder.iterdir())
 
 
+@pytest.mark.medium
 def test_a_training_that_was_killed_ends_with_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Killed within rollouts and within episodes; what was practised since the last state is practised again."""
     whole, _ = interrupted(tmp_path / "whole", None, monkeypatch)

@@ -112,6 +112,7 @@ def test_truth_labels_what_the_rays_of_the_camera_hit(pair: tuple[Capture, Truth
         assert np.median(np.abs(seen.depth - truth.depth.depth)[inside]) < 1e-3
 
 
+@pytest.mark.medium
 def test_a_robot_that_the_world_waits_for_must_come(runner: RuleRunner) -> None:
     standing = runner.run("reference.world", options=WORLD | {"robot": {"position_m": (0.6, 0.3, 0.0)}})
     with pytest.raises(RuleError, match="has a place for a robot, but none is given") as error:
@@ -119,6 +120,7 @@ def test_a_robot_that_the_world_waits_for_must_come(runner: RuleRunner) -> None:
     assert error.value.hint == "add input `robot`"
 
 
+@pytest.mark.medium
 def test_a_hidden_object_is_refused(runner: RuleRunner, tmp_path: Path) -> None:
     behind = {
         "screen": {"kind": "carton", "at_m": (0.0, 0.0), "size_m": (0.3, 0.02, 0.2)},

@@ -123,6 +123,7 @@ def test_the_lid_stands_truly_and_closes_at_zero(world: World, true: TaskBundle)
     assert lid[:, 2].max() == pytest.approx(0.024, abs=1e-4)
 
 
+@pytest.mark.medium
 def test_a_twin_that_counts_the_other_way_round_keeps_its_sign(world: World, tmp_path: Path) -> None:
     placed = reference_tasks.assets(world)
     joint = placed["notebook"].body.joints[0]
@@ -152,6 +153,7 @@ def test_a_ball_that_is_dropped_into_the_mug_stays_inside(world: World, true: Ta
     assert ball[2] == pytest.approx(0.019, abs=0.002)
 
 
+@pytest.mark.medium
 def test_an_error_of_the_calibration_moves_everything_but_the_robot(world: World, tmp_path: Path) -> None:
     off = factories.pose(0.002, 0.0, 0.0, 0.003)
     twin = reference_tasks.bundle(reference_tasks.assets(world), off)
@@ -169,6 +171,7 @@ def test_the_table_is_the_support_and_a_box(true: TaskBundle) -> None:
     assert data.geom("static_support").xpos[2] + support.size[2] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.medium
 def test_the_robot_has_its_own_dynamics(twin: TaskBundle, true: TaskBundle, world: World, tmp_path: Path) -> None:
     (before, _), (after, data) = opened(twin), opened(true)
     ratio = after.actuator_gainprm[0, 0] / before.actuator_gainprm[0, 0]
@@ -184,6 +187,7 @@ def test_the_robot_has_its_own_dynamics(twin: TaskBundle, true: TaskBundle, worl
     assert other.actuator_gainprm[0, 0] != after.actuator_gainprm[0, 0]
 
 
+@pytest.mark.medium
 def test_the_same_inputs_give_the_same_bytes(twin: TaskBundle, true: TaskBundle, world: World, tmp_path: Path) -> None:
     runner = RuleRunner(tmp_path)
     assert runner.encode(build(tmp_path, twin, world)) == runner.encode(true)
@@ -196,6 +200,7 @@ def test_nothing_of_the_twins_surfaces_is_left(true: TaskBundle) -> None:
     assert all(name.removeprefix("assets/") in text for name in true.model.files if name != "scene.xml")
 
 
+@pytest.mark.medium
 def test_what_the_twin_does_not_know_is_there_too(world: World, tmp_path: Path) -> None:
     placed = reference_tasks.assets(world)
     del placed["cup"]

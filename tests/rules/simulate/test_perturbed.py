@@ -59,6 +59,7 @@ def test_names_and_frames_stay_and_the_rest_changes(twin: TaskBundle, tmp_path: 
     assert after.actuator_gainprm[0, 0] != before.actuator_gainprm[0, 0]
 
 
+@pytest.mark.medium
 def test_draws_stay_inside_the_twins_intervals(twin: TaskBundle, tmp_path: Path) -> None:
     before, _ = opened(twin)
     for seed in range(8):

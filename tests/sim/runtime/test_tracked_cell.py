@@ -120,6 +120,7 @@ def test_while_nothing_is_seen_the_last_pose_holds(environment):
         {"depth_noise": DepthNoise(nearest_m=5.0)},
     ],
 )
+@pytest.mark.medium
 def test_a_trial_whose_object_is_not_found_fails_before_it_begins(environment, blind):
     policy, episode, sighting = pushed(environment, cells.cell(**blind))
     assert (episode.success, episode.reason, len(episode.action)) == (False, NOT_FOUND, 0)

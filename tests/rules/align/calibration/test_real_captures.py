@@ -70,6 +70,7 @@ def test_a_fixed_camera_sees_a_tag_on_the_gripper(tmp_path: Path) -> None:
     assert found.leave_one_out[:, 0].max() < 0.004
 
 
+@pytest.mark.medium
 def test_a_camera_on_the_gripper_sees_a_chessboard(tmp_path: Path) -> None:
     capture = views("franka_eye_in_hand", LARGER)
     found = RuleRunner(tmp_path).run("align.hand_eye", views=capture)

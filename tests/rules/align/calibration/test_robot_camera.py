@@ -102,6 +102,7 @@ def test_markers_then_the_robot_itself(folder: Path, tmp_path: Path) -> None:
     assert found.board_pose is not None
 
 
+@pytest.mark.medium
 def test_a_wrong_calibration_is_refused(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(RuleError, match="the robot is not where the calibration has it"):
         RuleRunner(tmp_path).run(
@@ -125,6 +126,7 @@ def test_degrees_and_unknown_joints_are_refused(folder: Path, tmp_path: Path) ->
             )
 
 
+@pytest.mark.medium
 def test_joints_in_a_wrong_order_are_refused(folder: Path, tmp_path: Path) -> None:
     taken = views(folder)
     assert taken.joints is not None

@@ -64,6 +64,7 @@ def test_views_that_are_held_out_look_better_afterwards(tmp_path: Path, views: V
     assert len(room.splats.means) == len(views.points.points)
 
 
+@pytest.mark.medium
 def test_the_same_call_gives_the_same_gaussians(tmp_path: Path, views: Views) -> None:
     one, other = (optimised(tmp_path / name, views, steps=6, held_out=0)[0].splats for name in ("r", "s"))
     for name in ("means", "rotations", "scales", "opacities", "harmonics"):

@@ -60,6 +60,7 @@ def test_one_hull_would_keep_the_ball_out(runner):
     assert cavity.fill(cavity.find(vessel), lid) == 1.0
 
 
+@pytest.mark.medium
 def test_pieces_cover_the_solid_and_little_else(runner):
     import manifold3d
 
@@ -115,6 +116,7 @@ def test_wedges_repeat_byte_for_byte(runner):
     assert runner.encode(pieces(runner, body)) == runner.encode(pieces(runner, body))
 
 
+@pytest.mark.medium
 def test_the_line_says_what_was_reached_and_what_was_not(runner):
     body = object_views.body(object_views.mesh(object_views.bowl()), hollow=True)
     pieces(runner, body, coacd={"pieces": 12, "attempts": 1})

@@ -162,6 +162,7 @@ def test_the_same_photograph_gives_the_same_bytes(runner, three):
     assert runner.encode(parsed(runner, three)) == runner.encode(parsed(runner, three))
 
 
+@pytest.mark.medium
 def test_a_scene_file_renames_by_words_and_by_box(runner, fine):
     left, top, right, bottom = interactive(parsed(runner, fine))["blue_cylinder"].box
     text = f"""

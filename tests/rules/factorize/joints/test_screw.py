@@ -67,6 +67,7 @@ def test_a_drawer_that_was_moved_slides(runner):
     assert runner.outcome.line == "1 slide"
 
 
+@pytest.mark.medium
 def test_what_did_not_move_is_rigid(runner):
     _, inputs = captured("box_with_lid", {"hinge": 1.3}, {"hinge": 1.3})
     rigid = inputs["traits"].model_copy(update={"body_type": "rigid"})

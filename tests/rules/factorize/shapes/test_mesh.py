@@ -111,6 +111,7 @@ def test_a_depth_that_is_not_seen_is_said_to_be_guessed(tmp_path):
     assert "guessed" in runner.outcome.line
 
 
+@pytest.mark.medium
 def test_an_upright_and_a_lying_cylinder(tmp_path):
     upright = shape_of(synthetic.view(can(0.033, 0.12), synthetic.Eye()), tmp_path)
     assert upright.hypothesis == "cylinder"
@@ -129,6 +130,7 @@ def test_an_upright_and_a_lying_cylinder(tmp_path):
     ],
     ids=["cup", "bowl"],
 )
+@pytest.mark.medium
 def test_a_vessel_is_hollow_and_its_walls_leave_the_cavity_free(tmp_path, body, size):
     found = shape_of(synthetic.view(body, synthetic.Eye()), tmp_path)
     assert found.hypothesis == "revolved_hollow"
@@ -168,6 +170,7 @@ def test_a_handle_makes_a_loop(tmp_path):
     assert vertices - faces // 2 == 0
 
 
+@pytest.mark.medium
 def test_panels_of_an_open_laptop(tmp_path):
     body = synthetic.placed(synthetic.laptop(0.3, 0.21, 0.016, 0.2, 0.006, 110), 0, 0, 10)
     found = shape_of(synthetic.view(body, synthetic.Eye(distance=1.0)), tmp_path)
@@ -181,6 +184,7 @@ def test_panels_of_an_open_laptop(tmp_path):
     assert np.rad2deg(np.arctan2(edge[2], -edge[1])) == pytest.approx(110, abs=3)
 
 
+@pytest.mark.medium
 def test_panels_from_behind(tmp_path):
     body = synthetic.placed(synthetic.laptop(0.3, 0.21, 0.016, 0.2, 0.006, 110), 0, 0, 160)
     found = shape_of(synthetic.view(body, synthetic.Eye(distance=1.0)), tmp_path)
@@ -188,6 +192,7 @@ def test_panels_from_behind(tmp_path):
     assert found.mesh.extent == pytest.approx([0.3, 0.284, 0.204], abs=0.008)
 
 
+@pytest.mark.medium
 def test_a_box_that_leans(tmp_path):
     turn = np.deg2rad(25)
     lean = np.array([[1.0, 0, 0], [0, np.cos(turn), -np.sin(turn)], [0, np.sin(turn), np.cos(turn)]])

@@ -82,6 +82,7 @@ def test_an_irregular_body_is_found_within_three_millimetres(tmp_path: Path, bod
     assert volume(found) == pytest.approx(body.volume, rel=0.15)
 
 
+@pytest.mark.medium
 def test_it_wins_where_the_families_fit_badly(tmp_path: Path) -> None:
     body = synthetic.placed(duck(), 0.0, 0.0, 20)
     seen = synthetic.view(body, synthetic.Eye())
@@ -141,6 +142,7 @@ def test_what_something_nearer_hides_is_filled(tmp_path: Path) -> None:
     assert found.mesh.extent[0] == pytest.approx(np.ptp(body.vertices[:, 0]), abs=0.01)
 
 
+@pytest.mark.medium
 def test_what_hangs_is_extended_down_to_the_table(tmp_path: Path) -> None:
     hanging = lumps().moved(transforms.rigid(np.eye(3), np.array([0.0, 0.0, 0.12])))
     seen = synthetic.view(hanging, synthetic.Eye(pitch_deg=20))

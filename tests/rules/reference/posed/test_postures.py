@@ -22,6 +22,7 @@ def postures(tmp_path: Path, **options: object) -> Joints:
     return found
 
 
+@pytest.mark.medium
 def test_pictures_are_taken_where_the_postures_say_and_encoders_err_by_their_zeros(tmp_path: Path) -> None:
     true = postures(tmp_path)
     run = RuleRunner(tmp_path)
