@@ -15,6 +15,8 @@ from dextera_build.geometry.materials import TABLE, Material, doubted
 from dextera_build.rule import Context, Fraction, Options, rule
 from dextera_build.statistics import Z90
 
+from . import household
+
 GAP = 0.05
 """Difference between two scores of `factorize.mesh` at which the odds of the hypotheses are e to 1."""
 ENCLOSING = 0.85
@@ -45,13 +47,14 @@ class PhysicsOptions(Options):
     """Relative standard deviation of the volume of a shape whose backend states no uncertainty."""
 
 
-@rule(version=4)
+@rule(version=5)
 def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions) -> Physics:
     """Return mass properties of every link, in the object frame with all joints at 0, in SI units of the unscaled body.
 
     The mass of a body with a cavity is the material's density times the volume of its walls. Any other body has unseen
-    contents and voids, so the bulk density of such products is used; if the material's products are containers, the
-    interval extends down to the mass of the walls alone.
+    contents and voids, so the bulk density of such products is used. If the material's products are containers, the
+    mass is that of things of a household with about its size and shape, see `household`; with joints, the interval
+    extends down to the mass of the walls alone.
 
     The interval of the mass combines the uncertainties of the density, of the volume, of the unseen surface or the
     walls, and of the second-best hypothesis. The lower the confidence of the material, the more the intervals of
@@ -70,6 +73,10 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
     links = {label: _inertial(solid, density, sigma, source) for label, solid in solids.items()}
     if options.mass_kg is None and not body.hollow and _encloses(material):
         links = {label: _perhaps_empty(link, body.links[label], material, options) for label, link in links.items()}
+        if len(links) == 1:
+            ((label, link),) = links.items()
+            certain = name if _confidence(traits, body, options) == 1.0 else ""
+            links, source = _like_others(label, link, body.links[label], traits.category, certain)
     mass, low, high = (
         sum(getattr(link, name) for link in links.values()) for name in ("mass_kg", "mass_low_kg", "mass_high_kg")
     )
@@ -168,6 +175,24 @@ def _perhaps_empty(full: Inertial, link: Link, material: Material, options: Phys
     sigma = math.hypot(material.wall_sigma, options.wall_sigma)
     walls = float(area) * options.shell_m * material.wall_density * math.exp(-Z90 * sigma)
     return full.model_copy(update={"mass_low_kg": min(full.mass_low_kg, walls)})
+
+
+def _like_others(
+    label: str, link: Inertial, shape: Link, category: str, certain: str
+) -> tuple[dict[str, Inertial], str]:
+    """The link with the mass that things of a household of its size and shape have, and the source in words."""
+    sides = household.sides(shape.mesh.vertices.astype(np.float64))
+    found = household.mass_of(sides, category, certain, (link.mass_low_kg, link.mass_kg, link.mass_high_kg))
+    source = f"things of this size and shape, like {' and '.join(found.likely)}"
+    more = found.middle_kg / link.mass_kg
+    changes = {
+        "mass_kg": found.middle_kg,
+        "mass_low_kg": found.low_kg,
+        "mass_high_kg": found.high_kg,
+        "inertia": tuple(more * part for part in link.inertia),
+        "source": source,
+    }
+    return {label: link.model_copy(update=changes)}, source
 
 
 def _grams(kilograms: float) -> str:

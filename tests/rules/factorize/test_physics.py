@@ -21,9 +21,10 @@ def runner(tmp_path):
     return RuleRunner(tmp_path)
 
 
-def weigh(runner, body, proposed="plastic", **options) -> Physics:
-    seen = object_views.view(body.links["base"].mesh, np.eye(4), material=proposed)
-    return runner.run("factorize.physics", body=body, traits=seen.traits, options=options)
+def weigh(runner, body, proposed="plastic", category="object", **options) -> Physics:
+    traits = object_views.view(body.links["base"].mesh, np.eye(4), material=proposed).traits
+    traits = traits.model_copy(update={"category": category})
+    return runner.run("factorize.physics", body=body, traits=traits, options=options)
 
 
 BOX = object_views.mesh(solids.box((0.1, 0.2, 0.3), (0.0, 0.0, 0.15)))
@@ -43,9 +44,10 @@ def test_a_vessel_is_made_of_walls_and_a_product_of_what_is_in_it(runner):
     cup = object_views.mesh(object_views.cup())
     volume = massprops.of_mesh(cup.vertices, cup.faces).volume
     hollow = weigh(runner, object_views.body(cup, hollow=True), "ceramic").links["base"]
-    filled = weigh(runner, object_views.body(cup), "ceramic").links["base"]
+    filled = weigh(runner, object_views.body(cup), "ceramic", category="mug").links["base"]
     assert hollow.mass_kg == pytest.approx(2300.0 * volume, rel=1e-6)
-    assert filled.mass_kg == pytest.approx(800.0 * volume, rel=1e-6)
+    assert "like coffee mug and espresso cup" in filled.source
+    assert filled.mass_low_kg < 0.23 < filled.mass_high_kg
 
 
 def test_the_interval_holds_the_estimate_and_is_wide_where_little_is_known(runner):
@@ -170,12 +172,12 @@ def test_a_material_is_as_certain_as_whether_the_body_is_a_vessel(runner):
     assert friction(hollow=True, sure=1.0) == 0.12, "somebody stated it"
 
 
-def test_a_closed_container_may_be_empty_and_a_block_may_not(runner):
-    """A cardboard box of 411 g when it is full weighs 65 g empty; a wooden block is wood all through."""
+def test_a_carton_weighs_what_cartons_of_its_size_do_and_a_block_is_wood(runner):
+    """A box of crackers of 411 g; a wooden block is wood all through."""
     carton = object_views.mesh(solids.box((0.060, 0.158, 0.210), (0.0, 0.0, 0.105)))
-    box = weigh(runner, object_views.body(carton), "cardboard").links["base"]
-    assert box.mass_low_kg < 0.065 < 0.411 < box.mass_high_kg
-    assert box.mass_low_kg > 0.02, "not lighter than its walls"
+    box = weigh(runner, object_views.body(carton), "cardboard", category="box").links["base"]
+    assert box.mass_low_kg < 0.411 < box.mass_high_kg < 20 * box.mass_low_kg
+    assert box.mass_kg == pytest.approx(0.411, rel=0.5)
     block = weigh(runner, object_views.body(carton), "wood").links["base"]
     assert block.mass_low_kg > 0.4
     weighed = weigh(runner, object_views.body(carton), "cardboard", mass_kg=0.4).links["base"]

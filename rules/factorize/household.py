@@ -1,0 +1,138 @@
+"""Mass of a body from things of a household of about its size and shape.
+
+Every thing of the table predicts the mass by its own mass per volume of its smallest box, with a weight that falls with
+the difference of the sides and of the shape class. The mass is the mixture of these predictions and of one without the
+table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import cv2
+import numpy as np
+from scipy.stats import norm
+
+from dextera_build.statistics import Z90
+
+from .household_things import ROWS
+
+UNKNOWN = 0.1
+"""Probability that nothing of the table tells about a body."""
+ALIKE = 0.3
+"""Standard deviation of the logarithm of a side within which things tell about one another; it and `PACKED` are the
+smallest for which 90 % of the things `shop` lie in the interval that all other things give."""
+PACKED = 0.2
+"""Additional standard deviation of the logarithm of the density of such a thing."""
+OTHER_MATERIAL = 0.05
+"""Likelihood of a material that contradicts the stated one."""
+CLASSES: dict[str, dict[str, float]] = {
+    "box": {"box": 1.0, "object": 0.3, "laptop": 0.3},
+    "cylinder": {"cylinder": 1.0, "object": 0.4, "mug": 0.2, "box": 0.1},
+    "bottle": {"cylinder": 1.0, "object": 0.8, "box": 0.3},
+    "mug": {"mug": 1.0, "bowl": 0.4, "cylinder": 0.4, "object": 0.2},
+    "bowl": {"bowl": 1.0, "mug": 0.3, "object": 0.3},
+    "ball": {"object": 1.0, "cylinder": 0.6, "bowl": 0.1},
+    "object": {"object": 1.0, "cylinder": 0.4, "box": 0.3},
+    "laptop": {"laptop": 1.0, "box": 0.5, "object": 0.2},
+}
+"""Kind of thing -> relative probability of each class that parsing gives it."""
+LEAST = 0.02
+"""The same of every other class."""
+
+
+@dataclass(frozen=True)
+class Thing:
+    """A row of the table."""
+
+    name: str
+    kind: str
+    sides_m: tuple[float, ...]
+    """Three sides of the smallest box, in falling order [m]."""
+    sigma: float
+    """Standard deviation of their logarithms."""
+    low_kg: float
+    high_kg: float
+    """The 5 % and the 95 % quantile of its mass [kg]."""
+    material: str
+    """Key of the material table; empty: none of it."""
+    source: str
+
+
+@dataclass(frozen=True)
+class Mass:
+    """The mass of a body, from things like it."""
+
+    low_kg: float
+    middle_kg: float
+    high_kg: float
+    """The 5 %, 50 % and 95 % quantile [kg]."""
+    likely: tuple[str, ...]
+    """The two things that are most like it, the nearest first."""
+
+
+@cache
+def things() -> tuple[Thing, ...]:
+    """The table."""
+    rows = [line.split(",") for line in ROWS.strip().splitlines()]
+    return tuple(
+        Thing(
+            row[0],
+            row[1],
+            tuple(float(side) / 1000.0 for side in row[2:5]),
+            float(row[5]),
+            float(row[6]) / 1000.0,
+            float(row[7]) / 1000.0,
+            row[8],
+            row[9],
+        )
+        for row in rows
+    )
+
+
+def sides(points: np.ndarray) -> np.ndarray:
+    """Sides (3,) [m] of the smallest upright box about points (N, 3), in falling order."""
+    _, flat, _ = cv2.minAreaRect(points[:, :2].astype(np.float32))
+    return np.sort([*flat, float(np.ptp(points[:, 2]))])[::-1]
+
+
+def mass_of(
+    sides_m: np.ndarray,
+    category: str,
+    material: str,
+    unknown: tuple[float, float, float],
+    known: Sequence[Thing] | None = None,
+) -> Mass:
+    """The mass of a body.
+
+    Args:
+        sides_m: (3,) sides of the smallest box about it, in falling order [m].
+        category: Its class by parsing.
+        material: Key of its material if that is certain, else empty.
+        unknown: The 5 %, 50 % and 95 % quantile of its mass if it is none of the things [kg].
+        known: The table; None: `things()`.
+    """
+    table = things() if known is None else known
+    weights = np.array([_likeness(thing, sides_m, category, material) for thing in table])
+    shares = np.append(weights * (1.0 - UNKNOWN) / weights.sum(), UNKNOWN)
+    volume = float(np.prod(sides_m))
+    centres = [math.log(math.sqrt(t.low_kg * t.high_kg) * volume / math.prod(t.sides_m)) for t in table]
+    spreads = [math.hypot(math.log(t.high_kg / t.low_kg) / (2.0 * Z90), PACKED) for t in table]
+    below, above = (abs(math.log(end / unknown[1])) / Z90 for end in (unknown[0], unknown[2]))
+    grid = np.linspace(math.log(1e-4), math.log(100.0), 2000)
+    steps = grid[:, None] - np.array([*centres, math.log(unknown[1])])
+    sigmas = np.where(steps < 0.0, [*spreads, max(below, 1e-3)], [*spreads, max(above, 1e-3)])
+    low, middle, high = np.exp(np.interp([0.05, 0.5, 0.95], norm.cdf(steps / sigmas) @ shares, grid)).tolist()
+    return Mass(low, middle, high, tuple(table[n].name for n in np.argsort(-weights)[:2]))
+
+
+def _likeness(thing: Thing, sides_m: np.ndarray, category: str, material: str) -> float:
+    """Density of the logarithms of the sides, times the probability of the class and of the stated material."""
+    sigma = math.hypot(thing.sigma, ALIKE)
+    z = np.log(np.asarray(sides_m) / np.array(thing.sides_m)) / sigma
+    shapes = CLASSES[thing.kind]
+    made = 1.0 if not material or material == thing.material else OTHER_MATERIAL
+    return math.exp(-0.5 * float(z @ z)) / sigma**3 * made * shapes.get(category, LEAST) / sum(shapes.values()) + 1e-12

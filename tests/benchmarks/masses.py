@@ -1,0 +1,106 @@
+"""Masses of things from all other things of the household table: `python -m tests.benchmarks.masses`.
+
+Every object of the YCB set is left out of the table once; its published mass is compared with the interval that the
+others give for its published size and its shape class. The constants were chosen on the things `shop` alone.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+
+import numpy as np
+
+from dextera_build.statistics import wilson
+from rules.factorize import household
+
+PUBLISHED_G = {
+    "chips can": 205,
+    "coffee can": 414,
+    "cracker box": 411,
+    "sugar box": 514,
+    "soup can": 349,
+    "mustard bottle": 603,
+    "tuna can": 171,
+    "pudding box": 187,
+    "gelatin box": 97,
+    "potted meat can": 370,
+    "banana": 66,
+    "strawberry": 18,
+    "apple": 68,
+    "lemon": 29,
+    "peach": 33,
+    "pear": 49,
+    "orange": 47,
+    "plum": 25,
+    "pitcher": 178,
+    "bleach bottle": 1131,
+    "glass cleaner bottle": 1022,
+    "metal bowl": 147,
+    "metal mug": 118,
+    "sponge": 6.2,
+    "skillet": 950,
+    "dinner plate": 279,
+    "fork": 34,
+    "spoon": 30,
+    "table knife": 31,
+    "spatula": 51.5,
+    "cordless drill": 895,
+    "wood block": 729,
+    "scissors": 82,
+    "padlock": 304,
+    "large marker": 15.8,
+    "adjustable wrench": 252,
+    "screwdriver": 97,
+    "hammer": 665,
+    "small clamp": 19.2,
+    "medium clamp": 59,
+    "large clamp": 125,
+    "mini soccer ball": 123,
+    "softball": 191,
+    "baseball": 148,
+    "tennis ball": 58,
+    "racquetball": 41,
+    "golf ball": 46,
+    "foam brick": 28,
+    "die": 5.2,
+    "puzzle cube": 94,
+}
+"""Masses published with the YCB object set [g]."""
+
+
+def main() -> None:
+    """Print the table and its summary."""
+    held, factors, errors = 0, [], []
+    print("| thing | published [g] | estimate [g] | interval [g] | |\n| --- | --- | --- | --- | --- |")
+    for thing in household.things():
+        if thing.name not in PUBLISHED_G:
+            continue
+        others = [other for other in household.things() if other.name != thing.name]
+        shapes = household.CLASSES[thing.kind]
+        plain = 500.0 * float(np.prod(thing.sides_m))
+        found = household.mass_of(
+            np.array(thing.sides_m),
+            max(shapes, key=lambda name: shapes[name]),
+            "",
+            (plain / 5, plain, plain * 5),
+            others,
+        )
+        grams = PUBLISHED_G[thing.name]
+        within = found.low_kg <= grams / 1000 <= found.high_kg
+        held += within
+        factors.append(found.high_kg / found.low_kg)
+        errors.append(abs(math.log(1000 * found.middle_kg / grams)))
+        ends = f"{1000 * found.low_kg:.0f} to {1000 * found.high_kg:.0f}"
+        print(f"| {thing.name} | {grams:g} | {1000 * found.middle_kg:.0f} | {ends} | {'' if within else 'outside'} |")
+    low, high = wilson(held, len(factors))
+    print(
+        f"\n{held} of {len(factors)} in the 90 % interval ({100 * low:.0f} to {100 * high:.0f} %); median factor of its "
+        f"ends {statistics.median(factors):.1f}; median error a factor of {math.exp(statistics.median(errors)):.2f}"
+    )
+    carton = household.mass_of(np.array([0.20, 0.14, 0.05]), "box", "", (0.035, 0.67, 1.6))
+    print(f"a carton of 20 x 14 x 5 cm: {1000 * carton.low_kg:.0f} to {1000 * carton.high_kg:.0f} g")
+
+
+if __name__ == "__main__":
+    main()
