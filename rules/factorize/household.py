@@ -12,9 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
-import cv2
 import numpy as np
-from scipy.stats import norm
 
 from dextera_build.statistics import Z90
 
@@ -95,6 +93,8 @@ def things() -> tuple[Thing, ...]:
 
 def sides(points: np.ndarray) -> np.ndarray:
     """Sides (3,) [m] of the smallest upright box about points (N, 3), in falling order."""
+    import cv2
+
     _, flat, _ = cv2.minAreaRect(points[:, :2].astype(np.float32))
     return np.sort([*flat, float(np.ptp(points[:, 2]))])[::-1]
 
@@ -115,6 +115,8 @@ def mass_of(
         unknown: The 5 %, 50 % and 95 % quantile of its mass if it is none of the things [kg].
         known: The table; None: `things()`.
     """
+    from scipy.special import ndtr
+
     table = things() if known is None else known
     weights = np.array([_likeness(thing, sides_m, category, material) for thing in table])
     shares = np.append(weights * (1.0 - UNKNOWN) / weights.sum(), UNKNOWN)
@@ -125,7 +127,7 @@ def mass_of(
     grid = np.linspace(math.log(1e-4), math.log(100.0), 2000)
     steps = grid[:, None] - np.array([*centres, math.log(unknown[1])])
     sigmas = np.where(steps < 0.0, [*spreads, max(below, 1e-3)], [*spreads, max(above, 1e-3)])
-    low, middle, high = np.exp(np.interp([0.05, 0.5, 0.95], norm.cdf(steps / sigmas) @ shares, grid)).tolist()
+    low, middle, high = np.exp(np.interp([0.05, 0.5, 0.95], ndtr(steps / sigmas) @ shares, grid)).tolist()
     return Mass(low, middle, high, tuple(table[n].name for n in np.argsort(-weights)[:2]))
 
 

@@ -46,7 +46,7 @@ def test_a_vessel_is_made_of_walls_and_a_product_of_what_is_in_it(runner):
     hollow = weigh(runner, object_views.body(cup, hollow=True), "ceramic").links["base"]
     filled = weigh(runner, object_views.body(cup), "ceramic", category="mug").links["base"]
     assert hollow.mass_kg == pytest.approx(2300.0 * volume, rel=1e-6)
-    assert "like coffee mug and espresso cup" in filled.source
+    assert "like stacking cup large and paper cup" in filled.source
     assert filled.mass_low_kg < 0.23 < filled.mass_high_kg
 
 
