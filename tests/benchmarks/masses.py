@@ -95,8 +95,8 @@ def main() -> None:
         print(f"| {thing.name} | {grams:g} | {1000 * found.middle_kg:.0f} | {ends} | {'' if within else 'outside'} |")
     low, high = wilson(held, len(factors))
     print(
-        f"\n{held} of {len(factors)} in the 90 % interval ({100 * low:.0f} to {100 * high:.0f} %); median factor of its "
-        f"ends {statistics.median(factors):.1f}; median error a factor of {math.exp(statistics.median(errors)):.2f}"
+        f"\n{held} of {len(factors)} in the 90 % interval ({100 * low:.0f} to {100 * high:.0f} %); median factor of "
+        f"its ends {statistics.median(factors):.1f}; median error a factor of {math.exp(statistics.median(errors)):.2f}"
     )
     carton = household.mass_of(np.array([0.20, 0.14, 0.05]), "box", "", (0.035, 0.67, 1.6))
     print(f"a carton of 20 x 14 x 5 cm: {1000 * carton.low_kg:.0f} to {1000 * carton.high_kg:.0f} g")

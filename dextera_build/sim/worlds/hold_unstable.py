@@ -10,7 +10,7 @@ from typing import Any
 from dextera_build.artifacts.base import Folder
 from dextera_build.sim.model import model as models
 from dextera_build.sim.model.fixed_bodies import hold
-from dextera_build.sim.worlds.settle import Motion, let_go
+from dextera_build.sim.worlds.settle import Motion, Run, let_go
 
 OVERLAP_M = 0.001
 """Contacts deeper than this at the start push bodies apart [m]."""
@@ -44,7 +44,8 @@ def steady(scene: Folder, bodies: tuple[str, ...], seconds: float, rests: Callab
 
     Collisions of overlapping bodies are disabled. If one is more than 4 mm inside the other, the lighter one is fixed:
     one of them is a part of the other, or a false detection. Of the bodies that still move, the lowest is fixed, and
-    the others are tried again, because they may stand on it.
+    the others are tried again, because they may stand on it. Finally each fixed body is tried once more, the heaviest
+    first, because what was fixed after it may have pushed it.
 
     Args:
         scene: `scene.xml` and its files.
@@ -72,7 +73,24 @@ def steady(scene: Folder, bodies: tuple[str, ...], seconds: float, rests: Callab
             lowest = min(restless, key=lambda name: (not _moves(restless[name]), heights[name], name))
             found.held[lowest] = _moved(restless[lowest])
         found.scene = hold(scene, found.held, found.apart)
+    _release(scene, bodies, found, lambda trial, free: _all_rest(let_go(trial, free, seconds), rests))
     return found
+
+
+def _all_rest(run: Run, rests: Callable[[Motion], bool]) -> bool:
+    return not run.diverged and all(rests(motion) for motion in run.motions)
+
+
+def _release(
+    scene: Folder, bodies: tuple[str, ...], found: Steady, rest: Callable[[Folder, tuple[str, ...]], bool]
+) -> None:
+    """Free every fixed body with which all free ones rest too, the heaviest first."""
+    model = models.compile_folder(scene)
+    for name in sorted(found.held, key=lambda name: (-float(model.body_subtreemass[model.body(name).id]), name)):
+        held = {other: why for other, why in found.held.items() if other != name}
+        trial = hold(scene, held, found.apart)
+        if held and rest(trial, tuple(body for body in bodies if body not in held)):
+            found.held, found.scene = held, trial
 
 
 def _heights(scene: Folder) -> dict[str, float]:

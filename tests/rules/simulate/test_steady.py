@@ -83,6 +83,14 @@ def test_the_stub_holds_nothing(tmp_path):
     assert steady(Context(backend=steady_stub, scratch=tmp_path), twin, options=SteadyOptions()) == twin
 
 
+def test_what_only_another_held_body_would_push_is_free_again(tmp_path):
+    """A heavy box falls on a light one, which moves and is lower; once the heavy one is held, the light one rests."""
+    lower = factories.box_asset(size=(0.02, 0.02, 0.12), mass=0.02)
+    twin, _ = made_steady(tmp_path, lower=lower, upper=factories.box_asset(factories.pose(0.02, z=0.2), mass=2.0))
+    assert set(twin.held) == {"upper"}
+    assert settles(twin, tmp_path)
+
+
 def test_what_stands_on_a_body_that_is_held_stays_free(tmp_path):
     lower, upper = factories.box_asset(factories.pose(0.0, z=0.05)), factories.box_asset(factories.pose(0.0, z=0.26))
     twin, context = made_steady(tmp_path, lower=lower, upper=upper)
