@@ -17,7 +17,7 @@ from dextera_build.formats import camera_info, easy_handeye
 from dextera_build.formats import lens as lens_files
 from dextera_build.formats.files import suffix_among
 
-_KINDS = ("chessboard", "charuco", "aruco", "apriltag")
+_KINDS = ("chessboard", "charuco", "aruco", "apriltag", "circles", "asymmetric_circles")
 
 
 def yaml(found: Calibration) -> str:

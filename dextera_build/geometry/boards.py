@@ -25,6 +25,18 @@ def markers(columns: int, rows: int, pitch_m: float, side_m: float) -> np.ndarra
     return np.asarray(one + np.array(places)[:, None])
 
 
+def circles(columns: int, rows: int, spacing_m: float, *, asymmetric: bool) -> np.ndarray:
+    """(columns * rows, 3) centres of circles [m], row by row.
+
+    In an asymmetric grid, rows are `spacing_m` apart, circles of one row twice that, and every second row begins
+    `spacing_m` to the right, as OpenCV has it.
+    """
+    places = np.array([[column, row, 0.0] for row in range(rows) for column in range(columns)])
+    if asymmetric:
+        places[:, 0] = 2 * places[:, 0] + places[:, 1] % 2
+    return np.asarray(spacing_m * places)
+
+
 def corners(columns: int, rows: int, square_m: float) -> np.ndarray:
     """(columns * rows, 3) corners of a chessboard [m], row by row."""
     return np.array([[square_m * column, square_m * row, 0.0] for row in range(rows) for column in range(columns)])

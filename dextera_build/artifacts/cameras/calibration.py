@@ -20,14 +20,15 @@ SERIES = ("residuals", "leave_one_out", "reprojection_px")
 class Board(Value):
     """The calibration board."""
 
-    kind: Literal["chessboard", "charuco", "aruco", "apriltag"]
+    kind: Literal["chessboard", "charuco", "aruco", "apriltag", "circles", "asymmetric_circles"]
     """Pattern; `aruco` and `apriltag` are single markers or grids of them."""
     columns: PositiveInt = 1
-    """Inner corners of a chessboard, squares of a ChArUco board, or markers, along x."""
+    """Inner corners of a chessboard, squares of a ChArUco board, markers, or circles of one row, along x."""
     rows: PositiveInt = 1
     """The same along y."""
     square_m: PositiveFloat
-    """Side of a square, or of a single marker, or of a marker and one gap in a grid of markers [m]."""
+    """Side of a square, or of a single marker, or of a marker and one gap in a grid of markers; distance of
+    the centres of neighbouring circles, or of neighbouring rows if they are asymmetric [m]."""
     marker_m: float = 0.0
     """Side of the markers of a ChArUco board, or of a grid, whose `square_m` is a marker with a gap [m]; 0 for a
     single marker, whose side is `square_m`."""

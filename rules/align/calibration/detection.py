@@ -15,6 +15,8 @@ from . import edges
 from .sighting import Picture, Sighting
 
 LEAST_CORNERS = 4
+LEAST_SIDE = 3
+"""Smallest number of inner corners along a side of a chessboard that OpenCV looks for."""
 FAMILIES = {"16h5": "16H5", "25h9": "25H9", "36h10": "36H10", "36h11": "36H11"}
 """Names of AprilTag families, and their names in OpenCV."""
 
@@ -121,7 +123,7 @@ def _chessboard(grey: np.ndarray, board: Board, refinement: str) -> tuple[_Seen 
     if not there:
         there, corners = cv2.findChessboardCorners(grey, size)
         if not there:
-            return None, ""
+            return None, _partly(grey, size)
         stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
         corners = cv2.cornerSubPix(grey, corners, (5, 5), (-1, -1), stop)
     pixels = corners.reshape(-1, 2).astype(np.float64)
@@ -131,6 +133,46 @@ def _chessboard(grey: np.ndarray, board: Board, refinement: str) -> tuple[_Seen 
         square = np.arange(len(pixels)).reshape(board.rows, board.columns)
         orders += [np.rot90(square).ravel(), np.rot90(square, 3).ravel()]
     return _Seen(boards.corners(*size, board.square_m), pixels, tuple(orders)), ""
+
+
+def _partly(grey: np.ndarray, size: tuple[int, int]) -> str:
+    """What of a chessboard is seen, if not the whole."""
+    import cv2
+
+    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
+    for less in ((1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 1), (1, 2)):
+        part = size[0] - less[0], size[1] - less[1]
+        if min(part) >= LEAST_SIDE and cv2.findChessboardCornersSB(grey, part, flags=flags)[0]:
+            return (
+                f"only {part[0]} x {part[1]} of its {size[0]} x {size[1]} inner corners are seen: the border of the "
+                "picture or something in front cuts the board, which must be visible completely"
+            )
+    return ""
+
+
+def _circles(grey: np.ndarray, board: Board, refinement: str) -> tuple[_Seen | None, str]:
+    import cv2
+
+    asymmetric = board.kind == "asymmetric_circles"
+    size = (board.columns, board.rows)
+    kind = cv2.CALIB_CB_ASYMMETRIC_GRID if asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
+    for how in (0, cv2.CALIB_CB_CLUSTERING):
+        there, centres = cv2.findCirclesGrid(grey, size, flags=kind | how)
+        if there:
+            break
+    else:
+        return None, ""
+    pixels = centres.reshape(-1, 2).astype(np.float64)
+    rows = np.arange(len(pixels)).reshape(board.rows, board.columns)
+    along, across = pixels[rows[0, -1]] - pixels[0], pixels[rows[-1, 0]] - pixels[0]
+    if not asymmetric and along[0] * across[1] < along[1] * across[0]:  # numbered as if seen from behind
+        pixels = pixels[rows[:, ::-1].ravel()]
+    # Half a turn maps a symmetric grid, and an asymmetric one with an even number of rows, to itself.
+    orders = [] if asymmetric and board.rows % 2 else [rows.ravel()[::-1]]
+    if not asymmetric and board.columns == board.rows:
+        orders += [np.rot90(rows).ravel(), np.rot90(rows, 3).ravel()]
+    centres_m = boards.circles(*size, board.square_m, asymmetric=asymmetric)
+    return _Seen(centres_m, pixels, tuple(orders)), ""
 
 
 def _charuco(grey: np.ndarray, board: Board, refinement: str) -> tuple[_Seen | None, str]:
@@ -177,5 +219,7 @@ _SEEKERS: dict[str, Callable[[np.ndarray, Board, str], tuple[_Seen | None, str]]
     "aruco": _markers,
     "apriltag": _markers,
     "chessboard": _chessboard,
+    "circles": _circles,
+    "asymmetric_circles": _circles,
     "charuco": _charuco,
 }

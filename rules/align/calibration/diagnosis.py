@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dextera_build.errors import listing
 from dextera_build.geometry import hand_eye, hand_eye_refine, lie, transforms
@@ -21,10 +22,16 @@ if TYPE_CHECKING:
 
 BETTER = 4.0
 """Factor by which undoing a mistake must reduce the residual for the mistake to be reported."""
+EXPLAINED_PX = 10.0
+"""Greatest residual that is left then [px]; a correction that leaves more does not explain the pictures."""
+EULER = ("xyz", "XYZ", "zyx", "ZYX")
+"""Common orders of Euler angles about fixed axes (small letters) and about those of the body."""
 
 
 def explain(ctx: Context, views: list[View], setup: Setup, found: Checked, common: HandEyeOptions) -> NoReturn:
     """Raise for an inconsistent calibration, with the mistake that explains it, if one does.
+
+    The corners of `views` still have every order that the pattern permits: which one fits depends on the poses.
 
     Raises:
         RuleError: Always.
@@ -34,7 +41,7 @@ def explain(ctx: Context, views: list[View], setup: Setup, found: Checked, commo
     plain = _misfit(views, setup)
     tried = {text: (_misfit(changed, other), hint) for text, changed, other, hint in _mistakes(views, setup)}
     best = min(tried, key=lambda text: tried[text][0], default=None)
-    named = best is not None and tried[best][0] * BETTER < plain
+    named = best is not None and tried[best][0] < min(plain / BETTER, EXPLAINED_PX)
     worst = sorted(each, key=lambda name: -each[name][0])[:4]
     ctx.fail(
         "the robot's poses and the pictures contradict each other" + (f": {best}" if named else ""),
@@ -125,6 +132,20 @@ def _mistakes(views: list[View], setup: Setup) -> Iterator[tuple[str, list[View]
         setup,
         "give rotations in the unit that the field states",
     )
+    for order in EULER:
+        axes = f"{'fixed' if order.islower() else 'moving'} axes {order.lower()}"
+        yield (
+            f"rotations that are Euler angles about {axes} were read as rotation vectors",
+            [replace(view, effector=_of_euler(view.effector, order)) for view in views],
+            setup,
+            "write the rotation as a rotation vector or a quaternion",
+        )
+        yield (
+            f"rotation vectors were read as Euler angles about {axes}",
+            [replace(view, effector=_as_euler(view.effector, order)) for view in views],
+            setup,
+            "give rotations in the form that the field states",
+        )
     yield (
         "quaternions are in the order x y z w",
         [replace(view, effector=_reordered(view.effector)) for view in views],
@@ -140,6 +161,20 @@ def _scaled(motion: np.ndarray, factor: float) -> np.ndarray:
 def _turned(motion: np.ndarray, factor: float) -> np.ndarray:
     vector = lie.rotation_vector(motion[:3, :3])
     return transforms.rigid(lie.rotation(factor * vector), motion[:3, 3])
+
+
+def _of_euler(motion: np.ndarray, order: str) -> np.ndarray:
+    angles = lie.rotation_vector(motion[:3, :3])
+    return transforms.rigid(Rotation.from_euler(order, angles).as_matrix(), motion[:3, 3])
+
+
+def _as_euler(motion: np.ndarray, order: str) -> np.ndarray:
+    first, middle, last = Rotation.from_matrix(motion[:3, :3]).as_euler(order)
+    other = np.array([first + np.pi, np.pi - middle, last + np.pi])  # the same rotation
+    wrapped = (other + np.pi) % (2 * np.pi) - np.pi
+    # A rotation vector is at most pi long.
+    vector = min(np.array([first, middle, last]), wrapped, key=lambda each: float(np.linalg.norm(each)))
+    return transforms.rigid(lie.rotation(vector), motion[:3, 3])
 
 
 def _reordered(motion: np.ndarray) -> np.ndarray:

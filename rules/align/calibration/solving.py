@@ -36,20 +36,20 @@ def solve(
     common: HandEyeOptions,
 ) -> Checked:
     """Initialise, refine, remove inconsistent views, and refuse results that must not be used."""
-    views = _usable(ctx, effectors, seen, common)
-    _check_motion(ctx, views, setup, common)
-    start, views = hand_eye.start(views, setup)
+    given = _usable(ctx, effectors, seen, common)
+    _check_motion(ctx, given, setup, common)
+    start, views = hand_eye.start(given, setup)
     first = hand_eye_refine.refine(views, setup, start)
     middle = np.median([hand_eye_refine.closing(view, setup, first.solution) for view in views], axis=0)
     if middle[0] > common.most_residual_m or np.degrees(middle[1]) > common.most_residual_deg:
-        diagnosis.explain(ctx, views, setup, Checked(first, views, [], []), common)
+        diagnosis.explain(ctx, given, setup, Checked(first, views, [], []), common)
     found = hand_eye_checks.checked(views, setup, first.solution, common.least_views, common.most_bad)
     distance, angle = residual(found, setup)
     fits = distance <= common.most_residual_m and np.degrees(angle) <= common.most_residual_deg
     size, sigma = hand_eye_checks.board_scale(found.views, setup, found.refined) if fits else (1.0, 0.0)
     wrong_size = abs(size - 1) > max(SURE_SIGMAS * sigma, common.board_size_fraction)
     if not fits:
-        diagnosis.explain(ctx, views, setup, found, common)
+        diagnosis.explain(ctx, given, setup, found, common)
     if wrong_size:
         diagnosis.other_size(ctx, views, size, sigma)
     if abs(size - 1) > max(SURE_SIGMAS * sigma, NOTED):

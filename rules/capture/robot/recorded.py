@@ -24,14 +24,14 @@ from .seen import doubt_pictures
 class BoardOptions(Options):
     """A calibration board, as `artifacts.calibration.Board`."""
 
-    kind: Literal["chessboard", "charuco", "aruco", "apriltag"]
+    kind: Literal["chessboard", "charuco", "aruco", "apriltag", "circles", "asymmetric_circles"]
     """Pattern."""
     columns: PositiveInt = 1
-    """Inner corners of a chessboard, squares of a ChArUco board, or markers, along x."""
+    """Inner corners of a chessboard, squares of a ChArUco board, markers, or circles of one row, along x."""
     rows: PositiveInt = 1
     """The same along y."""
     square_m: PositiveFloat
-    """Side of a square, of a single marker, or of a marker and one gap [m]."""
+    """Side of a square, of a single marker, or of a marker and one gap; distance of circles, see `Board` [m]."""
     marker_m: NonNegativeFloat = 0.0
     """Side of a marker if it differs from `square_m` [m]."""
     dictionary: str = ""

@@ -22,6 +22,7 @@ _SETUPS: Mapping[str, Mount] = {
 _ON_ROBOT = ("gripper", "hand", "effector", "flange", "robot")
 _AROUND = ("table", "world", "room", "fixed", "floor", "wall")
 _FAMILY = re.compile(r"(april(?:tag|grid)|aruco)[\s_-]*(.*)", re.IGNORECASE)
+_CIRCLES = re.compile(r"(a(?:symmetric)?[\s_-]?)?circles?(?:[\s_-]?grid)?")
 _APRILTAG = re.compile(r"(?:DICT_APRILTAG_|tag)?(\d\d)h(\d\d?)", re.IGNORECASE)
 
 
@@ -54,9 +55,18 @@ def board_of(ctx: Context, facts: Mapping[str, object], mount: Mount) -> Board |
         return Board(kind="chessboard", columns=columns, rows=rows, square_m=_length(ctx, target, "square_m"))
     if spelled.startswith("charuco"):
         return _charuco(ctx, target)
+    if (circles := _CIRCLES.fullmatch(spelled)) is not None:
+        columns, rows = _counts(ctx, target, "circles", "of circles in one row, and of rows")
+        kind = "asymmetric_circles" if circles[1] else "circles"
+        return Board(kind=kind, columns=columns, rows=rows, square_m=_length(ctx, target, "spacing_m"))
     family = _FAMILY.match(kind) if isinstance(kind, str) else None
     if family is None:
-        fields.wrong(ctx, "target.type", kind, '"chessboard", "charuco", "aruco" or "AprilTag 36h11"')
+        fields.wrong(
+            ctx,
+            "target.type",
+            kind,
+            '"chessboard", "charuco", "circles", "asymmetric circles", "aruco" or "AprilTag 36h11"',
+        )
     return _markers(ctx, target, family[1].lower().startswith("april"), family[2])
 
 

@@ -115,6 +115,14 @@ def test_pictures_are_turned_as_their_exif_says(runner):
             {"type": "chessboard", "inner_corners": [9, 6], "square_m": 0.0236},
             Board(kind="chessboard", columns=9, rows=6, square_m=0.0236),
         ),
+        (
+            {"type": "circles grid", "circles": [7, 5], "spacing_m": 0.025},
+            Board(kind="circles", columns=7, rows=5, square_m=0.025),
+        ),
+        (
+            {"type": "asymmetric circles", "circles": [4, 11], "spacing_m": 0.014},
+            Board(kind="asymmetric_circles", columns=4, rows=11, square_m=0.014),
+        ),
         ({"type": "AprilTag 36h11", "size_m": 0.048}, Board(kind="apriltag", square_m=0.048, dictionary="36h11")),
         (
             {"type": "aruco", "dictionary": "dict_4x4_50", "size_m": 0.05},
@@ -146,7 +154,7 @@ def broken(number: int, key: str, value: object) -> list[dict[str, Any]]:
     [
         ({"setup": None}, "setup", "eye-in-hand"),
         ({"setup": "eye"}, "setup", "eye-in-hand"),
-        ({"target": {"type": "circles"}}, "target.type", "charuco"),
+        ({"target": {"type": "rings"}}, "target.type", "charuco"),
         ({"target": {**CHARUCO, "squares": [5]}}, "target.squares", "two whole numbers"),
         ({"target": {**CHARUCO, "square_m": 30}}, "target.square_m", "divide millimetres by 1000"),
         ({"target": {**CHARUCO, "marker_m": 0.03}}, "target.marker_m", "less than `square_m`"),

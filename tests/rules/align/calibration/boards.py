@@ -24,12 +24,16 @@ MARKER = Board(kind="apriltag", square_m=0.06, dictionary="36h11")
 GRID = Board(kind="aruco", columns=4, rows=3, square_m=0.04, marker_m=0.03, dictionary="DICT_4X4_50")
 CHARUCO = Board(kind="charuco", columns=6, rows=5, square_m=0.03, marker_m=0.022, dictionary="DICT_5X5_100")
 CHESS = Board(kind="chessboard", columns=7, rows=5, square_m=0.025)
+CIRCLES = Board(kind="circles", columns=7, rows=5, square_m=0.025)
+ASYMMETRIC = Board(kind="asymmetric_circles", columns=4, rows=11, square_m=0.014)
 
 
 def corners(board: Board) -> np.ndarray:
     """Corners (J, 3) by which a board's place in the picture is chosen [m]."""
     if board.kind == "chessboard":
         return boards.corners(board.columns, board.rows, board.square_m)
+    if board.kind.endswith("circles"):
+        return boards.circles(board.columns, board.rows, board.square_m, asymmetric=board.kind == "asymmetric_circles")
     if board.columns * board.rows == 1:
         return boards.marker(board.square_m)
     if board.kind == "charuco":
@@ -50,6 +54,12 @@ def sheet(board: Board, *, reverse: bool = False) -> tuple[np.ndarray, np.ndarra
         row, column = np.indices(((board.rows + 1) * side, (board.columns + 1) * side)) // side
         ink = np.where((row + column) % 2 == 0, 0, 255).astype(np.uint8)
         origin = side
+    elif board.kind.endswith("circles"):
+        centres = corners(board)[:, :2] / DOT
+        origin = dots(board.square_m)
+        ink = np.full(np.ceil(centres.max(axis=0) + 2 * origin).astype(int)[::-1], 255, np.uint8)
+        for x, y in centres:
+            cv2.circle(ink, (round(x + origin), round(y + origin)), round(0.35 * origin), 0, -1, cv2.LINE_AA)
     else:
         family = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, kinds[board.kind]))
         origin = 0

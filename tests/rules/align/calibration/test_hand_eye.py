@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dextera_build.artifacts.cameras.calibration import Calibration
 from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.errors import RuleError
 from dextera_build.geometry import boards as layout
-from dextera_build.geometry import poses, transforms
+from dextera_build.geometry import lie, poses, transforms
 from dextera_build.testing import RuleRunner
 from rules.align.calibration import detection
 from tests.rules.align.calibration import boards
@@ -30,7 +31,7 @@ def refused(tmp_path: Path, views: RobotViews, match: str, **inputs: object) -> 
     return caught.value
 
 
-KINDS = [boards.MARKER, boards.GRID, boards.CHARUCO, boards.CHESS]
+KINDS = [boards.MARKER, boards.GRID, boards.CHARUCO, boards.CHESS, boards.CIRCLES, boards.ASYMMETRIC]
 
 
 @pytest.mark.parametrize(
@@ -131,6 +132,47 @@ def test_inverted_poses_are_told(tmp_path: Path) -> None:
     assert views.effectors is not None
     rows = np.stack([poses.from_matrix(transforms.invert(poses.to_matrix(row))) for row in views.effectors])
     refused(tmp_path, views.model_copy(update={"effectors": rows}), "poses are those of the base in the effector")
+
+
+@pytest.mark.parametrize("order", ["xyz", "ZYX"])
+def test_euler_angles_are_told_in_both_directions(tmp_path: Path, order: str) -> None:
+    views, _ = boards.taken(boards.MARKER)
+    assert views.effectors is not None
+    motions = [poses.to_matrix(row) for row in views.effectors]
+    as_vectors = [Rotation.from_matrix(m[:3, :3]).as_euler(order) for m in motions]
+    as_angles = [Rotation.from_matrix(m[:3, :3]).as_rotvec() for m in motions]
+    wrong = {
+        "that are Euler angles about": [lie.rotation(angles) for angles in as_vectors],
+        "were read as Euler angles about": [Rotation.from_euler(order, vector).as_matrix() for vector in as_angles],
+    }
+    for text, turns in wrong.items():
+        rows = [transforms.rigid(turn, m[:3, 3]) for turn, m in zip(turns, motions, strict=True)]
+        changed = views.model_copy(update={"effectors": np.stack([poses.from_matrix(row) for row in rows])})
+        error = refused(tmp_path, changed, text)
+        assert f"axes {order.lower()}" in str(error)
+
+
+def test_a_cause_that_does_not_explain_the_pictures_is_not_named(tmp_path: Path) -> None:
+    views, _ = boards.taken(boards.MARKER)
+    assert views.effectors is not None
+    random = Rotation.random(len(views.effectors), random_state=3).as_matrix()
+    rows = [transforms.rigid(turn, row[:3]) for turn, row in zip(random, views.effectors, strict=True)]
+    changed = views.model_copy(update={"effectors": np.stack([poses.from_matrix(row) for row in rows])})
+    error = refused(tmp_path, changed, "contradict each other")
+    assert "then" not in error.facts
+    assert "names and order of the joints" in str(error.hint)
+
+
+def test_a_chessboard_that_the_border_cuts_is_told_with_what_is_seen() -> None:
+    views, _ = boards.taken(boards.CHESS)
+    pixels = next(iter(views.captures.values())).photograph.rgb.pixels
+    k = boards.CAMERA.matrix()
+    whole = detection.look(pixels, k, boards.CHESS, "edges").sighting
+    assert whole is not None
+    right = int(np.quantile(whole.pixels[:, 0], 0.97))
+    found = detection.look(np.ascontiguousarray(pixels[:, :right]), k, boards.CHESS, "edges")
+    assert found.sighting is None
+    assert "inner corners are seen: the border of the picture or something in front cuts the board" in found.found
 
 
 def test_poses_of_the_picture_before_are_told(tmp_path: Path) -> None:
