@@ -24,6 +24,8 @@ BETTER = 4.0
 """Factor by which undoing a mistake must reduce the residual for the mistake to be reported."""
 EXPLAINED_PX = 10.0
 """Greatest residual that is left then [px]; a correction that leaves more does not explain the pictures."""
+LEAST_VIEWS = 4
+"""Fewer views are explained by chance."""
 EULER = ("xyz", "XYZ", "zyx", "ZYX")
 """Common orders of Euler angles about fixed axes (small letters) and about those of the body."""
 
@@ -92,6 +94,8 @@ def other_board(ctx: Context, other: Mapping[str, Sighting], common: HandEyeOpti
 
 def _misfit(views: list[View], setup: Setup) -> float:
     """Median over the views of the corners' root mean square distance [px], after a start and a refinement."""
+    if len(views) < LEAST_VIEWS:
+        return float("inf")
     try:
         start, settled = hand_eye.start(views, setup)
         solution = hand_eye_refine.refine(settled, setup, start).solution
@@ -142,7 +146,7 @@ def _mistakes(views: list[View], setup: Setup) -> Iterator[tuple[str, list[View]
         )
         yield (
             f"rotation vectors were read as Euler angles about {axes}",
-            [replace(view, effector=_as_euler(view.effector, order)) for view in views],
+            _as_vectors(views, order),
             setup,
             "give rotations in the form that the field states",
         )
@@ -168,13 +172,18 @@ def _of_euler(motion: np.ndarray, order: str) -> np.ndarray:
     return transforms.rigid(Rotation.from_euler(order, angles).as_matrix(), motion[:3, 3])
 
 
-def _as_euler(motion: np.ndarray, order: str) -> np.ndarray:
-    first, middle, last = Rotation.from_matrix(motion[:3, :3]).as_euler(order)
-    other = np.array([first + np.pi, np.pi - middle, last + np.pi])  # the same rotation
-    wrapped = (other + np.pi) % (2 * np.pi) - np.pi
-    # A rotation vector is at most pi long.
-    vector = min(np.array([first, middle, last]), wrapped, key=lambda each: float(np.linalg.norm(each)))
-    return transforms.rigid(lie.rotation(vector), motion[:3, 3])
+def _as_vectors(views: list[View], order: str) -> list[View]:
+    """The views with rotation vectors that were read as Euler angles; those that two vectors explain are left out."""
+    found = []
+    for view in views:
+        first, middle, last = Rotation.from_matrix(view.effector[:3, :3]).as_euler(order)
+        other = np.array([first + np.pi, np.pi - middle, last + np.pi])  # the same rotation
+        both = np.array([first, middle, last]), (other + np.pi) % (2 * np.pi) - np.pi
+        able = [vector for vector in both if np.linalg.norm(vector) <= np.pi]  # no rotation vector is longer
+        if len(able) == 1:
+            motion = transforms.rigid(lie.rotation(able[0]), view.effector[:3, 3])
+            found.append(replace(view, effector=motion))
+    return found
 
 
 def _reordered(motion: np.ndarray) -> np.ndarray:
