@@ -49,8 +49,9 @@ class CoacdOptions(Options):
     """Maximum number of finer cuts to meet `cavity_fill`; a count, not a time limit, for reproducible results."""
     seed: NonNegativeInt = 0
     """Seed of CoACD."""
-    seconds: PositiveInt = 20
-    """Limit of CoACD's processor time per link [s]; a link that exceeds it is cut into wedges."""
+    seconds: PositiveInt = 180
+    """Limit of CoACD's processor time per link [s], far above what links need; a link that exceeds it is cut into
+    wedges."""
 
 
 def pieces(ctx: Context, link: Link, hollow: bool, common: CollisionOptions, options: CoacdOptions) -> Pieces:

@@ -23,8 +23,9 @@ parts = coacd.run_coacd(
     threshold=threshold,
     max_convex_hull=most,
     preprocess_mode="off",  # the solid is already manifold, and voxels would round it
-    mcts_nodes=10,
-    mcts_iterations=60,
+    # 10 nodes and 60 iterations find no fewer and no closer pieces, in twice the time.
+    mcts_nodes=5,
+    mcts_iterations=20,
     seed=seed,
 )
 np.savez(folder + "/parts.npz", *[np.asarray(vertices) for vertices, _ in parts])
@@ -36,7 +37,7 @@ def parts(
 ) -> list[np.ndarray] | None:
     """Corner points (N, 3) of the convex parts, or None if the time limit is exceeded.
 
-    The limit is one of processor time, so that the result does not depend on the load of the machine.
+    The number of faces bounds the work; the limit of processor time is far above it and stops what hangs.
 
     Args:
         vertices: (V, 3) of a closed manifold.
