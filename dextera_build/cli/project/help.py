@@ -13,7 +13,9 @@ _CODE = re.compile(r"(?:DXB-)?([A-Z]\d{3})", re.IGNORECASE)
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("what", nargs="?", metavar="VERB|CODE|RULE|TYPE", help="`why`, `DXB-R104`, `factorize.mesh` or `Mesh`")
+    parser.add_argument(
+        "what", nargs="?", metavar="VERB|CODE|RULE|TYPE", help="`why`, `DXB-R104`, `factorize.mesh` or `Mesh`"
+    )
 
 
 def run(args: argparse.Namespace) -> int:

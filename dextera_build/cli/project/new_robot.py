@@ -114,7 +114,8 @@ def _text(project: Project, name: str, file: Path, folder: Path, source: Source,
     if found.gripper:
         joint, opened, closed = found.gripper
         lines.append("    # guess: where the gripper is open, and closed without an object [m].")
-        lines.append(f"    limbs: {{arm: {{gripper: {{joint: {_quoted(joint)}, open: {opened:g}, closed: {closed:g}}}}}}}")
+        gripper = f"{{joint: {_quoted(joint)}, open: {opened:g}, closed: {closed:g}}}"
+        lines.append(f"    limbs: {{arm: {{gripper: {gripper}}}}}")
     lines += _numbers(source)
     return "\n".join([*lines, "targets:", "  default: [robot]", ""])
 

@@ -38,7 +38,7 @@ def test_a_type_says_where_it_is_and_what_its_fields_hold(capsys: pytest.Capture
     assert "(P, 2)" in fields["polygon"][0]
     assert fields["residual_m"][0] == "float | None"
     assert fields["residual_m"][1].startswith("Root mean square distance of the inliers to the plane [m]")
-    assert [row[1] for row in (line.split("\t") for line in said(capsys, "Element").splitlines())][:2] == ["Element", "name"]
+    assert said(capsys, "Element").splitlines()[1].startswith("field\tname\tstr\t")
 
 
 def test_a_former_address_of_a_rule_gives_the_current_one(capsys: pytest.CaptureFixture[str]) -> None:

@@ -85,7 +85,8 @@ def _gripper(top: Any, source: Source) -> tuple[str, float, float] | None:
     palm = _palm(top)
     fingers = [] if palm is None else _branches(palm)
     joints = [joint for finger in fingers for joint in finger.joints]
-    if len(fingers) != 2 or sum(map(_count, fingers)) != 2 or {joint.type for joint in joints} != {mujoco.mjtJoint.mjJNT_SLIDE}:
+    slide = all(joint.type == mujoco.mjtJoint.mjJNT_SLIDE for joint in joints)
+    if not slide or [*map(_count, fingers)] != [1, 1] or len(joints) != 2:
         return None
     for one, other in (joints, joints[::-1]):
         if source.mimics.get(other.name, ("",))[0] == one.name:
