@@ -176,15 +176,15 @@ def test_the_recipe_for_a_stub_twin_lets_an_operator_act_in_mujoco(
     project = api.Project.find(space.root, cache=str(tmp_path / "store"))
     built = project.build("task/try", "task", profile="stub", backends={"simulate.task": "mujoco"})
     assert built.ok, built.errors
-    rehearse_few(monkeypatch)
+    rehearse_few(monkeypatch, 8)
     runner = RuleRunner(tmp_path / "scratch", space.root)
     made = runner.run("demonstrate.operate", bundle=built.artifact("task"), options={"attempts": 2})
     assert made.items, [each.reason for each in made.failures.values()]
 
 
-def rehearse_few(monkeypatch: pytest.MonkeyPatch) -> None:
+def rehearse_few(monkeypatch: pytest.MonkeyPatch, few: int = 6) -> None:
     """Search and rehearse few candidates."""
-    for module, name, value in ((planning, "PLANNED", 0), (candidates, "LOOKED", 0), (candidates, "FEW", 6)):
+    for module, name, value in ((planning, "PLANNED", 0), (candidates, "LOOKED", 0), (candidates, "FEW", few)):
         monkeypatch.setattr(module, name, value)
     for name, value in (("GOOD", 1), ("FINAL", 1), ("STARTS", 1)):
         monkeypatch.setattr(rehearse, name, value)
