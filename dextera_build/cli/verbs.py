@@ -29,7 +29,7 @@ GROUPS = {
         "models": "list, fetch, verify and add the weights of pretrained models",
         "consent": "show, give or withdraw consent to send data of this project to services",
         "doctor": "check this machine's packages, devices and settings",
-        "help": "explain a verb, an error code or a rule",
+        "help": "explain a verb, an error code, a rule or an artifact type",
         "completion": "print a script that completes command lines in bash, zsh or fish",
     },
 }

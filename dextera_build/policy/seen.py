@@ -22,6 +22,8 @@ class Embodied:
     """Row of the task's object among the objects."""
     palms: Callable[[np.ndarray], np.ndarray]
     """Joint positions (N, A) to the poses of the palms in the base (N, L, 7), by forward kinematics."""
+    world_from_base: np.ndarray
+    """T_world_base (4, 4) of the task, as calibrated; the table's plane is z = 0 of the world."""
 
 
 @dataclass(eq=False)  # not frozen, which would double the time to make one
@@ -56,6 +58,12 @@ class Seen:
         """Poses of the palms (N, L, 7), computed from the measured joints; the identity for a missing palm."""
         assert self.embodied is not None
         return self.embodied.palms(self.joints)
+
+    @property
+    def world_from_base(self) -> np.ndarray:
+        """T_world_base (4, 4), one for all worlds: as calibrated, not the true base of an episode."""
+        assert self.embodied is not None
+        return self.embodied.world_from_base
 
 
 def previous_action(worlds: Seen) -> np.ndarray:

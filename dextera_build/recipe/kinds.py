@@ -22,6 +22,8 @@ def choices(kind: Any) -> tuple[Any, ...]:
 
 def type_name(kind: Any) -> str:
     """A type as shown to the author of a recipe: `Collection[Asset]`, `Image | None`, `tuple[float, ...]`."""
+    if kind is types.NoneType:
+        return "None"
     if isinstance(kind, type) and not get_args(kind):
         inner = ", ".join(map(type_name, parameters(kind)))
         return f"{_bare(kind)}[{inner}]" if inner else kind.__name__
@@ -32,7 +34,7 @@ def type_name(kind: Any) -> str:
         return f"{get_origin(kind).__name__}[{', '.join(parts)}]"
     if get_origin(kind) in (Union, types.UnionType):
         return " | ".join(parts)
-    return re.sub(r"[A-Za-z_][\w.]*\.(\w+)", r"\1", str(kind)).replace("NoneType", "None").replace("~", "")
+    return re.sub(r"[A-Za-z_][\w.]*\.(\w+)", r"\1", str(kind)).replace("~", "")
 
 
 def fits(wanted: Any, given: Any) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import dextera_build
+from dextera_build import api
 from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.tasks.task import TaskBundle
@@ -153,10 +154,7 @@ def judge(ctx: Context, bundle: TaskBundle) -> File:
 def test_the_script_of_the_page_pours_in_mujoco(space: Space, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With few candidates: a task, its rehearsal and a demonstration."""
     add_pour(space)
-    for module, name, value in ((planning, "PLANNED", 0), (candidates, "LOOKED", 0), (candidates, "FEW", 6)):
-        monkeypatch.setattr(module, name, value)
-    for name, value in (("GOOD", 1), ("FINAL", 1), ("STARTS", 1)):
-        monkeypatch.setattr(rehearse, name, value)
+    rehearse_few(monkeypatch)
     runner = RuleRunner(tmp_path / "scratch", space.root)
     bundle = pour_task(runner, tmp_path)
     assert (bundle.task.primitive, bundle.task.goal.names) == ("pour", ("tilt",))
@@ -168,6 +166,28 @@ def test_the_script_of_the_page_pours_in_mujoco(space: Space, tmp_path: Path, mo
     table = runner.run("evaluate.expert", bundle=bundle, episodes=made)
     returns = {column.name: value for column, value in zip(table.columns, table.rows[0], strict=True)}
     assert float(returns["return"]) > float(returns["random return"])
+
+
+@pytest.mark.slow
+def test_the_recipe_for_a_stub_twin_lets_an_operator_act_in_mujoco(
+    space: Space, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    space.write("recipes/task/try.yaml", blocks("yaml")[1])
+    project = api.Project.find(space.root, cache=str(tmp_path / "store"))
+    built = project.build("task/try", "task", profile="stub", backends={"simulate.task": "mujoco"})
+    assert built.ok, built.errors
+    rehearse_few(monkeypatch, 8)
+    runner = RuleRunner(tmp_path / "scratch", space.root)
+    made = runner.run("demonstrate.operate", bundle=built.artifact("task"), options={"attempts": 2})
+    assert made.items, [each.reason for each in made.failures.values()]
+
+
+def rehearse_few(monkeypatch: pytest.MonkeyPatch, few: int = 6) -> None:
+    """Search and rehearse few candidates."""
+    for module, name, value in ((planning, "PLANNED", 0), (candidates, "LOOKED", 0), (candidates, "FEW", few)):
+        monkeypatch.setattr(module, name, value)
+    for name, value in (("GOOD", 1), ("FINAL", 1), ("STARTS", 1)):
+        monkeypatch.setattr(rehearse, name, value)
 
 
 def pour_task(runner: RuleRunner, tmp_path: Path) -> TaskBundle:

@@ -26,7 +26,8 @@ def ahead(worlds: Seen) -> np.ndarray:
 def added(*terms: AddedTerm) -> AddedTerms:
     """Terms of the hand-made task, whose palm is at the first two joint positions."""
     here = layout.of_bundle(BUNDLE, terms=[term.spec for term in terms])
-    return AddedTerms(terms, here, Embodied(0, lambda joints: np.pad(joints[:, None, :2], ((0, 0), (0, 0), (0, 5)))))
+    palms = lambda joints: np.pad(joints[:, None, :2], ((0, 0), (0, 0), (0, 5)))  # noqa: E731
+    return AddedTerms(terms, here, Embodied(0, palms, BUNDLE.base_pose.matrix))
 
 
 def measured(step: int) -> Measurement:

@@ -6,7 +6,7 @@ import hashlib
 import io
 import os
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -22,26 +22,38 @@ KINDS = [
     "own",
     *(pytest.param(name, marks=pytest.mark.slow) for name in ("nginx", "s3")),
 ]
+"""Names of functions below; another remote is one more."""
+
+
+@contextmanager
+def folder(tmp_path: Path) -> Iterator[Spec]:
+    yield Spec("lab", str(tmp_path / "share"), "rw")
+
+
+@contextmanager
+def own(tmp_path: Path) -> Iterator[Spec]:
+    with servers.own(tmp_path / "served") as address:
+        yield Spec("lab", address, "rw")
+
+
+@contextmanager
+def nginx(tmp_path: Path) -> Iterator[Spec]:
+    with servers.nginx(tmp_path) as address:
+        yield Spec("lab", address, "rw")
+
+
+@contextmanager
+def s3(tmp_path: Path) -> Iterator[Spec]:
+    with servers.s3(tmp_path) as endpoint, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("AWS_ACCESS_KEY_ID", "anyone")
+        patch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+        yield Spec("lab", "s3://twins/a/prefix", "rw", options={"endpoint": endpoint, "region": "us-east-1"})
 
 
 @pytest.fixture(params=KINDS)
-def remote(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Remote]:
-    with ExitStack() as stack:
-        options: dict[str, str] = {}
-        if request.param == "folder":
-            address = str(tmp_path / "share")
-        elif request.param == "own":
-            address = stack.enter_context(servers.own(tmp_path / "served"))
-        elif request.param == "nginx":
-            address = stack.enter_context(servers.nginx(tmp_path))
-        else:
-            endpoint = stack.enter_context(servers.s3(tmp_path))
-            monkeypatch.setenv("AWS_ACCESS_KEY_ID", "anyone")
-            monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
-            address, options = "s3://twins/a/prefix", {"endpoint": endpoint, "region": "us-east-1"}
-        opened = open_remote(Spec("lab", address, "rw", options=options))
+def remote(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Remote]:
+    with globals()[request.param](tmp_path) as spec, closing(open_remote(spec)) as opened:
         yield opened
-        opened.close()
 
 
 def digest(data: bytes) -> Digest:

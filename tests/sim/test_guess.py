@@ -74,3 +74,28 @@ def test_two_arms_have_a_side_each():
     assert made.frames["left_flange"] == "left_link7"
     assert made.frames["right_tip_outer"] == made.frames["tip_outer"] == "right_outer_0"
     assert len(made.frames) == 12
+
+
+@pytest.mark.parametrize(
+    ("limits", "mimics", "wanted"),
+    [
+        ((0.0, 0.04), {"j_right": ("j_left", 1.0, 0.0)}, ("j_left", 0.04, 0.0)),
+        ((-0.03, 0.001), {"j_left": ("j_right", -1.0, 0.0)}, ("j_right", -0.03, 0.001)),
+        ((0.0, 0.04), {}, None),
+    ],
+)
+def test_a_parallel_gripper_has_one_sliding_joint_that_the_other_finger_follows(limits, mimics, wanted):
+    found, root = source()
+    palm = chain(arm(root), ["palm"], joints=False)
+    for name in ("left", "right"):
+        body = palm.add_body(name=name)
+        body.add_joint(name=f"j_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, range=limits)
+    found.mimics.update(mimics)
+    assert guess.roles(found, "root").gripper == wanted
+
+
+def test_a_hand_of_hinges_is_no_parallel_gripper():
+    found, root = source()
+    fingers(chain(arm(root), ["palm"], joints=False), ["left", "right"], 1)
+    found.mimics["j_right_0"] = ("j_left_0", 1.0, 0.0)
+    assert guess.roles(found, "root").gripper is None

@@ -1,4 +1,4 @@
-"""`dxb help`: a verb, an error code, or a rule."""
+"""`dxb help`: a verb, an error code, a rule, or an artifact type."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ _CODE = re.compile(r"(?:DXB-)?([A-Z]\d{3})", re.IGNORECASE)
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Fill in the parser."""
-    parser.add_argument("what", nargs="?", metavar="VERB|CODE|RULE", help="`why`, `DXB-R104` or `factorize.mesh`")
+    parser.add_argument(
+        "what", nargs="?", metavar="VERB|CODE|RULE|TYPE", help="`why`, `DXB-R104`, `factorize.mesh` or `Mesh`"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the help of a verb, an error code or a rule; without an argument, the overview."""
+    """Print the help of a verb, an error code, a rule or a type; without an argument, the overview."""
     from dextera_build.cli.grammar import parser
 
     what = args.what
@@ -28,6 +30,8 @@ def run(args: argparse.Namespace) -> int:
         parser(words[0]).parse_args([*(word for word in words if not word.startswith("-")), "--help"])
     elif code := _CODE.fullmatch(what):
         print(_meaning(f"DXB-{code[1].upper()}"))
+    elif what[0].isupper():
+        _type(what)
     else:
         return _rule(what)
     return 0
@@ -59,9 +63,20 @@ def _rule(name: str) -> int:
     rules = {found.path: found for found in library.rules()}
     if name not in rules:
         raise renamed(name, None) or UsageError(
-            f"`{name}` is neither a verb, an error code nor a rule",
+            f"`{name}` is neither a verb, an error code, a rule nor a type",
             code="DXB-U196",
             hint=did_you_mean(name, [*VERBS, *rules], "`dxb help {}`") or "`dxb ls rules` lists rules",
         )
     table.show(rule_card.rows(library, rules[name]))
     return 0
+
+
+def _type(name: str) -> None:
+    from dextera_build.cli import table
+    from dextera_build.explain import type_card
+
+    types = type_card.named()
+    if name not in types:
+        hint = did_you_mean(name, types, "`dxb help {}`") or "`dxb help RULE` names the types of a rule"
+        raise UsageError(f"there is no artifact type `{name}`", code="DXB-U199", hint=hint)
+    table.show(type_card.rows(types[name]))

@@ -111,6 +111,11 @@ def _text(project: Project, name: str, file: Path, folder: Path, source: Source,
         lines.append("    # guess: move a tip to the surface of its fingertip by `at_m`; the palm's z is its normal.")
         lines.append("    frames:")
         lines += [f"      {role}: {{link: {_quoted(link)}, at_m: [0, 0, 0]}}" for role, link in found.frames.items()]
+    if found.gripper:
+        joint, opened, closed = found.gripper
+        lines.append("    # guess: where the gripper is open, and closed without an object [m].")
+        gripper = f"{{joint: {_quoted(joint)}, open: {opened:g}, closed: {closed:g}}}"
+        lines.append(f"    limbs: {{arm: {{gripper: {gripper}}}}}")
     lines += _numbers(source)
     return "\n".join([*lines, "targets:", "  default: [robot]", ""])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -22,6 +23,8 @@ from dextera_build.sim.runtime.environment import Environment
 Progress = Callable[[int, int, str], None]
 PLANNED = 3
 """Number of random starts from which candidates are searched, in addition to the photographed one."""
+SHOWN = 4
+"""Number of reasons of failures that an error shows."""
 NEW = 3
 """Number of sufficient free paths in a new search, if no rehearsed path is free."""
 
@@ -96,6 +99,7 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
     task = environment.task
     environment.begin(starts.photographed(environment.bundle, environment.model))
     candidates: list[Candidate] = []
+    failed: Counter[str] = Counter()
     likeliest: Operator | None = None
     for limbs, expert in teams(environment):
         for limb in limbs:
@@ -106,7 +110,7 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
         if not found:
             continue
         candidates += found
-        rehearsed = rehearse(driver, found, progress)
+        rehearsed = rehearse(driver, found, progress, failed)
         if rehearsed:
             return Practised(rehearsed, expert, search)
         # New plans are not searched where its path is not free: that would be slow and would not help.
@@ -119,9 +123,14 @@ def practise(driver: Driver, progress: Progress = lambda done, total, what: None
     raise RuleError(
         f"no rehearsal of `{task.name}` succeeded",
         code="DXB-B251",
-        facts={"candidates": len(candidates), "first": candidates[0].name},
+        facts={"candidates": len(candidates), "first": candidates[0].name} | _reasons(failed),
         hint="look at the task's pictures: is the object free, and is the goal possible?",
     )
+
+
+def _reasons(failed: Counter[str]) -> dict[str, str]:
+    told = ", ".join(f"{reason} ({count}x)" for reason, count in failed.most_common(SHOWN))
+    return {"failed": told} if told else {}
 
 
 def _found(driver: Driver, expert: Expert, search: Search) -> list[Candidate]:

@@ -79,10 +79,15 @@ class Rehearsed:
     """Number of successful starts."""
     of: int
     """Number of rehearsed starts."""
+    reason: str = ""
+    """Reason of the last failure."""
 
 
 def rehearse(
-    driver: Driver, candidates: Sequence[Candidate], progress: Callable[[int, int, str], None]
+    driver: Driver,
+    candidates: Sequence[Candidate],
+    progress: Callable[[int, int, str], None],
+    failed: Counter[str] | None = None,
 ) -> list[Rehearsed]:
     """Rehearse candidates and return those that succeeded in a trial, best first.
 
@@ -90,6 +95,7 @@ def rehearse(
         driver: The task's driver.
         candidates: Candidates, likeliest first.
         progress: Receives the progress.
+        failed: Receives the reasons of candidates that succeeded in no trial.
     """
     bundle = driver.environment.bundle
     photographed = starts.photographed(bundle, driver.environment.model)
@@ -101,6 +107,8 @@ def rehearse(
         found = _rehearsed(driver, candidate, [first, _hard(bundle, first)], patient=False)
         if found.passed:
             tried.append(found)
+        elif failed is not None:
+            failed[found.reason] += 1
         if sum(one.passed == one.of for one in tried) >= GOOD:
             break
     tried.sort(key=lambda one: (-one.passed, one.stray))
@@ -160,15 +168,16 @@ def _near(episode: Episode, first: int) -> int:
 
 
 def _rehearsed(driver: Driver, candidate: Candidate, drawn: Sequence[Start], *, patient: bool) -> Rehearsed:
-    bundle, passed, worst = driver.environment.bundle, 0, 0.0
+    bundle, passed, worst, reason = driver.environment.bundle, 0, 0.0, ""
     for start in drawn:
         episode = driver.run(candidate.operator, start, origin="operator")
         passed += episode.success
         if episode.success:
             worst = max(worst, stray(episode, bundle.task, tuple(bundle.objects), bundle.robot.limb_names))
+        reason = episode.reason or reason
         if not episode.success and not patient:
             break
-    return Rehearsed(candidate, worst, passed, len(drawn))
+    return Rehearsed(candidate, worst, passed, len(drawn), reason)
 
 
 def drawn(driver: Driver, most: int) -> list[Start]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dextera_build.errors import RuleError
 from dextera_build.geometry import lie, quaternions, transforms
 from dextera_build.sim.model.compose import ROBOT
 
@@ -17,11 +18,14 @@ class RobotBase:
     Args:
         world_from_base: (4, 4) T_world_base of the model.
         model: The unmodified compiled model.
+
+    Raises:
+        RuleError: The model has no robot, as those of the stub of `simulate.task`.
     """
 
     def __init__(self, world_from_base: np.ndarray, model: Any) -> None:
         self._known = world_from_base
-        self._body = int(model.body(ROBOT + "base").id)
+        self._body = _base(model)
         self._place, self._turn = model.body_pos[self._body].copy(), model.body_quat[self._body].copy()
 
     def pose(self, error: Sequence[float]) -> np.ndarray:
@@ -37,3 +41,15 @@ class RobotBase:
             body = self.pose(error) @ transforms.invert(self._known) @ own
             place, turn = body[:3, 3], quaternions.from_matrix(body[:3, :3])
         model.body_pos[self._body], model.body_quat[self._body] = place, turn
+
+
+def _base(model: Any) -> int:
+    try:
+        return int(model.body(ROBOT + "base").id)
+    except KeyError:
+        raise RuleError(
+            "the model of the task has no robot, so it cannot be simulated",
+            code="DXB-B527",
+            facts={"body": ROBOT + "base"},
+            hint="the stub of `simulate.task` makes such a model; build the task with `--backend simulate.task=mujoco`",
+        ) from None

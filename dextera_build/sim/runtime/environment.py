@@ -278,7 +278,8 @@ class Environment:
         )
 
     def _add(self, terms: Sequence[AddedTerm]) -> AddedTerms:
-        embodied = Embodied(list(self.bundle.objects).index(self.task.object), Palms(self.bundle.robot, self.model))
+        target, base = list(self.bundle.objects).index(self.task.object), self.bundle.base_pose.matrix
+        embodied = Embodied(target, Palms(self.bundle.robot, self.model), base)
         return AddedTerms(terms, of_bundle(self.bundle, terms=self.specs), embodied)
 
     def _set_goal(self, goal: Goal) -> None:

@@ -1,4 +1,4 @@
-"""`dxb help`: verbs, error codes, rules."""
+"""`dxb help`: verbs, error codes, rules, artifact types."""
 
 from __future__ import annotations
 
@@ -30,6 +30,17 @@ def test_a_rule_says_what_it_takes_and_gives(capsys: pytest.CaptureFixture[str])
     assert [line.split("\t") for line in capsys.readouterr().out.splitlines()] == rows
 
 
+def test_a_type_says_where_it_is_and_what_its_fields_hold(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [line.split("\t") for line in said(capsys, "Support").splitlines()]
+    assert rows[0][:3] == ["type", "Support", "dextera_build.artifacts.objects.object"]
+    fields = {row[1]: row[2:] for row in rows[1:]}
+    assert fields["camera_pose"][0] == "Pose T_world_camera"
+    assert "(P, 2)" in fields["polygon"][0]
+    assert fields["residual_m"][0] == "float | None"
+    assert fields["residual_m"][1].startswith("Root mean square distance of the inliers to the plane [m]")
+    assert said(capsys, "Element").splitlines()[1].startswith("field\tname\tstr\t")
+
+
 def test_a_former_address_of_a_rule_gives_the_current_one(capsys: pytest.CaptureFixture[str]) -> None:
     told = said(capsys, "capture.mesh", code=2)
     assert "the rule `capture.mesh` is now `capture.file`" in told
@@ -52,3 +63,4 @@ def test_without_a_word_it_is_the_overview(capsys: pytest.CaptureFixture[str]) -
 def test_what_is_nothing_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert "there is no error `DXB-Z999`" in said(capsys, "DXB-Z999", code=2)
     assert "did you mean `dxb help factorize.mesh`?" in said(capsys, "factorize.mesch", code=2)
+    assert "did you mean `dxb help Elements`?" in said(capsys, "Elemnts", code=2)

@@ -53,3 +53,14 @@ def test_without_a_success_the_attempts_of_anyway_are_those_of_the_likeliest(mon
         planning.practise(driver)
     assert (caught.value.code, caught.value.facts) == ("DXB-B251", {"candidates": "2", "first": "likeliest"})
     assert planning.practise(driver, anyway=True) is likeliest
+
+
+def test_the_reasons_of_failed_rehearsals_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver = Driver(Environment(task_bundles.lift()))
+    reasons = ["too far", "in the way", "too far"]
+    found = [Candidate(str(number), "way", planning.Unable(reason)) for number, reason in enumerate(reasons)]
+    monkeypatch.setattr(planning, "experts", lambda primitive: [Expert("nothing", lambda search: found)])
+    monkeypatch.setattr(planning, "_check_hand", lambda *_: None)
+    with pytest.raises(RuleError, match="no rehearsal of") as caught:
+        planning.practise(driver)
+    assert caught.value.facts["failed"] == "too far (2x), in the way (1x)"

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+import pytest
 
+from dextera_build.errors import RuleError
 from dextera_build.geometry import lie, transforms
 from dextera_build.sim.model.robot_base import RobotBase
 from tests import factories
@@ -48,3 +50,10 @@ def test_the_robot_moves_with_its_base_and_nothing_else():
     assert np.array_equal(model.body_pos, own[0])
     assert np.array_equal(model.body_quat, own[1])
     assert base.pose((0.0,) * 6) is KNOWN
+
+
+def test_a_model_without_a_robot_names_the_stub_that_made_it():
+    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><body name='cup'/></worldbody></mujoco>")
+    with pytest.raises(RuleError, match="has no robot") as caught:
+        RobotBase(KNOWN, model)
+    assert "--backend simulate.task=mujoco" in (caught.value.hint or "")

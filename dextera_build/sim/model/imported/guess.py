@@ -6,6 +6,8 @@ import re
 from dataclasses import dataclass, field
 from typing import Any
 
+import mujoco
+
 from dextera_build.sim.model.imported.source import Source
 
 _FLANGES = re.compile(r"(^|_)(flange|tool0|ee_link|hand_mount|link_?ee|attachment)", re.IGNORECASE)
@@ -33,6 +35,8 @@ class Guess:
     """Links at which hands begin."""
     frames: dict[str, str] = field(default_factory=dict)
     """Role -> link."""
+    gripper: tuple[str, float, float] | None = None
+    """Sliding joint of both fingers of the only hand, and its positions open and closed [m]."""
 
 
 def roles(source: Source, root: str) -> Guess:
@@ -43,6 +47,7 @@ def roles(source: Source, root: str) -> Guess:
     long = [arm for arm in arms if _chain(arm) >= FEWEST]
     if len(long) < 2:  # one arm, or a hand alone
         _arm(top, root, "", found)
+        found.gripper = _gripper(top, source)
         return found
     for number, arm in enumerate(long):
         side = next((side for side in ("left", "right") if side in arm.name.lower()), str(number + 1))
@@ -70,6 +75,24 @@ def _arm(top: Any, root: str, side: str, found: Guess) -> None:
         name = next((name for name, form in _FINGERS.items() if re.search(form, own, re.IGNORECASE)), "")
         role = f"{side}tip_{name or number + 1}"
         found.frames[role if role not in found.frames else f"{side}tip_{number + 1}"] = _named(tip, root)
+
+
+def _gripper(top: Any, source: Source) -> tuple[str, float, float] | None:
+    """The parallel gripper of a hand with two fingers of one sliding joint each, of which one follows the other.
+
+    Open is the limit that is farther from 0, because grippers count from closed.
+    """
+    palm = _palm(top)
+    fingers = [] if palm is None else _branches(palm)
+    joints = [joint for finger in fingers for joint in finger.joints]
+    slide = all(joint.type == mujoco.mjtJoint.mjJNT_SLIDE for joint in joints)
+    if not slide or [*map(_count, fingers)] != [1, 1] or len(joints) != 2:
+        return None
+    for one, other in (joints, joints[::-1]):
+        if source.mimics.get(other.name, ("",))[0] == one.name:
+            closed, opened = sorted(map(float, one.range), key=abs)
+            return str(one.name), opened, closed
+    return None
 
 
 def _named(body: Any, root: str) -> str:
