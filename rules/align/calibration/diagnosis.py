@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Literal, NoReturn, TypeAlias
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -26,7 +26,8 @@ EXPLAINED_PX = 10.0
 """Greatest residual that is left then [px]; a correction that leaves more does not explain the pictures."""
 LEAST_VIEWS = 4
 """Fewer views are explained by chance."""
-EULER = ("xyz", "XYZ", "zyx", "ZYX")
+Euler: TypeAlias = Literal["xyz", "XYZ", "zyx", "ZYX"]
+EULER: tuple[Euler, ...] = ("xyz", "XYZ", "zyx", "ZYX")
 """Common orders of Euler angles about fixed axes (small letters) and about those of the body."""
 
 
@@ -136,17 +137,17 @@ def _mistakes(views: list[View], setup: Setup) -> Iterator[tuple[str, list[View]
         setup,
         "give rotations in the unit that the field states",
     )
-    for order in EULER:
-        axes = f"{'fixed' if order.islower() else 'moving'} axes {order.lower()}"
+    for euler in EULER:
+        axes = f"{'fixed' if euler.islower() else 'moving'} axes {euler.lower()}"
         yield (
             f"rotations that are Euler angles about {axes} were read as rotation vectors",
-            [replace(view, effector=_of_euler(view.effector, order)) for view in views],
+            [replace(view, effector=_of_euler(view.effector, euler)) for view in views],
             setup,
             "write the rotation as a rotation vector or a quaternion",
         )
         yield (
             f"rotation vectors were read as Euler angles about {axes}",
-            _as_vectors(views, order),
+            _as_vectors(views, euler),
             setup,
             "give rotations in the form that the field states",
         )
@@ -167,12 +168,12 @@ def _turned(motion: np.ndarray, factor: float) -> np.ndarray:
     return transforms.rigid(lie.rotation(factor * vector), motion[:3, 3])
 
 
-def _of_euler(motion: np.ndarray, order: str) -> np.ndarray:
+def _of_euler(motion: np.ndarray, order: Euler) -> np.ndarray:
     angles = lie.rotation_vector(motion[:3, :3])
     return transforms.rigid(Rotation.from_euler(order, angles).as_matrix(), motion[:3, 3])
 
 
-def _as_vectors(views: list[View], order: str) -> list[View]:
+def _as_vectors(views: list[View], order: Euler) -> list[View]:
     """The views with rotation vectors that were read as Euler angles; those that two vectors explain are left out."""
     found = []
     for view in views:
