@@ -25,7 +25,7 @@ class SynthesizeOptions(Options):
     """Standard deviation of the noise on the palm's rotation vector, per axis [deg]."""
     noise_finger_deg: NonNegativeFloat = 1.0
     """Standard deviation of the noise on every finger joint [deg]."""
-    noise_correlation: float = Field(0.8, ge=0.0, lt=1.0)
+    noise_correlation: float = Field(0.97, ge=0.0, lt=1.0)
     """Correlation of the noise in consecutive control steps, 0..1."""
     noise_in_contact: bool = False
     """Whether to add noise in segments with intended contact, too."""
@@ -39,6 +39,15 @@ class SynthesizeOptions(Options):
     """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
     """Episodes with an unintended contact above this force are discarded [N]."""
+    depth_m: PositiveFloat = 0.002
+    """Episodes in which the robot or an object penetrates anything by more than this are discarded [m]."""
+    speed: PositiveFloat = 1.1
+    """Episodes in which a joint moves faster than this multiple of its limit are discarded."""
+    acceleration_rad_s2: PositiveFloat = 12.0
+    """Episodes whose targets accelerate a joint of an arm more than this are discarded [rad/s^2]. Makers of arms state
+    speeds and torques, but seldom accelerations."""
+    hold_s: NonNegativeFloat = 0.5
+    """Episodes whose success does not last for this time are discarded, if the task demands less [s]."""
     tries: PositiveInt = 6
     """Maximum attempts per episode before the shard fails."""
 

@@ -14,7 +14,9 @@ from dextera_build.policy import layout
 from dextera_build.policy.added import of_specs
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
-from dextera_build.sim.experts.drive import Driver, Filters, Noise
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import Filters
+from dextera_build.sim.experts.noise import Noise
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
 
@@ -72,7 +74,14 @@ def _manner(options: SynthesizeOptions) -> synthesis.Manner:
     )
     return synthesis.Manner(
         noise=noise,
-        filters=Filters(lag_m=options.lag_m, press_n=options.press_n),
+        filters=Filters(
+            lag_m=options.lag_m,
+            press_n=options.press_n,
+            depth_m=options.depth_m,
+            speed=options.speed,
+            acceleration_rad_s2=options.acceleration_rad_s2,
+            hold_s=options.hold_s,
+        ),
         timing=synthesis.Timing(options.speed_m_s, float(np.radians(options.turn_deg_s))),
         nearest=options.nearest,
     )

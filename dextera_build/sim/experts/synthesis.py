@@ -18,8 +18,10 @@ from dextera_build.geometry import transforms
 from dextera_build.geometry.poses import to_matrix
 from dextera_build.sim.control.operator import Aim, Command, State
 from dextera_build.sim.experts.acting import acting
-from dextera_build.sim.experts.drive import Driver, Filters, Noise
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import Filters
 from dextera_build.sim.experts.motion import between, minimum_jerk
+from dextera_build.sim.experts.noise import Noise
 from dextera_build.sim.runtime.environment import Environment
 
 ALIKE_M, ALIKE_RAD = 0.04, 0.5

@@ -1,4 +1,4 @@
-"""Unintended contacts of a robot."""
+"""Unintended contacts of a robot, and penetration."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ class Touch:
         base = model.body(ROBOT + "base").id
         roots = model.body_rootid[model.geom_bodyid]
         self._robot = roots == base
+        # What moves by the task: the robot, and every object.
+        self._movable = self._robot | np.isin(roots, [model.body(name).id for name in environment.bundle.objects])
         # A hand may touch the container that it reaches into.
         meant = (environment.task.object, *environment.primitive.others())
         self._target = np.isin(roots, [model.body(name).id for name in meant])
@@ -50,6 +52,15 @@ class Touch:
             if np.linalg.norm(force[:3]) > press_n:
                 return str(self._names[thing])
         return ""
+
+    def deeper(self, depth_m: float) -> tuple[str, str] | None:
+        """Two bodies, of which the robot or an object is one, that penetrate by more than `depth_m` [m]; else None."""
+        contact = self._environment.data.contact
+        for number in np.flatnonzero(contact.dist < -depth_m):
+            one, other = contact.geom[number]
+            if self._movable[one] or self._movable[other]:
+                return str(self._names[one]), str(self._names[other])
+        return None
 
     def _name(self, geom: int) -> str:
         model = self._environment.model

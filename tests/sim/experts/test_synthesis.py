@@ -11,11 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dextera_build.artifacts.tasks.episode import Segment
-from dextera_build.geometry import quaternions, transforms
+from dextera_build.geometry import transforms
 from dextera_build.geometry.lie import rotation
 from dextera_build.geometry.poses import to_matrix
-from dextera_build.sim.control.operator import Aim, Command, State
-from dextera_build.sim.experts.drive import Noise, _Disturbance
+from dextera_build.sim.control.operator import State
 from dextera_build.sim.experts.motion import between
 from dextera_build.sim.experts.synthesis import (
     Synthesis,
@@ -181,46 +180,3 @@ def test_demonstrations_that_take_hold_otherwise_are_left_out():
     same = [source.model_copy(update={"hand": shown[0].hand, "terms": shown[0].terms}) for source in shown[:4]]
     assert alike([*same, mixed[2]], ("box", "case")) == same
     assert alike([], ()) == []
-
-
-def command(contact: bool) -> Command:
-    return Command({"arm": Aim(factories.pose(0.3, 0.1, 0.2, yaw=0.3), np.zeros(4))}, "grasp", "box", contact)
-
-
-def test_noise_has_the_declared_spread_and_stays_a_rotation():
-    noise = Noise(position_m=0.01, rotation_rad=0.02, finger_rad=0.03, correlation=0.0)
-    disturbance = _Disturbance(noise, seed=1)
-    clean = command(contact=False)
-    made = [disturbance.on(clean) for _ in range(4000)]
-    shifts = np.array([one.aims["arm"].palm[:3, 3] - clean.aims["arm"].palm[:3, 3] for one in made])
-    assert shifts.std(axis=0) == pytest.approx(0.01, rel=0.1)
-    turns = [transforms.angle(clean.aims["arm"].palm[:3, :3].T @ one.aims["arm"].palm[:3, :3]) for one in made]
-    assert np.sqrt(np.mean(np.square(turns)) / 3) == pytest.approx(0.02, rel=0.1)
-    assert np.array([one.aims["arm"].fingers for one in made]).std() == pytest.approx(0.03, rel=0.1)
-    assert all(abs(np.linalg.det(one.aims["arm"].palm[:3, :3]) - 1) < 1e-9 for one in made[:50])
-    assert quaternions.from_matrix(made[0].aims["arm"].palm[:3, :3]).shape == (4,)
-
-
-def test_correlated_noise_keeps_its_spread():
-    disturbance = _Disturbance(Noise(position_m=0.01, correlation=0.9), seed=2)
-    shifts = np.array([disturbance.on(command(False)).aims["arm"].palm[0, 3] for _ in range(20000)]) - 0.3
-    assert shifts.std() == pytest.approx(0.01, rel=0.15)
-    assert np.corrcoef(shifts[:-1], shifts[1:])[0, 1] == pytest.approx(0.9, abs=0.03)
-
-
-def test_contact_is_not_disturbed_unless_asked():
-    loud = Noise(position_m=0.01, rotation_rad=0.02, finger_rad=0.03)
-    assert _Disturbance(loud, 3).on(command(contact=True)).aims["arm"].palm is not None
-    assert np.array_equal(
-        _Disturbance(loud, 3).on(command(contact=True)).aims["arm"].palm, command(True).aims["arm"].palm
-    )
-    everywhere = Noise(position_m=0.01, in_contact=True)
-    assert not np.array_equal(
-        _Disturbance(everywhere, 3).on(command(contact=True)).aims["arm"].palm, command(True).aims["arm"].palm
-    )
-
-
-def test_no_noise_is_the_command_itself():
-    assert np.allclose(
-        _Disturbance(Noise(), 4).on(command(contact=False)).aims["arm"].palm, command(False).aims["arm"].palm
-    )
