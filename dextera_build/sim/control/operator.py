@@ -7,7 +7,7 @@ limb. A `PoseControl` converts it to joint targets, so every operator drives eve
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +15,11 @@ import numpy as np
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.ik import ArmKinematics
+
+FREE = ""
+"""Frame of free motion, which connects two others."""
+BASE = "robot/base"
+"""Frame of palm poses that are kept as they are in the robot's base."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,18 @@ class Aim:
 
 
 @dataclass(frozen=True)
+class Part:
+    """What one limb does in one control step."""
+
+    segment: str
+    """See `Command.segment`."""
+    frame: str = ""
+    """See `Command.frame`."""
+    contact: bool = False
+    """See `Command.contact`."""
+
+
+@dataclass(frozen=True)
 class Command:
     """An operator's command at one control step."""
 
@@ -48,9 +65,18 @@ class Command:
     segment: str
     """Part of the demonstration: `approach`, `grasp`, `lift`, ..."""
     frame: str = ""
-    """The body that the palms move relative to; empty: free motion."""
+    """The body that the palms move relative to, or `BASE`; empty: free motion."""
     contact: bool = False
     """Whether contact of the hands with the task's object is intended."""
+    parts: Mapping[str, Part] = field(default_factory=dict)
+    """Limb -> what it does, if it does something else; limbs that do the same share one transform of their frame."""
+
+    off: Mapping[str, Aim] = field(default_factory=dict)
+    """Limb -> the target that is executed in place of its own, in a perturbation; the label stays its own."""
+
+    def part(self, limb: str) -> Part:
+        """What a limb does."""
+        return self.parts.get(limb) or Part(self.segment, self.frame, self.contact)
 
 
 class OutOfReach(Exception):  # noqa: N818  a verdict on a start, not a fault
@@ -107,6 +133,11 @@ class PoseControl:
             step, old = self._speed[hand] * self._dt, self._targets[hand]
             targets[hand] = np.clip(aim.fingers, old - step, old + step)
         self._targets = np.clip(targets, self._lower, self._upper)
+        return self._targets.copy()
+
+    @property
+    def targets(self) -> np.ndarray:
+        """The last joint targets (A,) [rad]."""
         return self._targets.copy()
 
     def lag_m(self, command: Command) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episode, Origin, Segment, Start
@@ -9,7 +11,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import poses
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.control.ik import UNSOLVED
-from dextera_build.sim.control.operator import Command, Operator, OutOfReach, PoseControl, State
+from dextera_build.sim.control.operator import Command, Operator, OutOfReach, Part, PoseControl, State
 from dextera_build.sim.experts.filters import Filters, Watch
 from dextera_build.sim.experts.noise import Disturbance, Noise
 from dextera_build.sim.runtime.environment import Environment, Outcome
@@ -73,6 +75,7 @@ class _Run:
         self._environment, self._disturbance = driver.environment, disturbance
         self.recorder, self.labels = Recorder(driver.environment), _Labels()
         self.segment = "the plan"
+        self._off = False
         # Number of the first control period with success.
         self._since = 0
 
@@ -109,8 +112,12 @@ class _Run:
 
     def _step(self, command: Command) -> Outcome:
         driver = self._driver
+        if self._off and not command.off:
+            # The label goes on from where the robot was taken to.
+            driver.control.begin(driver.noisy.targets)
+        self._off = bool(command.off)
         action = driver.control.follow(command)
-        sent = driver.noisy.follow(self._disturbance.on(command))
+        sent = driver.noisy.follow(self._disturbance.on(replace(command, aims={**command.aims, **command.off})))
         self.recorder.before(action, self._palms(command))
         self.labels.add(command)
         outcome = self._environment.step(sent)
@@ -155,29 +162,24 @@ def state_of(bundle: TaskBundle, measured: Measurement) -> State:
 
 
 class _Labels:
-    """Runs of equal segment labels."""
+    """Segments of a recording: runs of control steps in which some limbs do the same."""
 
     def __init__(self) -> None:
-        self._runs: list[tuple[Command, int]] = []
+        self._steps = 0
+        self._found: dict[tuple[Part, tuple[str, ...], int], int] = {}
+        self._open: dict[tuple[Part, tuple[str, ...]], int] = {}
 
     def add(self, command: Command) -> None:
-        if self._runs and self._runs[-1][0].segment == command.segment:
-            self._runs[-1] = (self._runs[-1][0], self._runs[-1][1] + 1)
-        else:
-            self._runs.append((command, 1))
+        limbs: dict[Part, tuple[str, ...]] = {}
+        for limb in command.aims:
+            limbs[command.part(limb)] = (*limbs.get(command.part(limb), ()), limb)
+        self._open = {both: self._open.get(both, self._steps) for both in limbs.items()}
+        self._steps += 1
+        self._found |= {(*both, first): self._steps for both, first in self._open.items()}
 
     def segments(self) -> tuple[Segment, ...]:
-        found, first = [], 0
-        for command, count in self._runs:
-            found.append(
-                Segment(
-                    name=command.segment,
-                    first=first,
-                    last=first + count,
-                    frame=command.frame,
-                    contact=command.contact,
-                    limbs=tuple(command.aims),
-                )
-            )
-            first += count
-        return tuple(found)
+        ordered = sorted(self._found.items(), key=lambda item: item[0][2])
+        return tuple(
+            Segment(name=part.segment, first=first, last=last, frame=part.frame, contact=part.contact, limbs=limbs)
+            for (part, limbs, first), last in ordered
+        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class Disturbance:
         if not self._gain:
             return command
         aims = {name: _disturbed(aim, drawn[name], self._noise) for name, aim in command.aims.items()}
-        return Command(aims, command.segment, command.frame, command.contact)
+        return replace(command, aims=aims)
 
     def _next(self, limb: str, size: int) -> np.ndarray:
         """The next value (size,) of a limb's process, of unit variance."""
