@@ -16,6 +16,8 @@ from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.ik import ArmKinematics
 
+SETTLING = 0.1
+"""Part of its distance from home by which the redundancy of an arm returns in a control step, if it is slowed down."""
 FREE = ""
 """Frame of free motion, which connects two others."""
 BASE = "robot/base"
@@ -105,10 +107,12 @@ class PoseControl:
     Args:
         robot: The embodiment.
         control_hz: Control rate [Hz].
+        settle_rad_s: Speed at which the redundancy of an arm returns to its home; as far as possible in every step
+            by default, which accelerates joints without limit.
     """
 
-    def __init__(self, robot: RobotModel, control_hz: float) -> None:
-        self._robot = robot
+    def __init__(self, robot: RobotModel, control_hz: float, settle_rad_s: float = np.inf) -> None:
+        self._robot, self._settle = robot, settle_rad_s / control_hz
         self._names = [joint.name for joint in robot.joints]
         self._arms: dict[tuple[str, ...], ArmKinematics] = {}
         self._hands = {name: self._places(limb.hand) for name, limb in robot.limbs.items()}
@@ -127,13 +131,19 @@ class PoseControl:
         targets, arms = self._targets.copy(), self.arms(tuple(command.aims))
         moved = self._places(arms.joints)
         palms = np.array([aim.palm for aim in command.aims.values()])
-        targets[moved] = arms.track(palms, targets[moved], self._dt)
+        targets[moved] = arms.track(palms, targets[moved], self._dt, posture=self.posture(arms, targets[moved]))
         for name, aim in command.aims.items():
             hand = self._hands[name]
             step, old = self._speed[hand] * self._dt, self._targets[hand]
             targets[hand] = np.clip(aim.fingers, old - step, old + step)
         self._targets = np.clip(targets, self._lower, self._upper)
         return self._targets.copy()
+
+    def posture(self, arms: ArmKinematics, joints: np.ndarray) -> np.ndarray:
+        """The posture (A,) that the redundancy of arms at joints (A,) tends to in the next step [rad]."""
+        if np.isinf(self._settle):
+            return arms.home
+        return np.asarray(joints + np.clip(SETTLING * (arms.home - joints), -self._settle, self._settle))
 
     @property
     def targets(self) -> np.ndarray:

@@ -27,12 +27,13 @@ class Driver:
 
     Args:
         environment: The task; the driver begins its episodes.
+        settle_rad_s: See `PoseControl`.
     """
 
-    def __init__(self, environment: Environment) -> None:
+    def __init__(self, environment: Environment, settle_rad_s: float = np.inf) -> None:
         self.environment = environment
-        self.control = PoseControl(environment.bundle.robot, environment.task.control_hz)
-        self.noisy = PoseControl(environment.bundle.robot, environment.task.control_hz)
+        robot, rate = environment.bundle.robot, environment.task.control_hz
+        self.control, self.noisy = (PoseControl(robot, rate, settle_rad_s) for _ in range(2))
         self.watch = Watch(environment)
 
     def run(

@@ -22,6 +22,8 @@ class Filters:
     """Maximum force of an unintended contact [N]."""
     depth_m: float = np.inf
     """Maximum penetration of the robot, or of an object, into anything [m]."""
+    grip_m: float = np.inf
+    """Maximum penetration where a hand should touch the object [m]."""
     speed: float = np.inf
     """Maximum measured speed of a joint, as a multiple of its own limit."""
     acceleration_rad_s2: float = np.inf
@@ -65,7 +67,7 @@ class Watch:
         touched = self._touch.unintended(command.contact, limits.press_n)
         if touched:
             return f"touched `{touched}` in `{command.segment}`"
-        deep = self._touch.deeper(limits.depth_m)
+        deep = self._touch.deeper(command.contact, limits.depth_m, limits.grip_m)
         if deep:
             return f"`{deep[0]}` was pressed too deep into `{deep[1]}` in `{command.segment}`"
         return self._moved(command.segment, limits)

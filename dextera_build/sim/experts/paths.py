@@ -51,6 +51,10 @@ class Path:
             [free] * (count - 1) + list(self.labels),
         )
 
+    def palms_at(self, place: float) -> np.ndarray:
+        """T_base_palm (L, 4, 4) at a place 0..N."""
+        return np.array([pose_at(self.palms[:, number], place) for number in range(len(self.limbs))])
+
     def command(self, place: float) -> Command:
         """The command at a place, above 0 and up to N."""
         step = int(np.ceil(place - 1e-9)) - 1

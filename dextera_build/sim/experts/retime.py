@@ -60,6 +60,28 @@ def moments(found: np.ndarray) -> np.ndarray:
     return np.interp(ends[-1] * np.arange(1, count + 1) / count, ends, np.arange(len(ends)))
 
 
+def accelerations(sent: np.ndarray, before: np.ndarray, period_s: float) -> np.ndarray:
+    """Accelerations (N, A) of targets (N + 1, A), of which one is sent per control period.
+
+    Args:
+        sent: The targets [rad].
+        before: (A,) their speed before [rad/s].
+        period_s: Control period [s].
+    """
+    speeds = np.concatenate([before[None], np.diff(sent, axis=0) / period_s])
+    return np.asarray(np.abs(np.diff(speeds, axis=0)) / period_s)
+
+
+def slower(found: np.ndarray, places: np.ndarray, excess: np.ndarray) -> np.ndarray:
+    """Longer durations of the steps near places (M,) at which motion is too fast by factors (M,)."""
+    longer = found.copy()
+    for place, factor in zip(places, excess, strict=True):
+        if factor > 1.0:
+            near = slice(max(0, int(place) - 2), int(place) + 2)
+            longer[near] = np.maximum(longer[near], found[near] * min(factor, 1.5))
+    return longer
+
+
 def pose_at(path: np.ndarray, place: float) -> np.ndarray:
     """Pose (4, 4) at a place 0..N of a path (N + 1, 4, 4), smooth in velocity and exact at whole places."""
     row = min(int(place), len(path) - 2) if len(path) > 1 else 0

@@ -15,6 +15,7 @@ import numpy as np
 from dextera_build.artifacts.tasks.episode import Episode, Episodes, Start
 from dextera_build.geometry import transforms
 from dextera_build.geometry.poses import to_matrix
+from dextera_build.sim.control.ik import ArmKinematics
 from dextera_build.sim.control.operator import BASE, FREE, Command, PoseControl, State
 from dextera_build.sim.experts.adapt import Timing, bent, slowed, steps_between, transfer
 from dextera_build.sim.experts.drive import Driver
@@ -22,15 +23,19 @@ from dextera_build.sim.experts.filters import Filters
 from dextera_build.sim.experts.noise import Noise
 from dextera_build.sim.experts.paths import Path
 from dextera_build.sim.experts.recovery import Recovery, recovering
-from dextera_build.sim.experts.retime import Limits, durations, moments
+from dextera_build.sim.experts.retime import Limits, accelerations, durations, moments, slower
 from dextera_build.sim.experts.runs import Run
 from dextera_build.sim.experts.sources import Source, nearest, sources_of
 from dextera_build.sim.runtime.environment import Environment
 
 LOOSE = 10.0
 """Factor on speed limits while a path is solved for its joints, which retiming needs as it was shown."""
-SPARE_SPEED, SPARE_ACCELERATION = 0.95, 0.7
+SPARE_SPEED, SPARE_ACCELERATION = 0.95, 0.6
 """Parts of the limits that a retimed path uses; noise needs the rest."""
+SPARE_SENT = 0.85
+"""Of the square root of an acceleration that is more than its part, what is tolerated in the targets that are sent."""
+REVISIONS = 4
+"""Maximum number of times that a path is retimed."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +122,7 @@ class Synthesis:
         plans: dict[str, _Planned] = {}
         source = self._sources[0]
         perturbed = self._manner.recovery.drawn(self._random)
+        self._from_targets()
         for stage in range(len(source.starts)):
             first = source.starts[stage]
             if all(
@@ -133,6 +139,14 @@ class Synthesis:
             # The hands are empty until the first contact, and nothing is lost if they stray.
             yield from recovering(commands, self._manner.recovery, self._random) if perturbed else commands
             perturbed = False
+
+    def _from_targets(self) -> None:
+        """Begin at the targets of the arms, from which gravity and a previous motion keep the hands a bit away."""
+        if self._control is not None:
+            for limb in self._limbs:
+                arm = self._control.arms((limb,))
+                joints = self._control.targets[[self._names.index(name) for name in arm.joints]]
+                self._palms[limb] = arm.pose(joints)
 
     def _chosen(self, last: Source, stage: int) -> Source:
         """The source of the runs that begin, by the current pose of their frame."""
@@ -190,32 +204,48 @@ class Synthesis:
             tuple(np.concatenate([self._fingers[limb][None], plan.fingers[row]]) for limb, plan, row in parts),
             np.max([plan.least[row] for _, plan, row in parts], axis=0),
             [source.parts(row, self._limbs) for row in range(first, last)],
-        ).started()
+        )
         if any(plan.run.first == plan.run.enters == first for plan in plans):
             pairs = zip(path.palms[0], path.palms[1], strict=True)
             path = path.led(max(steps_between(*pair, self._rate, self._manner.timing) for pair in pairs))
+        else:
+            path = path.started()
         for number, limb in enumerate(limbs):
             self._palms[limb], self._fingers[limb] = path.palms[-1, number], path.fingers[number][-1]
-        return [path.command(place) for place in moments(self._durations(path))]
+        return [path.command(place) for place in self._places(path)]
 
-    def _durations(self, path: Path) -> np.ndarray:
-        """Durations of the path's steps [control periods], retimed to the limits of the arms."""
+    def _places(self, path: Path) -> np.ndarray:
+        """Places on the path at the ends of control periods, retimed to the limits of the arms."""
         if self._control is None:
-            return path.least
+            return moments(path.least)
         period, arms = 1.0 / self._rate, self._control.arms(path.limbs)
-        places = [self._names.index(name) for name in arms.joints]
-        rows = [self._control.targets[places]]
-        for palms in path.palms[1:]:
-            rows.append(arms.track(palms, rows[-1], LOOSE * period))
-        joints = np.array(rows)
-        limits = Limits(
-            SPARE_SPEED * self._speeds[places],
-            np.full(len(places), SPARE_ACCELERATION * self._manner.filters.acceleration_rad_s2),
-        )
-        before = self._last[1] if self._last[0] == path.limbs else np.zeros(len(places))
-        found = durations(joints, path.least, limits, before, period)
-        self._last = path.limbs, (joints[-1] - joints[-2]) / (found[-1] * period)
-        return found
+        limits = self._limits([self._names.index(name) for name in arms.joints])
+        before = self._last[1] if self._last[0] == path.limbs else np.zeros(len(arms.joints))
+        shown, least = self._joints(arms, path.palms[1:]), path.least
+        for _ in range(REVISIONS):
+            least = durations(shown, least, limits, before, period)
+            places = moments(least)
+            # Redundant joints move with time, not with the path: look at what will really be sent.
+            sent = self._joints(arms, [path.palms_at(place) for place in places])
+            excess = np.sqrt(accelerations(sent, before, period) / limits.acceleration).max(axis=1) * SPARE_SENT
+            if excess.max() <= 1.0:
+                break
+            least = slower(least, places, excess)
+        self._last = path.limbs, (sent[-1] - sent[-2]) / period
+        return places
+
+    def _limits(self, places: Sequence[int]) -> Limits:
+        most = self._manner.filters.acceleration_rad_s2
+        return Limits(SPARE_SPEED * self._speeds[places], np.full(len(places), SPARE_ACCELERATION * most))
+
+    def _joints(self, arms: ArmKinematics, palms: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
+        """Joints (N + 1, A) [rad] from the present targets along palms (N, L, 4, 4)."""
+        assert self._control is not None
+        rows = [self._control.targets[[self._names.index(name) for name in arms.joints]]]
+        for each in palms:
+            posture = self._control.posture(arms, rows[-1])
+            rows.append(arms.track(each, rows[-1], LOOSE / self._rate, posture=posture))
+        return np.array(rows)
 
 
 def synthesise(driver: Driver, sources: Episodes, start: Start, seed: int, manner: Manner) -> Episode:

@@ -53,12 +53,19 @@ class Touch:
                 return str(self._names[thing])
         return ""
 
-    def deeper(self, depth_m: float) -> tuple[str, str] | None:
-        """Two bodies, of which the robot or an object is one, that penetrate by more than `depth_m` [m]; else None."""
-        contact = self._environment.data.contact
-        for number in np.flatnonzero(contact.dist < -depth_m):
-            one, other = contact.geom[number]
-            if self._movable[one] or self._movable[other]:
+    def deeper(self, contact: bool, depth_m: float, grip_m: float) -> tuple[str, str] | None:
+        """Two bodies that penetrate too deep, of which the robot or an object is one; None if there are none.
+
+        Args:
+            contact: Whether contact with the bodies named by the task is intended now.
+            depth_m: Tolerated depth [m].
+            grip_m: Tolerated depth of an intended contact [m].
+        """
+        found = self._environment.data.contact
+        for number in np.flatnonzero(found.dist < -min(depth_m, grip_m)):
+            one, other = found.geom[number]
+            meant = contact and (self._robot[one] or self._robot[other]) and (self._target[one] or self._target[other])
+            if found.dist[number] < -(grip_m if meant else depth_m) and (self._movable[one] or self._movable[other]):
                 return str(self._names[one]), str(self._names[other])
         return None
 

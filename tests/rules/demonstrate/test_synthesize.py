@@ -86,7 +86,7 @@ def test_attempts_without_inverse_kinematics_are_discarded_with_the_reason(
     monkeypatch.setattr(ArmKinematics, "track", sometimes)
     made, _ = synthesised(tmp_path, bundle, sources, 1)
     assert len(made.items) == 1
-    assert list(made.reasons) == ["the inverse kinematics found no solution in `approach`"]
+    assert list(made.reasons) == ["the inverse kinematics found no solution in `the plan`"]
     assert len(made.failures) == 1
 
 
