@@ -8,6 +8,8 @@ import numpy as np
 
 from dextera_build.geometry import lie, transforms
 
+NEAR = 4
+"""Steps before and after one with too much acceleration that are made slower with it."""
 ROUNDS = 400
 """Maximum number of corrections of the durations."""
 
@@ -77,7 +79,7 @@ def slower(found: np.ndarray, places: np.ndarray, excess: np.ndarray) -> np.ndar
     longer = found.copy()
     for place, factor in zip(places, excess, strict=True):
         if factor > 1.0:
-            near = slice(max(0, int(place) - 2), int(place) + 2)
+            near = slice(max(0, int(place) - NEAR), int(place) + NEAR)
             longer[near] = np.maximum(longer[near], found[near] * min(factor, 1.5))
     return longer
 

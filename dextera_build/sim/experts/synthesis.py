@@ -34,7 +34,7 @@ SPARE_SPEED, SPARE_ACCELERATION = 0.95, 0.6
 """Parts of the limits that a retimed path uses; noise needs the rest."""
 SPARE_SENT = 0.85
 """Of the square root of an acceleration that is more than its part, what is tolerated in the targets that are sent."""
-REVISIONS = 4
+REVISIONS = 8
 """Maximum number of times that a path is retimed."""
 
 
@@ -221,12 +221,12 @@ class Synthesis:
         period, arms = 1.0 / self._rate, self._control.arms(path.limbs)
         limits = self._limits([self._names.index(name) for name in arms.joints])
         before = self._last[1] if self._last[0] == path.limbs else np.zeros(len(arms.joints))
-        shown, least = self._joints(arms, path.palms[1:]), path.least
+        shown, least = self._joints(arms, path.palms[1:], LOOSE), path.least
         for _ in range(REVISIONS):
             least = durations(shown, least, limits, before, period)
             places = moments(least)
-            # Redundant joints move with time, not with the path: look at what will really be sent.
-            sent = self._joints(arms, [path.palms_at(place) for place in places])
+            # Redundant joints move with time, and otherwise at their limits: look at what will really be sent.
+            sent = self._joints(arms, [path.palms_at(place) for place in places], 1.0)
             excess = np.sqrt(accelerations(sent, before, period) / limits.acceleration).max(axis=1) * SPARE_SENT
             if excess.max() <= 1.0:
                 break
@@ -238,13 +238,13 @@ class Synthesis:
         most = self._manner.filters.acceleration_rad_s2
         return Limits(SPARE_SPEED * self._speeds[places], np.full(len(places), SPARE_ACCELERATION * most))
 
-    def _joints(self, arms: ArmKinematics, palms: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
-        """Joints (N + 1, A) [rad] from the present targets along palms (N, L, 4, 4)."""
+    def _joints(self, arms: ArmKinematics, palms: Sequence[np.ndarray] | np.ndarray, loose: float) -> np.ndarray:
+        """Joints (N + 1, A) [rad] from the present targets along palms (N, L, 4, 4), at `loose` times their speeds."""
         assert self._control is not None
         rows = [self._control.targets[[self._names.index(name) for name in arms.joints]]]
         for each in palms:
             posture = self._control.posture(arms, rows[-1])
-            rows.append(arms.track(each, rows[-1], LOOSE / self._rate, posture=posture))
+            rows.append(arms.track(each, rows[-1], loose / self._rate, posture=posture))
         return np.array(rows)
 
 

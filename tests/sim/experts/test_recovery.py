@@ -30,8 +30,8 @@ def made(driver: Driver, recovery: Recovery, seed: int = 5) -> Episode:
 
 
 def rows(episode: Episode, name: str) -> slice:
-    (found,) = (segment for segment in episode.segments if segment.name == name)
-    return slice(found.first, found.last)
+    found = [segment for segment in episode.segments if segment.name == name]
+    return slice(found[0].first, found[-1].last)
 
 
 def test_the_label_stays_on_the_path_and_then_leads_back_to_it(driver: Driver) -> None:

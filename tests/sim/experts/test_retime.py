@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -55,7 +57,7 @@ def test_poses_between_are_smooth_and_exact_at_the_steps() -> None:
     assert np.allclose(pose_at(path, 7.0), path[7])
     fine = [pose_at(path, place) for place in np.arange(1.0, 6.0, 0.01)]
     moves = np.diff([pose[:3, 3] for pose in fine], axis=0)
-    turns = [transforms.angle(one[:3, :3].T @ other[:3, :3]) for one, other in zip(fine, fine[1:], strict=False)]
+    turns = [transforms.angle(one[:3, :3].T @ other[:3, :3]) for one, other in pairwise(fine)]
     # A polygon would change its speed at every step at once: here by 40 mm and 0.06 rad.
     assert np.abs(np.diff(moves, axis=0)).max() < 0.1 * 0.04
     assert np.abs(np.diff(turns)).max() < 0.1 * 0.06
@@ -65,5 +67,5 @@ def test_what_is_sent_is_measured_and_slowed_near_where_it_is_too_much() -> None
     sent = np.array([[0.0], [0.0], [0.1], [0.2], [0.2]])
     assert accelerations(sent, np.zeros(1), 0.1)[:, 0] == pytest.approx([0.0, 10.0, 0.0, 10.0])
     longer = slower(np.ones(10), np.array([4.0, 5.0]), np.array([1.0, 1.3]))
-    assert longer[4:7] == pytest.approx(1.3)
+    assert longer[1:9] == pytest.approx(1.3)
     assert longer[0] == longer[9] == 1.0

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from dextera_build.artifacts.tasks.episode import Episode, Episodes, Segment
 from dextera_build.geometry import transforms
@@ -102,11 +103,16 @@ def test_coordinated_hands_share_one_transform() -> None:
     shown, shift = demonstration(LIFT, meets=False), factories.pose(0.05, -0.03, 0.02, yaw=0.3)
     commands = operated(shown, {0: shift @ BOX})
     framed = [command for command in commands if command.frame]
-    assert len(framed) == 30
-    for row, command in enumerate(framed, start=10):
+    assert len(framed) >= 30
+    # The first steps lead into the frame.
+    for command in framed[3:]:
         assert command.parts == {}
-        for limb in LIMBS:
-            assert np.allclose(command.aims[limb].palm, shift @ shown_pose(shown, row, limb), atol=1e-5)
+        left, right = (transforms.invert(shift) @ command.aims[limb].palm for limb in LIMBS)
+        # As shown, at the same time: at part p of the demonstration both are at x = 0.4 + 0.1 p, y = +-(0.3 - 0.1 p).
+        assert left[:3, 3] == pytest.approx([right[0, 3], 0.7 - left[0, 3], 0.2], abs=1e-5)
+        assert right[:3, 3] == pytest.approx(left[:3, 3] * [1, -1, 1], abs=1e-5)
+    for limb in LIMBS:
+        assert np.allclose(framed[-1].aims[limb].palm, shift @ shown_pose(shown, STEPS - 1, limb), atol=1e-5)
 
 
 def test_the_receiver_goes_to_where_the_object_is_when_its_turn_comes() -> None:
