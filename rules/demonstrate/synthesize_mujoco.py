@@ -14,6 +14,7 @@ from dextera_build.policy import layout
 from dextera_build.policy.added import of_specs
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
+from dextera_build.sim.experts.adapt import Timing
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.filters import Filters
 from dextera_build.sim.experts.noise import Noise
@@ -88,7 +89,7 @@ def _manner(options: SynthesizeOptions) -> synthesis.Manner:
             acceleration_rad_s2=options.acceleration_rad_s2,
             hold_s=options.hold_s,
         ),
-        timing=synthesis.Timing(options.speed_m_s, float(np.radians(options.turn_deg_s))),
+        timing=Timing(options.speed_m_s, float(np.radians(options.turn_deg_s))),
         nearest=options.nearest,
         recovery=Recovery(options.recover, options.recover_position_m, float(np.radians(options.recover_rotation_deg))),
     )

@@ -27,8 +27,8 @@ class Limits:
 def durations(path: np.ndarray, least: np.ndarray, limits: Limits, before: np.ndarray, period_s: float) -> np.ndarray:
     """Durations of the steps of a path [control periods], the same or longer than `least`.
 
-    Where two steps need too much acceleration between them, both are made longer, until the longest way of slowing down
-    that follows from it is within the limits, too.
+    Where two steps need too much acceleration between them, both are made longer, again and again, until the speeds
+    rise and fall slowly enough everywhere.
 
     Args:
         path: (N + 1, A) joint positions [rad or m].
@@ -45,7 +45,7 @@ def durations(path: np.ndarray, least: np.ndarray, limits: Limits, before: np.nd
         excess = (np.abs(np.diff(speeds, axis=0)) / spans[:, None] / limits.acceleration).max(axis=1)
         if excess.max(initial=0.0) <= 1.0 + 1e-3:
             break
-        # The next step cannot undo how fast the previous one was, which is therefore slowed as well.
+        # A step after which motion is too fast is slowed together with the one that follows it.
         factor = np.clip(np.sqrt(excess), 1.0, 1.1)
         found = found * np.maximum(factor, np.append(factor[1:], 1.0))
     return np.asarray(found)
@@ -59,7 +59,7 @@ def moments(found: np.ndarray) -> np.ndarray:
     """
     ends = np.concatenate([[0.0], np.cumsum(found)])
     count = max(1, int(np.ceil(ends[-1] - 1e-6)))
-    return np.interp(ends[-1] * np.arange(1, count + 1) / count, ends, np.arange(len(ends)))
+    return np.asarray(np.interp(ends[-1] * np.arange(1, count + 1) / count, ends, np.arange(len(ends))))
 
 
 def accelerations(sent: np.ndarray, before: np.ndarray, period_s: float) -> np.ndarray:
