@@ -11,21 +11,35 @@ SAME = ("task", "embodiment", "rate_hz", *NAMES, "terms")
 """Fields that must be equal in all shards."""
 
 
-@rule(version=1)
+AGAIN = "its start is that of another episode"
+"""Reason of an episode that is left out because an earlier one has the same seed."""
+
+
+@rule(version=2)
 def gather(ctx: Context, shards: Collection[Episodes]) -> Episodes:
-    """Return all episodes of the shards in index order, and the discarded ones."""
+    """Return all episodes of the shards in index order, and the discarded ones.
+
+    Of episodes with the same seed only the first one is kept: a learner would see one start twice, and a trial could
+    begin where a policy was trained.
+    """
     parts = [shards.items[label] for label in sorted(shards.items)]
     ctx.check(bool(parts), "no shards were given", hint="set `episodes` above 0")
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}
+    seeds: set[int] = set()
     for part in parts:
         for field in SAME:
             one, other = getattr(parts[0], field), getattr(part, field)
             ctx.check(one == other, f"the shards differ in `{field}`", first=one, other=other)
-        twice = sorted(set(items) & set(part.items))
+        twice = sorted({*items, *failures} & set(part.items))
         ctx.check(not twice, f"two shards hold episode `{twice[0] if twice else ''}`")
-        items |= part.items
         failures |= part.failures
+        for name, episode in part.in_order():
+            if episode.start.seed in seeds:
+                failures[name] = episode.model_copy(update={"success": False, "reason": AGAIN})
+            else:
+                items[name] = episode
+                seeds.add(episode.start.seed)
     attempts = sum(part.attempts for part in parts)
     ctx.metric("episodes", len(items))
     ctx.metric("yield", len(items) / max(1, attempts))

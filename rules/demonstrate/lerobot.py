@@ -1,4 +1,4 @@
-"""demonstrate.lerobot: episodes as a LeRobotDataset v3.0."""
+"""demonstrate.lerobot: episodes as a LeRobotDataset."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import math
 import tempfile
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
@@ -22,6 +22,9 @@ from .film_of import check_film
 class LerobotOptions(Options):
     """Options of demonstrate.lerobot."""
 
+    version: Literal["v3.0", "v2.1"] = "v3.0"
+    """Format: `v3.0` for LeRobot from 0.4 on; `v2.1` with `meta/modality.json` for LeRobot up to 0.3, openpi and
+    GR00T, with a file per episode."""
     instruction: str = ""
     """The task in words, for language-conditioned policies; empty: the task's name, `CloseLaptop` as `close laptop`."""
     camera: str = "workspace"

@@ -54,7 +54,7 @@ def info(
     """
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     return {
-        "codebase_version": "v3.0",
+        "codebase_version": options.version,
         "robot_type": robot_type(bundle),
         "total_episodes": len(episodes.items),
         "total_frames": steps,

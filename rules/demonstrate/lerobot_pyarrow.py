@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +15,7 @@ from dextera_build.formats.h264 import Encoder
 from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 
-from . import lerobot_features, lerobot_meta, lerobot_stats, lerobot_tables, lerobot_videos, rolling
+from . import lerobot_features, lerobot_meta, lerobot_stats, lerobot_tables, lerobot_v21, lerobot_videos, rolling
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
@@ -41,6 +40,9 @@ def write(
     options: Options,
 ) -> None:
     """Write all files below `out`."""
+    if common.version == lerobot_v21.VERSION:
+        lerobot_v21.write(ctx, bundle, episodes, film, view, out, common)
+        return
     actions = Actions(bundle)
     features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal, actions.spec.names)
     words = lerobot_meta.instruction(bundle, common)
@@ -105,19 +107,12 @@ def _videos(
     with lerobot_videos.videos(out, key, encoder, options) as files:
         for number, (label, _) in enumerate(episodes.in_order()):
             counts = np.zeros((3, 256), np.int64)
-            clip = encoder.encode(_counted(film.each(label), counts))
+            clip = encoder.encode(lerobot_stats.counted(film.each(label), counts))
             rows[number] |= flat({key: lerobot_stats.of_pictures(counts, len(clip.packets))}) | files.add(clip)
             total += counts
             frames += len(clip.packets)
             ctx.progress(number + 1, len(rows), "videos")
     return lerobot_stats.of_pictures(total, frames)
-
-
-def _counted(frames: Iterator[np.ndarray], counts: np.ndarray) -> Iterator[np.ndarray]:
-    """The same frames; their values are added to `counts` (3, 256) on the way."""
-    for frame in frames:
-        counts += lerobot_stats.histogram(frame)
-        yield frame
 
 
 def flat(stats: dict[str, lerobot_stats.Stats]) -> dict[str, object]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 
 Stats = dict[str, np.ndarray]
@@ -25,6 +27,13 @@ def of_numbers(values: np.ndarray) -> Stats:
 def histogram(pixels: np.ndarray) -> np.ndarray:
     """Counts (3, 256) of the 256 values in pictures (..., 3), per channel."""
     return np.stack([np.bincount(pixels[..., channel].ravel(), minlength=256) for channel in range(3)])
+
+
+def counted(frames: Iterable[np.ndarray], counts: np.ndarray) -> Iterator[np.ndarray]:
+    """The same frames; their values are added to `counts` (3, 256) on the way."""
+    for frame in frames:
+        counts += histogram(frame)
+        yield frame
 
 
 def of_pictures(counts: np.ndarray, frames: int) -> Stats:

@@ -14,7 +14,8 @@ from dextera_build.artifacts.tasks.term import TermSpec
 from dextera_build.policy import layout
 from dextera_build.policy.added import of_specs
 from dextera_build.rule import Backend, Context, Options
-from dextera_build.sim.experts.drive import Driver, Filters
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import Filters
 from dextera_build.sim.experts.hand_operator import HandOperator, hands_of
 from dextera_build.sim.retarget import motion
 from dextera_build.sim.retarget.options import Retargeting

@@ -14,7 +14,8 @@ from dextera_build.policy import layout
 from dextera_build.policy.added import of_specs
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import planning
-from dextera_build.sim.experts.drive import Driver, Filters
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import Filters
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
 

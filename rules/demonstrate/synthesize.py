@@ -21,11 +21,11 @@ class SynthesizeOptions(Options):
 
     noise_position_m: NonNegativeFloat = 0.003
     """Standard deviation of the noise on the palm's position, per axis [m]."""
-    noise_rotation_deg: NonNegativeFloat = 0.8
+    noise_rotation_deg: NonNegativeFloat = 0.6
     """Standard deviation of the noise on the palm's rotation vector, per axis [deg]."""
     noise_finger_deg: NonNegativeFloat = 1.0
     """Standard deviation of the noise on every finger joint [deg]."""
-    noise_correlation: float = Field(0.8, ge=0.0, lt=1.0)
+    noise_correlation: float = Field(0.99, ge=0.0, lt=1.0)
     """Correlation of the noise in consecutive control steps, 0..1."""
     noise_in_contact: bool = False
     """Whether to add noise in segments with intended contact, too."""
@@ -35,10 +35,28 @@ class SynthesizeOptions(Options):
     """Angular speed of interpolated motion [deg/s]."""
     nearest: PositiveInt = 3
     """Number of demonstrations with the most similar object pose from which the source is drawn."""
+    recover: float = Field(0.0, ge=0.0, le=1.0)
+    """Share of the episodes in which the hand once leaves its path, and the label leads it back, 0..1."""
+    recover_position_m: NonNegativeFloat = 0.02
+    """Standard deviation of the palm's displacement from its path, per axis [m]."""
+    recover_rotation_deg: NonNegativeFloat = 5.0
+    """Standard deviation of the palm's rotation vector from its path, per axis [deg]."""
     lag_m: PositiveFloat = 0.02
     """Episodes in which joint limits keep the palm farther than this from its command are discarded [m]."""
     press_n: NonNegativeFloat = 2.0
     """Episodes with an unintended contact above this force are discarded [N]."""
+    depth_m: PositiveFloat = 0.002
+    """Episodes in which the robot or an object penetrates anything by more than this are discarded [m]."""
+    grip_m: PositiveFloat = 0.006
+    """The same where a hand should touch the object, because the pads of fingers are soft [m]."""
+    speed: PositiveFloat = 1.1
+    """Episodes in which a joint moves faster than this multiple of its limit are discarded."""
+    acceleration_rad_s2: PositiveFloat = 8.5
+    """Paths are retimed so that no joint of an arm is accelerated more than this, and episodes in which one is all the
+    same are discarded [rad/s^2]. Makers of arms state speeds and torques, but seldom accelerations; the least
+    accelerated joint of an LBR iiwa was measured at 8.57 rad/s^2 (Drake's model of it)."""
+    hold_s: NonNegativeFloat = 0.5
+    """Episodes whose success does not last for this time are discarded, if the task demands less [s]."""
     tries: PositiveInt = 6
     """Maximum attempts per episode before the shard fails."""
 
@@ -62,7 +80,7 @@ class SynthesizeBackend(Protocol):
 
 # Contacts amplify rounding differences, and an attempt may end differently on another processor.
 @rule(
-    version=1,
+    version=2,
     tolerance=Tolerance({"items": math.inf, "failures": math.inf, "attempts": math.inf}, metrics={"yield": 0.2}),
     runs={"bundle": "primitive", "terms": ""},
 )
@@ -78,7 +96,9 @@ def synthesize(
     """Return the shard's episodes in the robot's base frame [m, rad], and discarded attempts with their reasons.
 
     Every attempt has its own start and noise, drawn from a seed derived from (data set, attempt). The label is the
-    clean target; the executed command is stored with it.
+    clean target; the executed command is stored with it. Every run of a limb is adapted from the demonstration whose
+    frame was nearest at that time, limbs that a segment names together share one transform, and the result is slowed
+    to the speeds and accelerations of the arms.
     """
     ctx.check(bool(sources.items), "no demonstrations were given", hint="look at `dxb log` of the operator")
     ctx.check(

@@ -14,7 +14,11 @@ from dextera_build.policy import layout
 from dextera_build.policy.added import of_specs
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
-from dextera_build.sim.experts.drive import Driver, Filters, Noise
+from dextera_build.sim.experts.adapt import Timing
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import Filters
+from dextera_build.sim.experts.noise import Noise
+from dextera_build.sim.experts.recovery import Recovery
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.seeds import seed_of
 
@@ -28,6 +32,10 @@ BACKEND = Backend(
     extra="learn",
 )
 
+SETTLE_RAD_S = 0.08
+"""Speed at which redundant joints return to their home; a faster return would exceed the limits of acceleration
+[rad/s]."""
+
 
 def synthesize(
     ctx: Context,
@@ -39,7 +47,7 @@ def synthesize(
     options: Options,
 ) -> Episodes:
     """Attempt episodes until the shard is full or fails."""
-    driver = Driver(Environment(bundle, terms=of_specs(terms, ctx.companion)))
+    driver = Driver(Environment(bundle, terms=of_specs(terms, ctx.companion)), SETTLE_RAD_S)
     manner = _manner(common)
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}
@@ -72,7 +80,16 @@ def _manner(options: SynthesizeOptions) -> synthesis.Manner:
     )
     return synthesis.Manner(
         noise=noise,
-        filters=Filters(lag_m=options.lag_m, press_n=options.press_n),
-        timing=synthesis.Timing(options.speed_m_s, float(np.radians(options.turn_deg_s))),
+        filters=Filters(
+            lag_m=options.lag_m,
+            press_n=options.press_n,
+            depth_m=options.depth_m,
+            grip_m=options.grip_m,
+            speed=options.speed,
+            acceleration_rad_s2=options.acceleration_rad_s2,
+            hold_s=options.hold_s,
+        ),
+        timing=Timing(options.speed_m_s, float(np.radians(options.turn_deg_s))),
         nearest=options.nearest,
+        recovery=Recovery(options.recover, options.recover_position_m, float(np.radians(options.recover_rotation_deg))),
     )

@@ -14,7 +14,8 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.artifacts.tasks.trials import Attempt
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts import synthesis
-from dextera_build.sim.experts.drive import Driver, Filters
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import Filters
 from dextera_build.sim.experts.synthesis import Manner
 from dextera_build.sim.runtime.environment import Environment
 from dextera_build.sim.runtime.reconstruction import Tracker

@@ -63,11 +63,12 @@ class Segment(Value):
     last: int
     """One past the last step."""
     frame: str
-    """The body relative to which palm poses are kept; empty: free motion that connects two segments."""
+    """The body relative to which palm poses are kept; `robot/base`: they are kept in the robot's base; empty: free
+    motion that connects two segments."""
     contact: bool
     """Whether the hand should touch the task's object in this segment."""
     limbs: tuple[str, ...] = ()
-    """Limbs that move; empty: the only one."""
+    """Limbs that do this; empty: the only one. Several are coordinated: they share one transform of the frame."""
 
 
 class Episode(Artifact):
@@ -81,8 +82,10 @@ class Episode(Artifact):
     """Result of the task's success predicate."""
     reason: str
     """Reason for the failure; empty for a success."""
+    sources: tuple[str, ...] = ()
+    """Indices of the demonstrations that it was synthesised from, in order."""
     segments: tuple[Segment, ...] = ()
-    """Parts of a demonstration, which together cover all steps."""
+    """Parts of a demonstration, by their first step. Those of one limb do not overlap, those of several limbs may."""
     action: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]
     """Intended joint targets: the label to learn from."""
     executed: Annotated[np.ndarray, Array("T A", "float32", unit="rad")]

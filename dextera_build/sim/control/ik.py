@@ -16,6 +16,8 @@ from dextera_build.sim.model.fixed_joints import alone
 SOLVER = "daqp"
 DAMPING = 1e-6
 """Weight of a radian of motion in one iteration."""
+UNSOLVED = (mink.MinkError, np.linalg.LinAlgError)
+"""Exceptions of a step without a solution: joint limits that exclude one another, or numbers that are not finite."""
 ITERATIONS = 120
 """Maximum iterations per descent."""
 STALLED = 12

@@ -7,7 +7,7 @@ limb. A `PoseControl` converts it to joint targets, so every operator drives eve
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +15,13 @@ import numpy as np
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.geometry import transforms
 from dextera_build.sim.control.ik import ArmKinematics
+
+SETTLING = 0.1
+"""Part of its distance from home by which the redundancy of an arm returns in a control step, if it is slowed down."""
+FREE = ""
+"""Frame of free motion, which connects two others."""
+BASE = "robot/base"
+"""Frame of palm poses that are kept as they are in the robot's base."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +47,18 @@ class Aim:
 
 
 @dataclass(frozen=True)
+class Part:
+    """What one limb does in one control step."""
+
+    segment: str
+    """See `Command.segment`."""
+    frame: str = ""
+    """See `Command.frame`."""
+    contact: bool = False
+    """See `Command.contact`."""
+
+
+@dataclass(frozen=True)
 class Command:
     """An operator's command at one control step."""
 
@@ -48,9 +67,18 @@ class Command:
     segment: str
     """Part of the demonstration: `approach`, `grasp`, `lift`, ..."""
     frame: str = ""
-    """The body that the palms move relative to; empty: free motion."""
+    """The body that the palms move relative to, or `BASE`; empty: free motion."""
     contact: bool = False
     """Whether contact of the hands with the task's object is intended."""
+    parts: Mapping[str, Part] = field(default_factory=dict)
+    """Limb -> what it does, if it does something else; limbs that do the same share one transform of their frame."""
+
+    off: Mapping[str, Aim] = field(default_factory=dict)
+    """Limb -> the target that is executed in place of its own, in a perturbation; the label stays its own."""
+
+    def part(self, limb: str) -> Part:
+        """What a limb does."""
+        return self.parts.get(limb) or Part(self.segment, self.frame, self.contact)
 
 
 class OutOfReach(Exception):  # noqa: N818  a verdict on a start, not a fault
@@ -79,10 +107,12 @@ class PoseControl:
     Args:
         robot: The embodiment.
         control_hz: Control rate [Hz].
+        settle_rad_s: Speed at which the redundancy of an arm returns to its home; as far as possible in every step
+            by default, which accelerates joints without limit.
     """
 
-    def __init__(self, robot: RobotModel, control_hz: float) -> None:
-        self._robot = robot
+    def __init__(self, robot: RobotModel, control_hz: float, settle_rad_s: float = np.inf) -> None:
+        self._robot, self._settle = robot, settle_rad_s / control_hz
         self._names = [joint.name for joint in robot.joints]
         self._arms: dict[tuple[str, ...], ArmKinematics] = {}
         self._hands = {name: self._places(limb.hand) for name, limb in robot.limbs.items()}
@@ -101,12 +131,23 @@ class PoseControl:
         targets, arms = self._targets.copy(), self.arms(tuple(command.aims))
         moved = self._places(arms.joints)
         palms = np.array([aim.palm for aim in command.aims.values()])
-        targets[moved] = arms.track(palms, targets[moved], self._dt)
+        targets[moved] = arms.track(palms, targets[moved], self._dt, posture=self.posture(arms, targets[moved]))
         for name, aim in command.aims.items():
             hand = self._hands[name]
             step, old = self._speed[hand] * self._dt, self._targets[hand]
             targets[hand] = np.clip(aim.fingers, old - step, old + step)
         self._targets = np.clip(targets, self._lower, self._upper)
+        return self._targets.copy()
+
+    def posture(self, arms: ArmKinematics, joints: np.ndarray) -> np.ndarray:
+        """The posture (A,) that the redundancy of arms at joints (A,) tends to in the next step [rad]."""
+        if np.isinf(self._settle):
+            return arms.home
+        return np.asarray(joints + np.clip(SETTLING * (arms.home - joints), -self._settle, self._settle))
+
+    @property
+    def targets(self) -> np.ndarray:
+        """The last joint targets (A,) [rad]."""
         return self._targets.copy()
 
     def lag_m(self, command: Command) -> float:

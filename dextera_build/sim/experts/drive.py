@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episode, Origin, Segment, Start
 from dextera_build.artifacts.tasks.task import TaskBundle
-from dextera_build.geometry import lie, poses, transforms
+from dextera_build.geometry import poses
 from dextera_build.policy.observation import Measurement
-from dextera_build.sim.control.operator import Aim, Command, Operator, OutOfReach, PoseControl, State
-from dextera_build.sim.observe.touch import Touch
-from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.control.ik import UNSOLVED
+from dextera_build.sim.control.operator import Command, Operator, OutOfReach, Part, PoseControl, State
+from dextera_build.sim.experts.filters import Filters, Watch
+from dextera_build.sim.experts.noise import Disturbance, Noise
+from dextera_build.sim.runtime.environment import Environment, Outcome
 from dextera_build.sim.runtime.recorder import Recorder
 
 HELD_S = 1.0
@@ -20,44 +22,19 @@ HELD_S = 1.0
 [s]."""
 
 
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviations of the action noise of Eq. 4d, which never enters the label."""
-
-    position_m: float = 0.0
-    """Noise of the palm's position, per axis [m]."""
-    rotation_rad: float = 0.0
-    """Noise of the palm's rotation vector, per axis, applied from the right [rad]."""
-    finger_rad: float = 0.0
-    """Noise of every finger joint [rad]."""
-    correlation: float = 0.8
-    """Correlation of noise in consecutive steps, 0..1; white noise would shake the arm."""
-    in_contact: bool = False
-    """Whether to add noise in segments with intended contact, too."""
-
-
-@dataclass(frozen=True)
-class Filters:
-    """Limits whose violation discards an episode."""
-
-    lag_m: float = 0.02
-    """Maximum lag of joint targets behind the commanded palm due to position and speed limits [m]."""
-    press_n: float = 1.0
-    """Maximum force of an unintended contact [N]."""
-
-
 class Driver:
     """Runs operators in one environment.
 
     Args:
         environment: The task; the driver begins its episodes.
+        settle_rad_s: See `PoseControl`.
     """
 
-    def __init__(self, environment: Environment) -> None:
+    def __init__(self, environment: Environment, settle_rad_s: float = np.inf) -> None:
         self.environment = environment
-        self.control = PoseControl(environment.bundle.robot, environment.task.control_hz)
-        self._noisy = PoseControl(environment.bundle.robot, environment.task.control_hz)
-        self._touch = Touch(environment)
+        robot, rate = environment.bundle.robot, environment.task.control_hz
+        self.control, self.noisy = (PoseControl(robot, rate, settle_rad_s) for _ in range(2))
+        self.watch = Watch(environment)
 
     def run(
         self,
@@ -74,64 +51,104 @@ class Driver:
 
         Without success it ends after `longest_s`, or after the task's own limit [s].
         """
-        environment, rules = self.environment, filters or Filters()
-        environment.begin(start)
-        recorder, labels = Recorder(environment), _Labels()
-        disturbance = _Disturbance(noise or Noise(), seed)
+        self.environment.begin(start)
+        run = _Run(self, operator, Disturbance(noise or Noise(), seed), filters or Filters())
         try:
-            operator.begin(self.state())
+            reason = run.to_its_end(longest_s)
+        except UNSOLVED:
+            reason = f"the inverse kinematics found no solution in `{run.segment}`"
         except OutOfReach as verdict:
-            self._hold(recorder)
-            return recorder.episode(origin, success=False, reason=str(verdict))
-        for control in (self.control, self._noisy):
-            control.begin(environment.previous_action)
-        last: Command | None = None
-        while True:
-            command = operator.command(self.state()) or last
-            if command is None:
-                return recorder.episode(origin, success=False, reason="the operator did nothing")
-            last = command
-            action = self.control.follow(command)
-            sent = self._noisy.follow(disturbance.on(command))
-            recorder.before(action, self._palms(command))
-            labels.add(command)
-            outcome = environment.step(sent)
-            recorder.after(outcome.executed)
-            reason = self._fault(command, rules) or outcome.reason
-            if not outcome.over and environment.steps * environment.period_s >= longest_s:
-                why = environment.judge.reasons[0] or "not held for long enough"
-                reason = reason or f"not done when the operator stopped: {why}"
-            if reason or outcome.over:
-                done = outcome.success and not reason
-                return recorder.episode(origin, success=done, reason=reason, segments=labels.segments())
-
-    def _hold(self, recorder: Recorder) -> None:
-        """Repeat the first action, at most for `HELD_S`."""
-        action = self.environment.previous_action
-        for _ in range(round(HELD_S * self.environment.task.control_hz)):
-            recorder.before(action)
-            outcome = self.environment.step(action)
-            recorder.after(outcome.executed)
-            if outcome.over:
-                break
-
-    def _palms(self, command: Command) -> np.ndarray:
-        """Commanded palm poses (L, 7) in the base; current poses for limbs without a command."""
-        found = self.environment.palm_poses()
-        for row, name in enumerate(self.environment.bundle.robot.limb_names):
-            if name in command.aims:
-                found[row] = poses.from_matrix(command.aims[name].palm)
-        return found
-
-    def _fault(self, command: Command, rules: Filters) -> str:
-        if self.control.lag_m(command) > rules.lag_m:
-            return f"limits of the arm's joints or speeds held the hand back in `{command.segment}`"
-        touched = self._touch.unintended(command.contact, rules.press_n)
-        return f"touched `{touched}` in `{command.segment}`" if touched else ""
+            reason = str(verdict)
+        if not len(run.recorder):
+            run.hold()
+        return run.recorder.episode(origin, success=not reason, reason=reason, segments=run.labels.segments())
 
     def state(self) -> State:
         """The operator's current observation."""
         return state_of(self.environment.bundle, self.environment.measure())
+
+
+class _Run:
+    """One episode of a driver, whose environment has begun it."""
+
+    def __init__(self, driver: Driver, operator: Operator, disturbance: Disturbance, limits: Filters) -> None:
+        self._driver, self._operator, self._limits = driver, operator, limits
+        self._environment, self._disturbance = driver.environment, disturbance
+        self.recorder, self.labels = Recorder(driver.environment), _Labels()
+        self.segment = "the plan"
+        self._off = False
+        # Number of the first control period with success.
+        self._since = 0
+
+    def to_its_end(self, longest_s: float) -> str:
+        """Run the operator; the reason of a failure, empty for a success.
+
+        Raises:
+            OutOfReach: The operator finds no plan.
+        """
+        driver, environment = self._driver, self._environment
+        self._operator.begin(driver.state())
+        for control in (driver.control, driver.noisy):
+            control.begin(environment.previous_action)
+        driver.watch.begin()
+        last: Command | None = None
+        while True:
+            command = self._operator.command(driver.state()) or last
+            if command is None:
+                return "the operator did nothing"
+            last, self.segment = command, command.segment
+            over, reason = self._verdict(command, self._step(command), longest_s)
+            if over:
+                return reason
+
+    def hold(self) -> None:
+        """Repeat the first action, at most for `HELD_S`."""
+        action = self._environment.previous_action
+        for _ in range(round(HELD_S * self._environment.task.control_hz)):
+            self.recorder.before(action)
+            outcome = self._environment.step(action)
+            self.recorder.after(outcome.executed)
+            if outcome.over:
+                break
+
+    def _step(self, command: Command) -> Outcome:
+        driver = self._driver
+        if self._off and not command.off:
+            # The label goes on from where the robot was taken to.
+            driver.control.begin(driver.noisy.targets)
+        self._off = bool(command.off)
+        action = driver.control.follow(command)
+        sent = driver.noisy.follow(self._disturbance.on(replace(command, aims={**command.aims, **command.off})))
+        self.recorder.before(action, self._palms(command))
+        self.labels.add(command)
+        outcome = self._environment.step(sent)
+        self.recorder.after(outcome.executed)
+        return outcome
+
+    def _verdict(self, command: Command, outcome: Outcome, longest_s: float) -> tuple[bool, str]:
+        """Whether the episode has ended, and the reason of a failure."""
+        environment, limits = self._environment, self._limits
+        reason = self._driver.watch.fault(command, self._driver.control.lag_m(command), limits)
+        if reason:
+            return True, reason
+        if outcome.success:
+            self._since = self._since or environment.steps
+            lasted_s = environment.task.hold_s + (environment.steps - self._since) * environment.period_s
+            return lasted_s >= limits.hold_s - 1e-9, ""
+        if self._since:
+            return True, "the success did not last"
+        if not outcome.over and environment.steps * environment.period_s >= longest_s:
+            why = environment.judge.reasons[0] or "not held for long enough"
+            return True, f"not done when the operator stopped: {why}"
+        return outcome.over, outcome.reason
+
+    def _palms(self, command: Command) -> np.ndarray:
+        """Commanded palm poses (L, 7) in the base; current poses for limbs without a command."""
+        found = self._environment.palm_poses()
+        for row, name in enumerate(self._environment.bundle.robot.limb_names):
+            if name in command.aims:
+                found[row] = poses.from_matrix(command.aims[name].palm)
+        return found
 
 
 def state_of(bundle: TaskBundle, measured: Measurement) -> State:
@@ -145,64 +162,25 @@ def state_of(bundle: TaskBundle, measured: Measurement) -> State:
     )
 
 
-class _Disturbance:
-    """Noise of one episode: a stationary first-order process with the same spread in every step."""
-
-    def __init__(self, noise: Noise, seed: int) -> None:
-        self._noise = noise
-        self._random = np.random.default_rng([seed, 1])
-        self._value: np.ndarray | None = None
-
-    def on(self, command: Command) -> Command:
-        """The command with noise, or unchanged if noise is off."""
-        noise = self._noise
-        size = sum(6 + len(aim.fingers) for aim in command.aims.values())
-        drawn, keep = self._random.standard_normal(size), noise.correlation
-        before = self._value
-        if before is None or len(before) != size:
-            before, keep = drawn, 1.0
-        self._value = keep * before + np.sqrt(1 - keep**2) * drawn
-        if command.contact and not noise.in_contact:
-            return command
-        aims, first = {}, 0
-        for name, aim in command.aims.items():
-            last = first + 6 + len(aim.fingers)
-            aims[name], first = _disturbed(aim, self._value[first:last], noise), last
-        return Command(aims, command.segment, command.frame, command.contact)
-
-
-def _disturbed(aim: Aim, value: np.ndarray, noise: Noise) -> Aim:
-    """A limb's target with the noise `value` (6 + H,), standard normal."""
-    shift = transforms.rigid(lie.rotation(value[3:6] * noise.rotation_rad), np.zeros(3))
-    palm = aim.palm @ shift
-    palm[:3, 3] += value[:3] * noise.position_m
-    return Aim(palm, aim.fingers + value[6:] * noise.finger_rad)
-
-
 class _Labels:
-    """Runs of equal segment labels."""
+    """Segments of a recording: runs of control steps in which some limbs do the same."""
 
     def __init__(self) -> None:
-        self._runs: list[tuple[Command, int]] = []
+        self._steps = 0
+        self._found: dict[tuple[Part, tuple[str, ...], int], int] = {}
+        self._open: dict[tuple[Part, tuple[str, ...]], int] = {}
 
     def add(self, command: Command) -> None:
-        if self._runs and self._runs[-1][0].segment == command.segment:
-            self._runs[-1] = (self._runs[-1][0], self._runs[-1][1] + 1)
-        else:
-            self._runs.append((command, 1))
+        limbs: dict[Part, tuple[str, ...]] = {}
+        for limb in command.aims:
+            limbs[command.part(limb)] = (*limbs.get(command.part(limb), ()), limb)
+        self._open = {both: self._open.get(both, self._steps) for both in limbs.items()}
+        self._steps += 1
+        self._found |= {(*both, first): self._steps for both, first in self._open.items()}
 
     def segments(self) -> tuple[Segment, ...]:
-        found, first = [], 0
-        for command, count in self._runs:
-            found.append(
-                Segment(
-                    name=command.segment,
-                    first=first,
-                    last=first + count,
-                    frame=command.frame,
-                    contact=command.contact,
-                    limbs=tuple(command.aims),
-                )
-            )
-            first += count
-        return tuple(found)
+        ordered = sorted(self._found.items(), key=lambda item: item[0][2])
+        return tuple(
+            Segment(name=part.segment, first=first, last=last, frame=part.frame, contact=part.contact, limbs=limbs)
+            for (part, limbs, first), last in ordered
+        )

@@ -42,7 +42,9 @@ def follow(plan: Plan, hands: Hands, control_hz: float) -> Iterator[Command]:
     streams = [sample(limb, *hands[limb], legs, control_hz) for limb, legs in plan.items()]
     for parts in zip(*streams, strict=True):
         aims = {limb: aim for part in parts for limb, aim in part.aims.items()}
-        yield replace(parts[0], aims=aims, contact=any(part.contact for part in parts))
+        own = {limb: part.part(limb) for part in parts for limb in part.aims}
+        differ = own if len(set(own.values())) > 1 else {}
+        yield replace(parts[0], aims=aims, contact=any(part.contact for part in parts), parts=differ)
 
 
 def sample(

@@ -121,6 +121,6 @@ class Taking(Scripted):
             held: Limb -> T_object_palm (4, 4) in the achieved grasp.
         """
 
-    def _held(self, palm: np.ndarray, fingers: np.ndarray, seconds: float, name: str, arc_m: float = 0.0) -> Leg:
-        """A leg with the object in the hand."""
-        return Leg(palm, fingers, seconds, name, self._object, True, arc_m)
+    def _held(self, palm: np.ndarray, fingers: np.ndarray, seconds: float, name: str, frame: str | None = None) -> Leg:
+        """A leg with the object in the hand, relative to the object or to another frame."""
+        return Leg(palm, fingers, seconds, name, self._object if frame is None else frame, True)

@@ -1,4 +1,4 @@
-"""Object-centric trajectory synthesis: one demonstration, adapted to the object's current pose (Eq. 4 of the paper).
+"""Object-centric trajectory synthesis: demonstrations, adapted to the objects' current poses (Eq. 4 of the paper).
 
 Segments that belong to a body keep the palm's pose relative to that body's frame F (Eq. 4a); the motion between is
 interpolated, positions by LERP (4b) and rotations by SLERP (4c), timed by speed instead of a fixed number of steps;
@@ -9,79 +9,33 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
-from dextera_build.artifacts.tasks.episode import Episode, Episodes, Segment, Start
+from dextera_build.artifacts.tasks.episode import Episode, Episodes, Start
 from dextera_build.geometry import transforms
 from dextera_build.geometry.poses import to_matrix
-from dextera_build.sim.control.operator import Aim, Command, State
-from dextera_build.sim.experts.acting import acting
-from dextera_build.sim.experts.drive import Driver, Filters, Noise
-from dextera_build.sim.experts.motion import between, minimum_jerk
+from dextera_build.sim.control.ik import ArmKinematics
+from dextera_build.sim.control.operator import BASE, FREE, Command, PoseControl, State
+from dextera_build.sim.experts.adapt import Timing, bent, slowed, steps_between, transfer
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import Filters
+from dextera_build.sim.experts.noise import Noise
+from dextera_build.sim.experts.paths import Path
+from dextera_build.sim.experts.recovery import Recovery, recovering
+from dextera_build.sim.experts.retime import Limits, accelerations, durations, moments, slower
+from dextera_build.sim.experts.runs import Run
+from dextera_build.sim.experts.sources import Source, nearest, sources_of
 from dextera_build.sim.runtime.environment import Environment
 
-ALIKE_M, ALIKE_RAD = 0.04, 0.5
-"""Maximum distance between the palms of demonstrations with the same grasp [m, rad]."""
-
-
-@dataclass(frozen=True)
-class Timing:
-    """Speed of interpolated motion."""
-
-    speed_m_s: float = 0.35
-    """Speed of the palm [m/s]."""
-    turn_rad_s: float = 1.2
-    """Angular speed of the palm [rad/s]."""
-
-
-def transfer(poses: np.ndarray, source_frame: np.ndarray, new_frame: np.ndarray) -> np.ndarray:
-    """Eq. 4a: T_new(t) = T_F_new (T_F_src)^-1 T_src(t).
-
-    Args:
-        poses: (T, 4, 4) T_src(t), the palm in the source.
-        source_frame: (4, 4) T_F_src.
-        new_frame: (4, 4) T_F_new, in the same base as the others.
-    """
-    return np.asarray((new_frame @ transforms.invert(source_frame)) @ poses)
-
-
-def bent(path: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Bend a free motion to lead from `start` to `end` (Eq. 4b and 4c).
-
-    Every waypoint interpolates between the path moved to `start` and the path moved to `end`, by its fraction of the
-    path's length; an arc around an obstacle stays an arc.
-
-    Args:
-        path: (N, 4, 4) demonstrated poses.
-        start: (4, 4) new first pose.
-        end: (4, 4) new last pose.
-    """
-    first, last = start @ transforms.invert(path[0]), end @ transforms.invert(path[-1])
-    length = np.concatenate([[0.0], np.cumsum(_lengths(path))])
-    parts = length / length[-1] if length[-1] > 0 else np.linspace(0.0, 1.0, len(path))
-    return np.array([between(first @ pose, last @ pose, part) for pose, part in zip(path, parts, strict=True)])
-
-
-def slowed(shown: np.ndarray, path: np.ndarray) -> float:
-    """Factor, at least 1, by which `path` is slowed so that no step is faster than in `shown`, (N, 4, 4) each."""
-    return max(1.0, float(_lengths(path).max() / max(_lengths(shown).max(), 1e-9)))
-
-
-def _lengths(path: np.ndarray) -> np.ndarray:
-    """Lengths of steps (N - 1,); metres and radians count equally, as for a point one metre from the palm."""
-    turns = [transforms.angle(one[:3, :3].T @ other[:3, :3]) for one, other in pairwise(path)]
-    return np.asarray(np.linalg.norm(np.diff(path[:, :3, 3], axis=0), axis=1) + turns)
-
-
-def steps_between(first: np.ndarray, last: np.ndarray, rate_hz: float, timing: Timing) -> int:
-    """Number of control steps, at least 1, from pose `first` to `last`, (4, 4) each, at the speed limits."""
-    seconds = max(
-        float(np.linalg.norm(last[:3, 3] - first[:3, 3])) / timing.speed_m_s,
-        transforms.angle(first[:3, :3].T @ last[:3, :3]) / timing.turn_rad_s,
-    )
-    return max(1, int(np.ceil(seconds * rate_hz)))
+LOOSE = 10.0
+"""Factor on speed limits while a path is solved for its joints, which retiming needs as it was shown."""
+SPARE_SPEED, SPARE_ACCELERATION = 0.95, 0.6
+"""Parts of the limits that a retimed path uses; noise needs the rest."""
+SPARE_SENT = 0.85
+"""Of the square root of an acceleration that is more than its part, what is tolerated in the targets that are sent."""
+REVISIONS = 8
+"""Maximum number of times that a path is retimed."""
 
 
 @dataclass(frozen=True)
@@ -96,33 +50,63 @@ class Manner:
     """Speed of interpolated motion."""
     nearest: int = 3
     """Number of demonstrations with the most similar object pose from which the source is drawn."""
+    recovery: Recovery = field(default_factory=Recovery)
+    """Perturbations with a corrective label."""
+
+
+@dataclass
+class _Planned:
+    """The adapted motion of one limb."""
+
+    run: Run
+    palms: np.ndarray
+    """(T, 4, 4) T_base_palm from the run's first step on."""
+    fingers: np.ndarray
+    """(T, H) [rad]."""
+    least: np.ndarray
+    """(T,) shortest durations of the steps to these rows [control periods]."""
+    frames: tuple[np.ndarray, np.ndarray]
+    """T_F_src and T_F_new (4, 4)."""
 
 
 class Synthesis:
-    """An operator that repeats a source demonstration relative to the objects' current poses.
+    """An operator that repeats source demonstrations relative to the objects' current poses.
+
+    At the beginning of every run (see `runs`) its frame is read and its source is chosen, if no other limb is in the
+    middle of a run of another source.
 
     Args:
-        source: A successful episode with segments.
-        names: Bodies of `source.objects`, in order.
-        environment: The task, begun; its current palm, finger targets and control rate are used.
-        timing: Speed of interpolated motion.
+        sources: Demonstrations with the same structure, `sources_of`.
+        environment: The task, begun; its current palms, finger targets and control rate are used.
+        control: Inverse kinematics of the label, for retiming; None: paths are as fast as they were shown.
+        manner: Settings.
+        seed: Seed of the episode.
     """
 
-    def __init__(self, source: Episode, names: Sequence[str], environment: Environment, timing: Timing) -> None:
-        self._source, self._names, self._timing = source, list(names), timing
-        robot = environment.bundle.robot
-        self._columns = acting(source, robot.limb_names)
-        self._limbs = [robot.limb_names[column] for column in self._columns]
-        joints = [joint.name for joint in robot.joints]
-        hands = [[joints.index(name) for name in robot.limbs[limb].hand] for limb in self._limbs]
-        self._hand = np.array([number for hand in hands for number in hand], int)
-        self._cuts = np.cumsum([len(hand) for hand in hands])[:-1]
-        self._palm = np.array([to_matrix(row) for row in environment.palm_poses()[list(self._columns)]])
-        self._fingers = environment.previous_action[self._hand]
-        self._rate = environment.task.control_hz
+    def __init__(
+        self,
+        sources: Sequence[Source],
+        environment: Environment,
+        control: PoseControl | None,
+        manner: Manner,
+        seed: int,
+    ) -> None:
+        self._sources, self._control, self._manner = sources, control, manner
+        self._random = np.random.default_rng([seed, 0])
+        robot, task = environment.bundle.robot, environment.task
+        self._limbs, self._object, self._rate = list(robot.limb_names), task.object, task.control_hz
+        self._names = [joint.name for joint in robot.joints]
+        self._speeds = np.array([joint.velocity for joint in robot.joints])
+        self._hands = {limb: [self._names.index(name) for name in robot.limbs[limb].hand] for limb in self._limbs}
+        palms = environment.palm_poses()
+        self._palms = {limb: to_matrix(palms[row]) for row, limb in enumerate(self._limbs)}
+        self._fingers = {limb: environment.previous_action[self._hands[limb]] for limb in self._limbs}
+        # Speeds of the arms' joints at the end of the last window.
+        self._last: tuple[tuple[str, ...], np.ndarray] = ((), np.zeros(0))
         self._objects: Mapping[str, np.ndarray] = {}
         self._commands: Iterator[Command] = iter(())
-        self._frames = (np.eye(4), np.eye(4))
+        self.used: list[str] = []
+        """Names of the demonstrations used so far, in order."""
 
     def begin(self, state: State) -> None:
         """Record the objects' poses."""
@@ -130,137 +114,138 @@ class Synthesis:
         self._commands = self._walk()
 
     def command(self, state: State) -> Command | None:
-        """The next command; frames of later segments use the objects' poses at that time."""
+        """The next command; frames of later runs use the objects' poses at that time."""
         self._objects = state.objects
         return next(self._commands, None)
 
     def _walk(self) -> Iterator[Command]:
-        pending: list[Segment] = []
-        held = ""
-        for segment in self._source.segments:
-            if not segment.frame:
-                pending.append(segment)
-                continue
-            # At the object, the object moves with the hand: keep the frame.
-            if pending or segment.frame != held:
-                self._frames = self._frames_of(segment)
-            held = segment.frame
-            poses = transfer(self._poses(segment), *self._frames)
-            yield from self._connect(pending, poses[0], segment)
-            for row, pose in enumerate(poses):
-                yield self._at(segment.first + row, pose, segment)
-            self._palm, self._fingers = poses[-1], self._finger_rows(segment)[-1]
-            pending = []
-        # Free motion at the end is relative to its start.
-        for segment in pending:
-            shown = np.swapaxes(self._poses(segment), 0, 1)
-            moved = [transfer(path, path[0], palm) for path, palm in zip(shown, self._palm, strict=True)]
-            poses = np.stack(moved, axis=1)
-            for row, pose in enumerate(poses):
-                yield self._at(segment.first + row, pose, segment)
-            self._palm = poses[-1]
+        plans: dict[str, _Planned] = {}
+        source = self._sources[0]
+        perturbed = self._manner.recovery.drawn(self._random)
+        self._from_targets()
+        for stage in range(len(source.starts)):
+            first = source.starts[stage]
+            if all(
+                plan.run.last <= first or any(run.first == first for run in source.runs if run.limb == limb)
+                for limb, plan in plans.items()
+            ):
+                source = self._chosen(source, stage)
+                first = source.starts[stage]
+            last = [*source.starts, len(source.episode.action)][stage + 1]
+            for run in (run for run in source.runs if run.first == first):
+                plans[run.limb] = self._planned(source, run, plans)
+            active = [plan for plan in plans.values() if plan.run.first <= first < plan.run.last]
+            commands = self._window(source, active, first, last)
+            # The hands are empty until the first contact, and nothing is lost if they stray.
+            yield from recovering(commands, self._manner.recovery, self._random) if perturbed else commands
+            perturbed = False
 
-    def _connect(self, free: list[Segment], target: np.ndarray, coming: Segment) -> Iterator[Command]:
-        """Eq. 4b and 4c from the current palm to `target`, along the demonstrated free motion."""
-        if not free:
-            yield from self._straight(target, coming)
-            return
-        shown = np.concatenate([*(self._poses(segment) for segment in free), self._poses(coming)[:1]])
-        fingers = np.concatenate([*(self._finger_rows(segment) for segment in free), self._finger_rows(coming)[:1]])
-        pairs = list(zip(np.swapaxes(shown, 0, 1), self._palm, target, strict=True))
-        path = np.stack([bent(poses, start, end) for poses, start, end in pairs], axis=1)
-        steps = len(shown) - 1
-        slow = max(slowed(poses, path[:, number]) for number, (poses, _, _) in enumerate(pairs))
-        count = max(steps, int(np.ceil(steps * slow)))
-        own = self._fingers - fingers[0]
-        for step in range(1, count):
-            place = steps * step / count
-            before, part = int(place), place % 1.0
-            fade = 1.0 - step / count
-            palms = [between(one, other, part) for one, other in zip(path[before], path[before + 1], strict=True)]
-            posture = fingers[before] + part * (fingers[before + 1] - fingers[before]) + fade * own
-            yield Command(self._aims(palms, posture), free[-1].name, "", free[-1].contact)
+    def _from_targets(self) -> None:
+        """Begin at the targets of the arms, from which gravity and a previous motion keep the hands a bit away."""
+        if self._control is not None:
+            for limb in self._limbs:
+                arm = self._control.arms((limb,))
+                joints = self._control.targets[[self._names.index(name) for name in arm.joints]]
+                self._palms[limb] = arm.pose(joints)
 
-    def _straight(self, target: np.ndarray, coming: Segment) -> Iterator[Command]:
-        count = max(steps_between(*pair, self._rate, self._timing) for pair in zip(self._palm, target, strict=True))
-        fingers = self._finger_rows(coming)[0]
-        for step in range(1, count):
-            part = minimum_jerk(step / count)
-            palms = [between(*pair, part) for pair in zip(self._palm, target, strict=True)]
-            posture = self._fingers + part * (fingers - self._fingers)
-            yield Command(self._aims(palms, posture), coming.name, "", coming.contact)
+    def _chosen(self, last: Source, stage: int) -> Source:
+        """The source of the runs that begin, by the current pose of their frame."""
+        runs = [run for run in last.runs if run.first == last.starts[stage]]
+        frame = next((run.frame for run in runs if run.frame), BASE)
+        frame = self._object if frame == BASE and stage == 0 else frame
+        chosen = last
+        if frame != BASE:
+            shown = [source.pose(frame, source.starts[stage]) for source in self._sources]
+            chosen = self._sources[nearest(shown, self._objects[frame], self._manner.nearest, self._random)]
+        if self.used[-1:] != [chosen.name]:
+            self.used.append(chosen.name)
+        return chosen
 
-    def _frames_of(self, segment: Segment) -> tuple[np.ndarray, np.ndarray]:
-        """T_F_src and T_F_new at the beginning of a segment."""
-        place = self._names.index(segment.frame)
-        return to_matrix(self._source.objects[segment.first, place]), self._objects[segment.frame]
+    def _planned(self, source: Source, run: Run, plans: Mapping[str, _Planned]) -> _Planned:
+        episode, limb, column = source.episode, run.limb, self._limbs.index(run.limb)
+        shown = np.array([to_matrix(pose) for pose in episode.hand[run.first : run.last, column]])
+        fingers = episode.action[run.first : run.last, self._hands[limb]].astype(np.float64)
+        free, palm = run.enters - run.first, self._palms[limb]
+        frames, least = (shown[0], palm), np.ones(len(shown))
+        if run.frame:
+            frames = self._frames(source, run, plans)
+        palms = transfer(shown, *frames) @ self._regrasped(source, run, shown[0])
+        if run.frame and free:
+            old, path = shown[: free + 1], bent(shown[: free + 1], palm, palms[free])
+            palms[:free], least[: free + 1] = path[:-1], slowed(old, path)
+        fade = np.clip(1.0 - np.arange(len(shown)) / max(free, 1), 0.0, 1.0)
+        fingers = fingers + fade[:, None] * (self._fingers[limb] - fingers[0]) * (free > 0)
+        return _Planned(run, palms, fingers, least, frames)
 
-    def _poses(self, segment: Segment) -> np.ndarray:
-        """Palm poses (T, L, 4, 4) of the limbs that move."""
-        rows = self._source.hand[segment.first : segment.last, list(self._columns)]
-        return np.array([[to_matrix(pose) for pose in row] for row in rows])
+    def _frames(self, source: Source, run: Run, plans: Mapping[str, _Planned]) -> tuple[np.ndarray, np.ndarray]:
+        """T_F_src and T_F_new: coordinated limbs share the transform of the one that is at the frame already."""
+        for plan in (plans[limb] for limb in run.limbs if limb in plans and len(run.limbs) > 1):
+            if plan.run.frame == run.frame and plan.run.first < run.first < plan.run.last:
+                return plan.frames
+        now = np.eye(4) if run.frame == BASE else self._objects[run.frame]
+        return source.pose(run.frame, run.enters), now
 
-    def _finger_rows(self, segment: Segment) -> np.ndarray:
-        return self._source.action[segment.first : segment.last, self._hand].astype(np.float64)
+    def _regrasped(self, source: Source, run: Run, shown: np.ndarray) -> np.ndarray:
+        """T_shown_palm (4, 4) of a hand that holds the object otherwise than shown, and takes it to another frame."""
+        if not run.holds or run.frame in (FREE, self._object):
+            return np.eye(4)
+        held = transforms.invert(source.pose(self._object, run.first)) @ shown
+        holds = transforms.invert(self._objects[self._object]) @ self._palms[run.limb]
+        return np.asarray(transforms.invert(held) @ holds)
 
-    def _at(self, row: int, palms: np.ndarray, segment: Segment) -> Command:
-        fingers = self._source.action[row, self._hand].astype(np.float64)
-        return Command(self._aims(palms, fingers), segment.name, segment.frame, segment.contact)
+    def _window(self, source: Source, plans: Sequence[_Planned], first: int, last: int) -> list[Command]:
+        """Commands of all limbs from `first` to `last`, between which no run begins."""
+        limbs = tuple(plan.run.limb for plan in plans)
+        rows = [slice(first - plan.run.first, last - plan.run.first) for plan in plans]
+        parts = list(zip(limbs, plans, rows, strict=True))
+        path = Path(
+            limbs,
+            np.stack([np.concatenate([self._palms[limb][None], plan.palms[row]]) for limb, plan, row in parts], axis=1),
+            tuple(np.concatenate([self._fingers[limb][None], plan.fingers[row]]) for limb, plan, row in parts),
+            np.max([plan.least[row] for _, plan, row in parts], axis=0),
+            [source.parts(row, self._limbs) for row in range(first, last)],
+        )
+        if any(plan.run.first == plan.run.enters == first for plan in plans):
+            pairs = zip(path.palms[0], path.palms[1], strict=True)
+            path = path.led(max(steps_between(*pair, self._rate, self._manner.timing) for pair in pairs))
+        else:
+            path = path.started()
+        for number, limb in enumerate(limbs):
+            self._palms[limb], self._fingers[limb] = path.palms[-1, number], path.fingers[number][-1]
+        return [path.command(place) for place in self._places(path)]
 
-    def _aims(self, palms: Sequence[np.ndarray] | np.ndarray, fingers: np.ndarray) -> dict[str, Aim]:
-        """Targets by limb from palms (L, 4, 4) and the concatenated finger joints of all moving limbs."""
-        parts = zip(self._limbs, palms, np.split(fingers, self._cuts), strict=True)
-        return {limb: Aim(palm, part) for limb, palm, part in parts}
+    def _places(self, path: Path) -> np.ndarray:
+        """Places on the path at the ends of control periods, retimed to the limits of the arms."""
+        if self._control is None:
+            return moments(path.least)
+        period, arms = 1.0 / self._rate, self._control.arms(path.limbs)
+        limits = self._limits([self._names.index(name) for name in arms.joints])
+        before = self._last[1] if self._last[0] == path.limbs else np.zeros(len(arms.joints))
+        shown, least = self._joints(arms, path.palms[1:], LOOSE), path.least
+        for _ in range(REVISIONS):
+            least = durations(shown, least, limits, before, period)
+            places = moments(least)
+            # Redundant joints move with time, and otherwise at their limits: look at what will really be sent.
+            sent = self._joints(arms, [path.palms_at(place) for place in places], 1.0)
+            excess = np.sqrt(accelerations(sent, before, period) / limits.acceleration).max(axis=1) * SPARE_SENT
+            if excess.max() <= 1.0:
+                break
+            least = slower(least, places, excess)
+        self._last = path.limbs, (sent[-1] - sent[-2]) / period
+        return places
 
+    def _limits(self, places: Sequence[int]) -> Limits:
+        most = self._manner.filters.acceleration_rad_s2
+        return Limits(SPARE_SPEED * self._speeds[places], np.full(len(places), SPARE_ACCELERATION * most))
 
-def nearest(sources: Sequence[Episode], place: int, state: np.ndarray, keep: int, random: np.random.Generator) -> int:
-    """Draw one of the `keep` sources with the object pose nearest to the current one.
-
-    Args:
-        sources: Demonstrations.
-        place: Index of the task's object in `Episode.objects`.
-        state: Current pose of the object (7,).
-        keep: Number of candidates.
-        random: Source of the draw.
-    """
-    distances = []
-    for source in sources:
-        pose = source.objects[0, place]
-        turn = 2.0 * np.arccos(np.clip(abs(float(pose[3:] @ state[3:])), 0.0, 1.0))
-        distances.append(float(np.linalg.norm(pose[:3] - state[:3])) + 0.1 * turn)
-    order = np.argsort(distances, kind="stable")[: max(1, keep)]
-    return int(order[int(random.integers(len(order)))])
-
-
-def alike(sources: Sequence[Episode], names: Sequence[str], limbs: Sequence[str] = ()) -> list[Episode]:
-    """The largest set of demonstrations with the same grasp, which avoids contradictory training data.
-
-    Two demonstrations have the same grasp if their palms, at the end of the first contact, have similar poses in the
-    contact's frame.
-
-    Args:
-        sources: Demonstrations with segments.
-        names: Bodies of their `objects`.
-        limbs: Limbs of their `hand`.
-    """
-    holds = [_hold(source, list(names), limbs) for source in sources]
-    groups = [[other for other, pose in enumerate(holds) if _near(hold, pose)] for hold in holds]
-    largest = max(groups, key=len, default=[])
-    return [sources[number] for number in largest]
-
-
-def _hold(source: Episode, names: list[str], limbs: Sequence[str] = ()) -> np.ndarray:
-    touching = [segment for segment in source.segments if segment.contact and segment.frame]
-    if not touching:
-        return np.eye(4)
-    segment = touching[0]
-    frame = to_matrix(source.objects[segment.first, names.index(segment.frame)])
-    return np.asarray(transforms.invert(frame) @ to_matrix(source.hand[segment.last - 1, acting(source, limbs)[0]]))
-
-
-def _near(one: np.ndarray, other: np.ndarray) -> bool:
-    apart = float(np.linalg.norm(one[:3, 3] - other[:3, 3]))
-    return apart < ALIKE_M and transforms.angle(one[:3, :3].T @ other[:3, :3]) < ALIKE_RAD
+    def _joints(self, arms: ArmKinematics, palms: Sequence[np.ndarray] | np.ndarray, loose: float) -> np.ndarray:
+        """Joints (N + 1, A) [rad] from the present targets along palms (N, L, 4, 4), at `loose` times their speeds."""
+        assert self._control is not None
+        rows = [self._control.targets[[self._names.index(name) for name in arms.joints]]]
+        for each in palms:
+            posture = self._control.posture(arms, rows[-1])
+            rows.append(arms.track(each, rows[-1], loose / self._rate, posture=posture))
+        return np.array(rows)
 
 
 def synthesise(driver: Driver, sources: Episodes, start: Start, seed: int, manner: Manner) -> Episode:
@@ -270,14 +255,10 @@ def synthesise(driver: Driver, sources: Episodes, start: Start, seed: int, manne
         driver: Driver of the task's environment.
         sources: Successful demonstrations, in `items`; only those with the most common grasp are used.
         start: Start of the episode.
-        seed: Seed of the choice of a source and of the noise.
+        seed: Seed of the choice of sources, of the noise and of the perturbation.
         manner: Noise, filters, timing.
     """
-    environment = driver.environment
-    environment.begin(start)
-    place = list(environment.bundle.objects).index(environment.task.object)
-    shown = alike(list(sources.items.values()), sources.object_names, sources.limb_names)
-    random = np.random.default_rng([seed, 0])
-    chosen = shown[nearest(shown, place, environment.object_poses()[place], manner.nearest, random)]
-    operator = Synthesis(chosen, sources.object_names, environment, manner.timing)
-    return driver.run(operator, start, origin="synthesis", noise=manner.noise, filters=manner.filters, seed=seed)
+    driver.environment.begin(start)
+    operator = Synthesis(sources_of(sources), driver.environment, driver.control, manner, seed)
+    made = driver.run(operator, start, origin="synthesis", noise=manner.noise, filters=manner.filters, seed=seed)
+    return made.model_copy(update={"sources": tuple(operator.used)})

@@ -1,4 +1,4 @@
-"""Unintended contacts of a robot."""
+"""Unintended contacts of a robot, and penetration."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ class Touch:
         base = model.body(ROBOT + "base").id
         roots = model.body_rootid[model.geom_bodyid]
         self._robot = roots == base
+        # What moves by the task: the robot, and every object.
+        self._movable = self._robot | np.isin(roots, [model.body(name).id for name in environment.bundle.objects])
         # A hand may touch the container that it reaches into.
         meant = (environment.task.object, *environment.primitive.others())
         self._target = np.isin(roots, [model.body(name).id for name in meant])
@@ -50,6 +52,22 @@ class Touch:
             if np.linalg.norm(force[:3]) > press_n:
                 return str(self._names[thing])
         return ""
+
+    def deeper(self, contact: bool, depth_m: float, grip_m: float) -> tuple[str, str] | None:
+        """Two bodies that penetrate too deep, of which the robot or an object is one; None if there are none.
+
+        Args:
+            contact: Whether contact with the bodies named by the task is intended now.
+            depth_m: Tolerated depth [m].
+            grip_m: Tolerated depth of an intended contact [m].
+        """
+        found = self._environment.data.contact
+        for number in np.flatnonzero(found.dist < -min(depth_m, grip_m)):
+            one, other = found.geom[number]
+            meant = contact and (self._robot[one] or self._robot[other]) and (self._target[one] or self._target[other])
+            if found.dist[number] < -(grip_m if meant else depth_m) and (self._movable[one] or self._movable[other]):
+                return str(self._names[one]), str(self._names[other])
+        return None
 
     def _name(self, geom: int) -> str:
         model = self._environment.model

@@ -111,3 +111,24 @@ def test_a_coupled_joint_of_an_arm_keeps_its_coupling_and_a_sliding_finger_its_h
     found = arm.solve(truth(0.6, 0.5), restarts=4)
     assert found.reached()
     assert np.allclose(found.joints, [0.6, 0.5], atol=0.01)
+
+
+def test_redundant_joints_that_settle_slowly_do_not_jump(robot: RobotModel) -> None:
+    jumps, rests = {}, {}
+    for settle in (np.inf, 0.08):
+        control = PoseControl(robot, 20.0, settle)
+        begun = np.array([joint.home for joint in robot.joints])
+        left = control.arms(("left",))
+        # The arm is away from its home, and the palm shall stay.
+        arm = np.array([[joint.name for joint in robot.joints].index(name) for name in left.joints])
+        begun[arm] += 0.1 * np.array([1, -1, 1, 1, -1, 1, -1])
+        control.begin(begun)
+        stay = Command({"left": Aim(left.pose(begun[arm]), np.zeros(len(robot.limbs["left"].hand)))}, "approach")
+        first = np.abs(control.follow(stay)[arm] - begun[arm]).max()
+        for _ in range(400):
+            last = control.follow(stay)[arm]
+        jumps[settle], rests[settle] = first, last
+        assert control.lag_m(stay) < 0.002
+    assert jumps[0.08] < 0.08 / 20 * 3
+    assert jumps[0.08] < 0.3 * jumps[np.inf]
+    assert np.allclose(rests[0.08], rests[np.inf], atol=0.01)

@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dextera_build.geometry import lie, transforms
-from dextera_build.sim.experts.motion import Leg, between, minimum_jerk, sample
+from dextera_build.sim.control.operator import BASE
+from dextera_build.sim.experts.drive import _Labels
+from dextera_build.sim.experts.motion import Leg, between, follow, minimum_jerk, sample
 from tests import factories
 
 ANGLE = st.floats(-3.1, 3.1)
@@ -59,3 +61,21 @@ def test_a_sampled_plan_ends_its_legs_where_they_say_and_jumps_nowhere() -> None
     assert heights.max() == pytest.approx(0.3, abs=1e-3)
     places = np.array([start[:3, 3], *(command.aims["arm"].palm[:3, 3] for command in commands)])
     assert np.linalg.norm(np.diff(places, axis=0), axis=1).max() < 0.05
+
+
+def test_limbs_that_do_the_same_share_a_segment_and_others_have_their_own() -> None:
+    here = np.eye(4)
+    takes = [Leg(here, np.zeros(1), 0.1, "grasp", "box", True), Leg(here, np.zeros(1), 0.1, "lift", "box", True)]
+    waits = [Leg(here, np.zeros(1), 0.1, "stay", BASE, False), takes[1]]
+    hands = {"left": (here, np.zeros(1)), "right": (here, np.zeros(1))}
+    labels = _Labels()
+    commands = list(follow({"left": takes, "right": waits}, hands, 20.0))
+    for command in commands:
+        labels.add(command)
+    assert [command.contact for command in commands] == [True] * 4
+    found = [(each.name, each.first, each.last, each.frame, each.limbs) for each in labels.segments()]
+    assert found == [
+        ("grasp", 0, 2, "box", ("left",)),
+        ("stay", 0, 2, BASE, ("right",)),
+        ("lift", 2, 4, "box", ("left", "right")),
+    ]

@@ -11,23 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dextera_build.artifacts.tasks.episode import Segment
-from dextera_build.geometry import quaternions, transforms
+from dextera_build.geometry import transforms
 from dextera_build.geometry.lie import rotation
 from dextera_build.geometry.poses import to_matrix
-from dextera_build.sim.control.operator import Aim, Command, State
-from dextera_build.sim.experts.drive import Noise, _Disturbance
+from dextera_build.sim.control.operator import State
+from dextera_build.sim.experts.adapt import Timing, bent, slowed, steps_between, transfer
 from dextera_build.sim.experts.motion import between
-from dextera_build.sim.experts.synthesis import (
-    Synthesis,
-    Timing,
-    _hold,
-    alike,
-    bent,
-    nearest,
-    slowed,
-    steps_between,
-    transfer,
-)
+from dextera_build.sim.experts.sources import _hold, alike, nearest, sources_of
+from dextera_build.sim.experts.synthesis import Manner, Synthesis
 from tests import episodes, factories
 
 numbers = st.floats(-2.0, 2.0)
@@ -71,18 +62,20 @@ def test_interpolation_is_timed_by_speed():
     assert steps_between(near, near, 20.0, timing) == 1
 
 
-def moved_task(shift: np.ndarray) -> tuple[Synthesis, State]:
+def moved_task(shift: np.ndarray, segments: tuple[Segment, ...] = ()) -> tuple[Synthesis, State]:
     """The demonstration of `tests.episodes`, with the box moved by `shift` in the base frame."""
     source = episodes.episode(20, seed=3)
+    source = source.model_copy(update={"segments": segments or source.segments})
     environment = SimpleNamespace(
         bundle=SimpleNamespace(robot=episodes.robot()),
         palm_poses=lambda: source.hand[0],
         previous_action=np.array(episodes.HOME),
-        task=SimpleNamespace(control_hz=20.0),
+        task=SimpleNamespace(control_hz=20.0, object="box"),
     )
     objects = {name: shift @ to_matrix(row) for name, row in zip(("box", "case"), source.objects[0], strict=True)}
     state = State(joints=np.array(episodes.HOME), objects=objects, displacement={})
-    operator = Synthesis(source, ("box", "case"), environment, Timing())
+    shown = episodes.small(1).model_copy(update={"items": {"0": source}})
+    operator = Synthesis(sources_of(shown), environment, None, Manner(), seed=0)
     operator.begin(state)
     return operator, state
 
@@ -104,14 +97,12 @@ def test_every_framed_step_keeps_the_demonstrated_pose_in_the_objects_frame(x, y
 
 def with_free_approach() -> tuple[Synthesis, State, np.ndarray]:
     """The demonstration with a free first half, its box moved; and the poses that were demonstrated."""
-    operator, state = moved_task(factories.pose(0.1, 0.0, yaw=0.4))
     source = episodes.episode(20, seed=3)
     segments = (
         Segment(name="approach", first=0, last=10, frame="", contact=False),
         Segment(name="grasp", first=10, last=20, frame="box", contact=True),
     )
-    operator._source = source.model_copy(update={"segments": segments})
-    operator.begin(state)
+    operator, state = moved_task(factories.pose(0.1, 0.0, yaw=0.4), segments)
     return operator, state, np.array([to_matrix(row[0]) for row in source.hand])
 
 
@@ -151,9 +142,7 @@ def test_free_motion_at_the_end_goes_on_from_where_the_hand_is():
         Segment(name="grasp", first=0, last=10, frame="box", contact=True),
         Segment(name="retreat", first=10, last=20, frame="", contact=False),
     )
-    operator, state = moved_task(factories.pose(0.05, 0.02))
-    operator._source = source.model_copy(update={"segments": segments})
-    operator.begin(state)
+    operator, state = moved_task(factories.pose(0.05, 0.02), segments)
     palms = []
     while (command := operator.command(state)) is not None:
         palms.append(command.aims["arm"].palm)
@@ -163,10 +152,9 @@ def test_free_motion_at_the_end_goes_on_from_where_the_hand_is():
 
 
 def test_the_nearest_demonstration_is_taken():
-    shown = [episodes.episode(5, seed=number) for number in range(8)]
-    wanted = shown[5].objects[0, 0]
-    assert nearest(shown, 0, wanted, 1, np.random.default_rng(0)) == 5
-    drawn = {nearest(shown, 0, wanted, 3, np.random.default_rng(seed)) for seed in range(40)}
+    shown = [to_matrix(episodes.episode(5, seed=number).objects[0, 0]) for number in range(8)]
+    assert nearest(shown, shown[5], 1, np.random.default_rng(0)) == 5
+    drawn = {nearest(shown, shown[5], 3, np.random.default_rng(seed)) for seed in range(40)}
     assert 5 in drawn
     assert len(drawn) == 3
 
@@ -181,46 +169,3 @@ def test_demonstrations_that_take_hold_otherwise_are_left_out():
     same = [source.model_copy(update={"hand": shown[0].hand, "terms": shown[0].terms}) for source in shown[:4]]
     assert alike([*same, mixed[2]], ("box", "case")) == same
     assert alike([], ()) == []
-
-
-def command(contact: bool) -> Command:
-    return Command({"arm": Aim(factories.pose(0.3, 0.1, 0.2, yaw=0.3), np.zeros(4))}, "grasp", "box", contact)
-
-
-def test_noise_has_the_declared_spread_and_stays_a_rotation():
-    noise = Noise(position_m=0.01, rotation_rad=0.02, finger_rad=0.03, correlation=0.0)
-    disturbance = _Disturbance(noise, seed=1)
-    clean = command(contact=False)
-    made = [disturbance.on(clean) for _ in range(4000)]
-    shifts = np.array([one.aims["arm"].palm[:3, 3] - clean.aims["arm"].palm[:3, 3] for one in made])
-    assert shifts.std(axis=0) == pytest.approx(0.01, rel=0.1)
-    turns = [transforms.angle(clean.aims["arm"].palm[:3, :3].T @ one.aims["arm"].palm[:3, :3]) for one in made]
-    assert np.sqrt(np.mean(np.square(turns)) / 3) == pytest.approx(0.02, rel=0.1)
-    assert np.array([one.aims["arm"].fingers for one in made]).std() == pytest.approx(0.03, rel=0.1)
-    assert all(abs(np.linalg.det(one.aims["arm"].palm[:3, :3]) - 1) < 1e-9 for one in made[:50])
-    assert quaternions.from_matrix(made[0].aims["arm"].palm[:3, :3]).shape == (4,)
-
-
-def test_correlated_noise_keeps_its_spread():
-    disturbance = _Disturbance(Noise(position_m=0.01, correlation=0.9), seed=2)
-    shifts = np.array([disturbance.on(command(False)).aims["arm"].palm[0, 3] for _ in range(20000)]) - 0.3
-    assert shifts.std() == pytest.approx(0.01, rel=0.15)
-    assert np.corrcoef(shifts[:-1], shifts[1:])[0, 1] == pytest.approx(0.9, abs=0.03)
-
-
-def test_contact_is_not_disturbed_unless_asked():
-    loud = Noise(position_m=0.01, rotation_rad=0.02, finger_rad=0.03)
-    assert _Disturbance(loud, 3).on(command(contact=True)).aims["arm"].palm is not None
-    assert np.array_equal(
-        _Disturbance(loud, 3).on(command(contact=True)).aims["arm"].palm, command(True).aims["arm"].palm
-    )
-    everywhere = Noise(position_m=0.01, in_contact=True)
-    assert not np.array_equal(
-        _Disturbance(everywhere, 3).on(command(contact=True)).aims["arm"].palm, command(True).aims["arm"].palm
-    )
-
-
-def test_no_noise_is_the_command_itself():
-    assert np.allclose(
-        _Disturbance(Noise(), 4).on(command(contact=False)).aims["arm"].palm, command(False).aims["arm"].palm
-    )

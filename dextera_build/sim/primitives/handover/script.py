@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from dextera_build.geometry import lie
-from dextera_build.sim.control.operator import State
+from dextera_build.sim.control.operator import BASE, FREE, State
 from dextera_build.sim.experts.candidates import Expert, Search, grips, mixed
 from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.grasp import Grasp
@@ -64,7 +64,7 @@ class Handover(Taking):
             self._giver: [
                 *legs,
                 self._held(raised, grasp.closed, lift, "lift"),
-                self._held(met, grasp.closed, bring, "bring"),
+                self._held(met, grasp.closed, bring, "bring", FREE),
             ]
         }
 
@@ -76,13 +76,13 @@ class Handover(Taking):
         taken = legs[-1]
         back = shifted(palm, palm[:3, :3] @ given.palm[:3, :3].T @ given.away)
         _, _, opens, retreat, hold = SECONDS
-        stays = [self._held(palm, given.closed, leg.seconds, leg.segment) for leg in legs]
+        stays = [self._held(palm, given.closed, leg.seconds, leg.segment, BASE) for leg in legs]
         return {
             self._giver: [
                 *stays,
-                self._held(palm, given.open, opens, "release"),
-                self._held(back, given.open, retreat, "retreat"),
-                self._held(back, given.open, hold, "retreat"),
+                self._held(palm, given.open, opens, "release", BASE),
+                self._held(back, given.open, retreat, "retreat", BASE),
+                self._held(back, given.open, hold, "retreat", BASE),
             ],
             self._receiver: [*legs, *(self._held(taken.palm, received.closed, s, n) for s, n in _rest())],
         }

@@ -8,7 +8,7 @@ import numpy as np
 
 from dextera_build.artifacts.tasks.task import Cavity
 from dextera_build.geometry import lie, quaternions, transforms
-from dextera_build.sim.control.operator import State
+from dextera_build.sim.control.operator import BASE, FREE, State
 from dextera_build.sim.experts.candidates import Expert, Search, grasps, together
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
@@ -49,6 +49,11 @@ class Target:
         self._up = self._base_from_world[:3, 2].copy()
         self._points = bundle.objects[task.object].points.astype(np.float64)
         self._cavity = bundle.objects[self._goal.into].cavity if self._goal.into else None
+
+    @property
+    def frame(self) -> str:
+        """The frame in which the release is the same in every episode: the container, or the robot's base."""
+        return self._goal.into or BASE
 
     def pose(self, state: State, base: np.ndarray) -> np.ndarray:
         """T_base_object (4, 4) at its goal or on the rim; with the orientation at `base` (4, 4) if that fits."""
@@ -121,18 +126,18 @@ class Place(Taking):
 
     def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
         """The path to the target and the retreat."""
-        grasp, limb = self.grasp, self._reach.limb
+        grasp, limb, there = self.grasp, self._reach.limb, self._target.frame
         laid = self._target.lowered(self._target.pose(state, base), self._below) @ held[limb]
         above = shifted(laid, self._up * float((last[limb].palm[:3, 3] - laid[:3, 3]) @ self._up))
         away = laid[:3, :3] @ grasp.palm[:3, :3].T @ grasp.away
         back = shifted(laid, away + self._up * 0.03)
         _, carry, lower, let, retreat, rest = SECONDS
         legs = [
-            self._held(above, grasp.closed, carry, "carry"),
-            self._held(laid, grasp.closed, lower, "lower"),
-            self._held(laid, grasp.open, let, "release"),
-            self._held(back, grasp.open, retreat, "retreat"),
-            self._held(back, grasp.open, rest, "retreat"),
+            self._held(above, grasp.closed, carry, "carry", FREE),
+            self._held(laid, grasp.closed, lower, "lower", there),
+            self._held(laid, grasp.open, let, "release", there),
+            self._held(back, grasp.open, retreat, "retreat", there),
+            self._held(back, grasp.open, rest, "retreat", there),
         ]
         return {limb: legs}
 
@@ -159,7 +164,7 @@ class PlaceTogether(Taking):
 
     def going_on(self, state: State, base: np.ndarray, last: Mapping[str, Leg], held: Mapping[str, np.ndarray]) -> Plan:
         """The path to the target, and the opening of the hands."""
-        target = self._target.pose(state, base)
+        target, there = self._target.pose(state, base), self._target.frame
         _, carry, lower, let, retreat, rest = SECONDS
         plan = {}
         for limb, side in self.squeeze.sides.items():
@@ -169,11 +174,11 @@ class PlaceTogether(Taking):
             apart = shifted(laid, away / 2 + away / np.linalg.norm(away) * PRESS_M)
             back = shifted(apart, self._up * 2 * OVER_M)
             plan[limb] = [
-                self._held(above, side.fingers, 1.5 * carry, "carry"),
-                self._held(laid, side.fingers, lower, "lower"),
-                self._held(apart, side.fingers, let, "release"),
-                self._held(back, side.fingers, 2 * retreat, "retreat"),
-                self._held(back, side.fingers, rest, "retreat"),
+                self._held(above, side.fingers, 1.5 * carry, "carry", FREE),
+                self._held(laid, side.fingers, lower, "lower", there),
+                self._held(apart, side.fingers, let, "release", there),
+                self._held(back, side.fingers, 2 * retreat, "retreat", there),
+                self._held(back, side.fingers, rest, "retreat", there),
             ]
         return plan
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from dextera_build.geometry import quaternions
-from dextera_build.sim.control.operator import State
+from dextera_build.sim.control.operator import BASE, FREE, State
 from dextera_build.sim.experts.candidates import Expert, Search, grasps
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
@@ -52,7 +52,11 @@ class Reorient(Taking):
         if self._goal.place_m is not None:
             target[:3, 3] = (self._base_from_world @ [*self._goal.place_m, 1.0])[:3]
         palm = target @ held[self._reach.limb]
-        legs = [self._held(palm, self.grasp.closed, seconds, "turn") for seconds in SECONDS[1:]]
+        _, turn, hold = SECONDS
+        legs = [
+            self._held(palm, self.grasp.closed, turn, "turn", FREE),
+            self._held(palm, self.grasp.closed, hold, "turn", BASE),
+        ]
         return {self._reach.limb: legs}
 
 

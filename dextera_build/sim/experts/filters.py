@@ -1,0 +1,84 @@
+"""Filters: limits whose violation discards an episode, checked in every control period."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dextera_build.sim.control.operator import Command
+from dextera_build.sim.model.compose import ROBOT
+from dextera_build.sim.observe.touch import Touch
+from dextera_build.sim.runtime.environment import Environment
+
+
+@dataclass(frozen=True)
+class Filters:
+    """Limits of an episode; those that are infinite or 0 by default are not checked."""
+
+    lag_m: float = 0.02
+    """Maximum lag of joint targets behind the commanded palm due to position and speed limits [m]."""
+    press_n: float = 1.0
+    """Maximum force of an unintended contact [N]."""
+    depth_m: float = np.inf
+    """Maximum penetration of the robot, or of an object, into anything [m]."""
+    grip_m: float = np.inf
+    """Maximum penetration where a hand should touch the object [m]."""
+    speed: float = np.inf
+    """Maximum measured speed of a joint, as a multiple of its own limit."""
+    acceleration_rad_s2: float = np.inf
+    """Maximum acceleration of the targets sent to an arm's joint [rad/s^2]."""
+    hold_s: float = 0.0
+    """Time for which success must last, if the task demands less [s]."""
+
+
+class Watch:
+    """Checks the control periods of episodes.
+
+    Args:
+        environment: The task.
+    """
+
+    def __init__(self, environment: Environment) -> None:
+        self._environment = environment
+        self._touch = Touch(environment)
+        joints = environment.bundle.robot.joints
+        self._names = [joint.name for joint in joints]
+        self._limits = np.array([joint.velocity for joint in joints])
+        self._arm = np.array([joint.group == "arm" for joint in joints])
+        self._dofs = np.array([environment.model.joint(ROBOT + name).dofadr[0] for name in self._names])
+        self._sent = [np.zeros(len(joints))] * 3
+
+    def begin(self) -> None:
+        """A new episode; the robot rests at the targets of its start."""
+        self._sent = [self._environment.previous_action] * 3
+
+    def fault(self, command: Command, lag_m: float, limits: Filters) -> str:
+        """The first violation in the control period that has just ended; empty if there is none.
+
+        Args:
+            command: The command of this period.
+            lag_m: Lag of the joint targets behind it [m].
+            limits: What is allowed.
+        """
+        self._sent = [*self._sent[1:], self._environment.previous_action]
+        if lag_m > limits.lag_m:
+            return f"limits of the arm's joints or speeds held the hand back in `{command.segment}`"
+        touched = self._touch.unintended(command.contact, limits.press_n)
+        if touched:
+            return f"touched `{touched}` in `{command.segment}`"
+        deep = self._touch.deeper(command.contact, limits.depth_m, limits.grip_m)
+        if deep:
+            return f"`{deep[0]}` was pressed too deep into `{deep[1]}` in `{command.segment}`"
+        return self._moved(command.segment, limits)
+
+    def _moved(self, segment: str, limits: Filters) -> str:
+        """The joint that moved faster, or was accelerated more, than the robot can."""
+        speed = np.abs(self._environment.data.qvel[self._dofs])
+        fast = np.flatnonzero(speed > self._limits * limits.speed)
+        if len(fast):
+            return f"joint `{self._names[fast[0]]}` moved faster than its limit in `{segment}`"
+        before, last, now = self._sent
+        bend = np.abs(now - 2 * last + before) / self._environment.period_s**2
+        bent = np.flatnonzero(self._arm & (bend > limits.acceleration_rad_s2))
+        return f"joint `{self._names[bent[0]]}` was accelerated above its limit in `{segment}`" if len(bent) else ""

@@ -1,0 +1,76 @@
+"""Perturb and recover: the robot leaves its path while the label does not, and both come back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dextera_build.artifacts.tasks.episode import Episode
+from dextera_build.sim.experts import synthesis
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.filters import Filters
+from dextera_build.sim.experts.noise import Noise
+from dextera_build.sim.experts.recovery import LEAVES, RETURNS, Recovery, _displacement
+from dextera_build.sim.experts.synthesis import Manner
+from dextera_build.sim.runtime.environment import Environment
+from tests import gantry, task_bundles
+
+STRICT = Filters(press_n=2.0, depth_m=0.002, grip_m=0.006, speed=1.1, acceleration_rad_s2=8.5, hold_s=0.5)
+
+
+@pytest.fixture(scope="module")
+def driver() -> Driver:
+    return Driver(Environment(task_bundles.lift(reset=gantry.RESET)), 0.08)
+
+
+def made(driver: Driver, recovery: Recovery, seed: int = 5) -> Episode:
+    sources = gantry.demonstrations(driver.environment.bundle, 2)
+    manner = Manner(noise=Noise(), filters=STRICT, recovery=recovery)
+    return synthesis.synthesise(driver, sources, driver.environment.draw(seed), seed, manner)
+
+
+def rows(episode: Episode, name: str) -> slice:
+    found = [segment for segment in episode.segments if segment.name == name]
+    return slice(found[0].first, found[-1].last)
+
+
+def test_the_label_stays_on_the_path_and_then_leads_back_to_it(driver: Driver) -> None:
+    plain = made(driver, Recovery(share=0.0))
+    assert plain.success, plain.reason
+    assert "perturb" not in {segment.name for segment in plain.segments}
+    episode = made(driver, Recovery(share=1.0, position_m=0.02, rotation_rad=0.0))
+    assert episode.success, episode.reason
+    leaves, returns = rows(episode, "perturb"), rows(episode, "recover")
+    assert (leaves.stop - leaves.start, returns.stop - returns.start) == (LEAVES, RETURNS)
+    assert leaves.stop == returns.start
+    # The gantry's first three joints are the position of its palm [m].
+    off = np.abs(episode.executed - episode.action)[:, :3].max(axis=1)
+    assert off[leaves].max() > 0.01
+    assert (np.diff(off[leaves]) > -1e-6).all()
+    # The label of the way back is what is done, and begins where the robot is.
+    assert off[returns].max() < 1e-5
+    assert np.abs(episode.executed[returns.start, :3] - episode.executed[returns.start - 1, :3]).max() < 0.02
+    assert np.abs(episode.action[returns.start, :3] - episode.action[returns.start - 1, :3]).max() > 0.005
+    clean = np.setdiff1d(np.arange(len(off)), np.arange(leaves.start, leaves.stop))
+    assert off[clean].max() < 1e-5
+
+
+def test_the_share_is_that_of_the_episodes() -> None:
+    drawn = [Recovery(share=0.3).drawn(np.random.default_rng(seed)) for seed in range(2000)]
+    assert np.mean(drawn) == pytest.approx(0.3, abs=0.04)
+
+
+def test_displacements_have_the_stated_covariance() -> None:
+    random = np.random.default_rng(0)
+    found = np.array([_displacement(Recovery(1.0, 0.02, 0.1), random) for _ in range(4000)])
+    assert np.cov(found.T) == pytest.approx(np.diag([0.02**2] * 3 + [0.1**2] * 3), abs=6e-4)
+
+
+def test_without_room_before_the_contact_nothing_is_perturbed(driver: Driver) -> None:
+    sources = gantry.demonstrations(driver.environment.bundle, 1)
+    (shown,) = sources.items.values()
+    grasps = tuple(each.model_copy(update={"contact": True}) for each in shown.segments)
+    touching = sources.model_copy(update={"items": {"0": shown.model_copy(update={"segments": grasps})}})
+    manner = Manner(noise=Noise(), filters=Filters(press_n=np.inf), recovery=Recovery(share=1.0))
+    episode = synthesis.synthesise(driver, touching, driver.environment.draw(1), 1, manner)
+    assert "perturb" not in {segment.name for segment in episode.segments}

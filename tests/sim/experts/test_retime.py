@@ -1,0 +1,71 @@
+"""Retiming: a path is slowed to the limits of speed and acceleration, never hastened, and keeps its shape."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dextera_build.geometry import transforms
+from dextera_build.sim.experts.retime import Limits, accelerations, durations, moments, pose_at, slower
+from tests import factories
+
+PERIOD = 0.05
+LIMITS = Limits(np.array([1.0, 2.0]), np.array([6.0, 6.0]))
+
+
+def speeds(path: np.ndarray, found: np.ndarray) -> np.ndarray:
+    return np.diff(path, axis=0) / (found * PERIOD)[:, None]
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.2, 3.0), st.integers(15, 60), st.integers(0, 1000))
+def test_no_limit_is_exceeded_and_nothing_is_faster_than_shown(size: float, steps: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    phase = np.linspace(0.0, 1.0, steps + 1)
+    smooth = phase**2 * (3 - 2 * phase)
+    path = size * np.stack([smooth, np.sin(3 * rng.random() * smooth)], axis=1)
+    found = durations(path, np.ones(steps), LIMITS, np.zeros(2), PERIOD)
+    assert (found >= 1.0).all()
+    moved = speeds(path, found)
+    assert (np.abs(moved) <= LIMITS.speed * (1 + 1e-6)).all()
+    spans = PERIOD * np.concatenate([found[:1], (found[1:] + found[:-1]) / 2])
+    bends = np.abs(np.diff(np.concatenate([np.zeros((1, 2)), moved]), axis=0)) / spans[:, None]
+    assert bends.max() <= 6.0 * 1.02
+
+
+def test_a_path_within_the_limits_is_left_alone() -> None:
+    path = np.linspace(0.0, 0.2, 21)[:, None] ** 2 * np.ones(2)
+    assert np.array_equal(durations(path, np.ones(20), LIMITS, np.zeros(2), PERIOD), np.ones(20))
+    assert np.allclose(moments(np.ones(5)), [1, 2, 3, 4, 5])
+
+
+def test_moments_are_whole_periods_that_end_at_the_end() -> None:
+    found = moments(np.array([1.0, 2.5, 1.0]))
+    assert len(found) == 5
+    assert found[-1] == 3.0
+    assert (np.diff(found) > 0).all()
+    assert np.diff(found).max() <= 1.0 + 1e-9
+
+
+def test_poses_between_are_smooth_and_exact_at_the_steps() -> None:
+    path = np.array([factories.pose(0.02 * row**2, 0.05 * row, 0.1, yaw=0.03 * row**2) for row in range(8)])
+    assert np.allclose(pose_at(path, 3.0), path[3])
+    assert np.allclose(pose_at(path, 7.0), path[7])
+    fine = [pose_at(path, place) for place in np.arange(1.0, 6.0, 0.01)]
+    moves = np.diff([pose[:3, 3] for pose in fine], axis=0)
+    turns = [transforms.angle(one[:3, :3].T @ other[:3, :3]) for one, other in pairwise(fine)]
+    # A polygon would change its speed at every step at once: here by 40 mm and 0.06 rad.
+    assert np.abs(np.diff(moves, axis=0)).max() < 0.1 * 0.04
+    assert np.abs(np.diff(turns)).max() < 0.1 * 0.06
+
+
+def test_what_is_sent_is_measured_and_slowed_near_where_it_is_too_much() -> None:
+    sent = np.array([[0.0], [0.0], [0.1], [0.2], [0.2]])
+    assert accelerations(sent, np.zeros(1), 0.1)[:, 0] == pytest.approx([0.0, 10.0, 0.0, 10.0])
+    longer = slower(np.ones(10), np.array([4.0, 5.0]), np.array([1.0, 1.3]))
+    assert longer[1:9] == pytest.approx(1.3)
+    assert longer[0] == longer[9] == 1.0
