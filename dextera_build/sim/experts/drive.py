@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from dextera_build.geometry import lie, poses, transforms
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.control.operator import Aim, Command, Operator, OutOfReach, PoseControl, State
 from dextera_build.sim.observe.touch import Touch
-from dextera_build.sim.runtime.environment import Environment
+from dextera_build.sim.runtime.environment import Environment, Outcome
 from dextera_build.sim.runtime.recorder import Recorder
 
 HELD_S = 1.0
@@ -46,6 +47,16 @@ class Filters:
     """Maximum force of an unintended contact [N]."""
 
 
+class Watch(Protocol):
+    """Whoever looks on while an episode runs."""
+
+    def sent(self, command: Command) -> None:
+        """Joint targets for a command are on their way to the controllers."""
+
+    def stepped(self, outcome: Outcome) -> None:
+        """A control period has passed."""
+
+
 class Driver:
     """Runs operators in one environment.
 
@@ -69,15 +80,16 @@ class Driver:
         filters: Filters | None = None,
         seed: int = 0,
         longest_s: float = np.inf,
+        watch: Watch | None = None,
     ) -> Episode:
         """Run `operator` from `start` and return the episode; a failed one contains the reason.
 
-        Without success it ends after `longest_s`, or after the task's own limit [s].
+        Without success it ends after `longest_s`, or after the task's own limit [s]. `watch` changes nothing.
         """
         environment, rules = self.environment, filters or Filters()
         environment.begin(start)
         recorder, labels = Recorder(environment), _Labels()
-        disturbance = _Disturbance(noise or Noise(), seed)
+        disturbance = _Disturbance(noise, seed) if noise else None
         try:
             operator.begin(self.state())
         except OutOfReach as verdict:
@@ -92,11 +104,15 @@ class Driver:
                 return recorder.episode(origin, success=False, reason="the operator did nothing")
             last = command
             action = self.control.follow(command)
-            sent = self._noisy.follow(disturbance.on(command))
+            sent = self._noisy.follow(disturbance.on(command)) if disturbance else action
+            if watch:
+                watch.sent(command)
             recorder.before(action, self._palms(command))
             labels.add(command)
             outcome = environment.step(sent)
             recorder.after(outcome.executed)
+            if watch:
+                watch.stepped(outcome)
             reason = self._fault(command, rules) or outcome.reason
             if not outcome.over and environment.steps * environment.period_s >= longest_s:
                 why = environment.judge.reasons[0] or "not held for long enough"
