@@ -172,7 +172,8 @@ class Session(threading.Thread):
         if len(self.takes.kept) >= self.plan.takes:
             return f"all {self.plan.takes} takes are recorded: end the session, or drop the last take"
         must = needed(self.environment)
-        missing = [own.side for limb, own in self.own.items() if limb in must and not self.measure.done(own.side)]
+        sides = [own.side for limb, own in self.own.items() if limb in must or len(self.own) == 1]
+        missing = [side for side in sides if not self.measure.done(side)]
         if missing:
             return f"hold the {' and the '.join(missing)} hand open for {self.measure.SECONDS:g} s first"
         if shutil.disk_usage(self.takes.path.parent).free < FREE_BYTES:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,18 +116,17 @@ class LiveOperator:
         self._last_step: int | None = None
 
     def begin(self, state: State) -> None:
-        """Wait for the first message, which decides which hands drive the robot.
+        """Wait for the first message in which a hand moves the robot; it decides which limbs the take moves.
 
         Raises:
-            Ended: No hand that drives the robot is seen, or `check` ended the take.
+            Ended: `check` ended the take.
         """
         first = self._inbox.take(0)
-        while first is None:
+        while first is None or not (moving := drives(self._all, first)):
             self._check()
             first = self._inbox.take(self._period)
-        self._own = {limb: own for limb, own in self._all.items() if limb in driven(self._environment, self._all, first)}
-        if not self._own:
-            raise Ended("no hand that the robot follows is seen")
+        must = needed(self._environment)
+        self._own = {limb: own for limb, own in self._all.items() if limb in must or limb in moving}
         palms = Palms(self._environment.bundle.robot, self._own).at(state)
         self._followers = {
             limb: Follower(own, self._lengths[hands.SIDES.index(own.side)], palms[limb], self._options)
@@ -201,8 +200,7 @@ class LiveOperator:
         return [hands.SIDES.index(own.side) for own in self._own.values()]
 
 
-def driven(environment: Environment, own: Mapping[str, Matched], message: Message) -> Sequence[str]:
-    """Limbs that a take moves: those that the task needs, and those whose hand moves the robot at its first message."""
-    must = needed(environment)
-    drives = (message.tracking > LOST) & message.clutch
-    return [limb for limb, each in own.items() if limb in must or drives[hands.SIDES.index(each.side)]]
+def drives(own: Mapping[str, Matched], message: Message) -> set[str]:
+    """Limbs whose hand moves the robot in a message."""
+    closed = (message.tracking > LOST) & message.clutch
+    return {limb for limb, each in own.items() if closed[hands.SIDES.index(each.side)]}

@@ -55,7 +55,9 @@ scene.add(upright);
 scene.updateMatrixWorld(true);
 
 const look = new THREE.Vector3(...twin.facts.middle).applyMatrix4(twin.base.matrixWorld);
-const behind = new THREE.Vector3(-0.75, -0.55, 0.65).transformDirection(twin.base.matrixWorld).multiplyScalar(1.25);
+// One hand is seen from the robot's right, two from behind its shoulders.
+const from = twin.facts.wrists.length > 1 ? [-0.9, 0, 0.8] : [-0.1, -0.95, 0.5];
+const behind = new THREE.Vector3(...from).transformDirection(twin.base.matrixWorld).multiplyScalar(1.05);
 const orbit = new Orbit(look, behind);
 const keys = new Keys(canvas, twin, camera, orbit);
 window.addEventListener("resize", fit);
@@ -88,18 +90,21 @@ window.addEventListener("keydown", (event) => {
 const headset = new Headset(renderer, scene, upright, twin, link, wish);
 headset.offer(document.getElementById("headset"));
 
+// Hands are sent at a rate of their own: pictures may take longer.
 let last = performance.now();
-renderer.setAnimationLoop((time, frame) => {
+setInterval(() => {
   const now = performance.now();
   const seconds = Math.min(0.1, (now - last) / 1000);
   last = now;
-  const found = latest && panel.words(latest, link, now < noteUntil ? note : "");
+  if (headset.active) return;
+  keys.step(seconds);
+  link.hands(keys.hands());
+}, 15);
+
+renderer.setAnimationLoop((time, frame) => {
+  const found = latest && panel.words(latest, link, performance.now() < noteUntil ? note : "");
   if (headset.active && frame) headset.step(frame, found, latest);
-  else {
-    keys.step(seconds);
-    link.hands(keys.hands());
-    if (found) panel.show(found);
-  }
+  else if (found) panel.show(found);
   renderer.render(scene, camera);
 });
 window.session = { link, twin, keys, headset, get facts() { return latest; } };

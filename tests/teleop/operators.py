@@ -1,0 +1,73 @@
+"""An operator for tests and benchmarks: a program that sends the hands of a recording to a session, in real time."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from websockets.asyncio.client import ClientConnection
+
+from dextera_build.artifacts.robots.hand_stream import HandStream
+from dextera_build.teleop import protocol
+
+
+def frames(stream: HandStream, first: int, last: int) -> Iterator[tuple[float, bytes]]:
+    """Time after the first message [s], and the frame, of messages `first` to `last` - 1 of a stream in the base."""
+    for row in range(first, last):
+        hand = np.concatenate([stream.positions[row], stream.rotations[row][..., [1, 2, 3, 0]]], axis=-1)
+        head = np.full(7, np.nan)
+        if stream.head is not None:
+            head = stream.head[row, [0, 1, 2, 4, 5, 6, 3]].astype(np.float64)
+        facts = (*stream.tracking[row].tolist(), *map(int, stream.clutch[row]), *stream.pinch[row].tolist())
+        begin = protocol.HEAD.pack(row, protocol.JOINTS, 25, protocol.BASE, 0.0, *facts, *head.tolist())
+        yield float(stream.stamps[row] - stream.stamps[first]), begin + hand.astype("<f4").tobytes()
+
+
+class Operator:
+    """Demonstrates takes over a connection.
+
+    Args:
+        page: The connection to a session.
+        stream: Hands in the robot's base, with seconds of open hands before every take.
+    """
+
+    def __init__(self, page: ClientConnection, stream: HandStream) -> None:
+        self._page, self._stream = page, stream
+        self.facts: dict[str, Any] = {}
+        """The last state of the session."""
+        self.told: list[str] = []
+        """What the session told, in order, without repetitions."""
+
+    async def watch(self) -> None:
+        """Read states until the session closes the connection."""
+        async for data in self._page:
+            if isinstance(data, bytes):
+                (length,) = struct.unpack_from("<I", data)
+                self.facts = json.loads(data[4 : 4 + length])
+                if self.facts["told"] not in self.told[-1:]:
+                    self.told.append(self.facts["told"])
+
+    async def take(self, number: int, open_s: float = 2.6) -> None:
+        """Hold the hands open, start, and move them as in a take of the stream; return when it is over."""
+        take = self._stream.takes[number]
+        before = np.searchsorted(self._stream.stamps, self._stream.stamps[take.first] - open_s)
+        kept, started = self.facts.get("kept", 0), False
+        opened, began = self._stream.stamps[take.first] - self._stream.stamps[before], time.perf_counter()
+        for due, frame in frames(self._stream, int(before), take.last):
+            if due >= opened - 0.3 and not started:
+                started = True
+                await self._page.send(json.dumps({"do": "start"}))
+            await asyncio.sleep(max(0.0, began + due - time.perf_counter()))
+            await self._page.send(frame)
+            if self.facts.get("kept", 0) > kept:
+                return
+        await self._page.send(json.dumps({"do": "finish"}))
+        last = frame
+        while self.facts["phase"] == "taking":
+            await self._page.send(last)
+            await asyncio.sleep(0.02)
