@@ -6,6 +6,7 @@ import asyncio
 import io
 import signal
 import socket
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,8 @@ from dextera_build.teleop.session import Plan, Session
 from dextera_build.teleop.takes import Takes
 
 ANY = ("0.0.0.0", "::")
+SWITCH_S = 0.001
+"""How long the simulation may keep the interpreter from the server [s]; 5 ms by default, a third of a message."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +36,12 @@ class Wanted:
     """The recording."""
     takes: int
     seed: int
+    starts: tuple[int, ...]
+    """Seeds of the first starts."""
     limit_s: float
-    """Longest take [s]."""
+    """Longest take [s] of simulated time."""
+    speed: float
+    """Simulated time per real time."""
     host: str
     port: int
     certificate: tuple[Path, Path] | None
@@ -111,7 +118,8 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
     server = Server(wanted.host, wanted.origins, encryption)
     takes = Takes(wanted.out, synthetic=wanted.synthetic)
     # Messages are turned into the base frame as they arrive, and recorded there.
-    plan = Plan(wanted.takes, wanted.seed, wanted.limit_s, Retargeting(heading_rad=0.0))
+    still = Retargeting(heading_rad=0.0)
+    plan = Plan(wanted.takes, wanted.seed, wanted.starts, wanted.limit_s, wanted.speed, still)
     session = Session(wanted.bundle, plan, takes, server.publish)
 
     def ready(port: int) -> None:
@@ -119,6 +127,7 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
         known = certificate.fingerprint(wanted.certificate[0]) if wanted.certificate else ""
         opened(Opened(f"{scheme}://{host}:{port}{server.path()}", known, port))
 
+    sys.setswitchinterval(SWITCH_S)
     asyncio.run(_serve(server, session, wanted.port, ready))
     if session.error is not None:
         raise session.error
@@ -144,11 +153,11 @@ def _check(wanted: Wanted) -> None:
             code="DXB-U330",
             hint=f"`--out {wanted.out.with_stem(wanted.out.stem + '_2')}`, or move it away",
         )
-    if wanted.takes < 1 or not wanted.limit_s > 0:
+    if wanted.takes < 1 or not wanted.limit_s > 0 or not 0.05 <= wanted.speed <= 1:
         raise UsageError(
-            "a session needs a take and time for it",
+            "a session needs a take, time for it, and a speed from 0.05 to 1",
             code="DXB-U336",
-            facts={"takes": wanted.takes, "limit": f"{wanted.limit_s:g} s"},
+            facts={"takes": wanted.takes, "limit": f"{wanted.limit_s:g} s", "speed": f"{wanted.speed:g}"},
         )
     wanted.out.parent.mkdir(parents=True, exist_ok=True)
 

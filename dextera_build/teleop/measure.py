@@ -11,7 +11,7 @@ from dextera_build.teleop import posture
 
 STRAIGHT = 0.9
 """Distance from knuckle to tip relative to the length of the bones between, from which on a finger is straight."""
-GAP_S = 0.2
+GAP_S = 0.5
 """Longest time between messages that counts as open [s]."""
 
 

@@ -34,7 +34,7 @@ BURST = 60.0
 """Messages that may come at once, after a stall of the network."""
 BUSY, RATE = 4001, 4002
 """Codes with which a connection is closed: another operator is there; too many messages."""
-WISHES = ("start", "finish", "discard", "undo", "recentre", "measure", "end")
+WISHES = ("start", "finish", "discard", "undo", "skip", "recentre", "measure", "end")
 MOST_MEASURED = 200
 
 
@@ -136,8 +136,9 @@ class Server:
 
     def _request(self, connection: Any, request: Any) -> Any:
         """Answer with a file, refuse, or go on to the web socket."""
-        refused = self._guard.refusal(request.headers.get("Host"), request.headers.get("Origin"))
-        if refused:
+        hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+        refused = "a request without one host" if len(hosts) != 1 or len(origins) > 1 else ""
+        if refused := refused or self._guard.refusal(hosts[0], origins[0] if origins else None):
             self._tell(f"refused: {refused}")
             return _answer(http.HTTPStatus.FORBIDDEN, b"dxb teleop does not serve this page\n")
         _, token, *rest = (*urlsplit(request.path).path.split("/"), "")[:4]

@@ -46,8 +46,12 @@ class Plan:
     """Number of takes."""
     seed: int
     """Seed of the starts, as option `seed` of demonstrate.operate."""
+    starts: tuple[int, ...]
+    """Seeds of the first starts, before those that are drawn."""
     limit_s: float
-    """Longest take [s]."""
+    """Longest take [s] of simulated time."""
+    speed: float
+    """Simulated time per real time."""
     retargeting: Retargeting
     """Constants, with a heading of 0: messages are in the base frame."""
 
@@ -85,6 +89,8 @@ class Session(threading.Thread):
         self.connected = False
         """Whether an operator's page is there."""
         self._wishes: list[str] = []
+        self._number = 0
+        self._numbers: list[int] = []
         self._guard = threading.Lock()
         self._told, self._phase, self._live = "", "ready", None
         self._scales: Mapping[str, float] = {}
@@ -94,7 +100,7 @@ class Session(threading.Thread):
         self._preview = 0.0
 
     def wish(self, what: str) -> None:
-        """Ask for start, finish, discard, undo, recentre, measure or end, from any thread."""
+        """Ask for start, finish, discard, undo, skip, recentre, measure or end, from any thread."""
         with self._guard:
             self._wishes.append(what)
         self.inbox.wake()
@@ -116,7 +122,9 @@ class Session(threading.Thread):
 
     def _draw(self) -> None:
         """Begin at the start of the next take."""
-        self._seed = seed_of("operate", self.plan.seed, len(self.takes.kept))
+        given = self.plan.starts
+        drawn = seed_of("operate", self.plan.seed, self._number - len(given))
+        self._seed = given[self._number] if self._number < len(given) else drawn
         start = self.environment.draw(self._seed)
         self.environment.begin(start)
         self._start, self._scales = start, start.size_scale
@@ -151,6 +159,12 @@ class Session(threading.Thread):
     def _do_undo(self) -> None:
         dropped = self.takes.undo()
         self._told = "there is no take to drop" if dropped is None else "the last take was dropped"
+        self._number = self._numbers.pop() if dropped else self._number
+        self._draw()
+
+    def _do_skip(self) -> None:
+        self._number += 1
+        self._told = "another start"
         self._draw()
 
     def _do_measure(self) -> None:
@@ -181,9 +195,10 @@ class Session(threading.Thread):
         return ""
 
     def _take(self) -> None:
-        self._phase, self._command = "taking", None
+        self._phase, self._command = "waiting", None
         lengths = self.measure.lengths_m()
-        live = LiveOperator(self.environment, self.own, lengths, self.plan.retargeting, self.inbox, self._check)
+        plan = self.plan
+        live = LiveOperator(self.environment, self.own, lengths, plan.retargeting, self.inbox, self._check, plan.speed)
         self._live = live
         try:
             episode = self.driver.run(live, self._start, origin="operator", filters=Filters(press_n=2.0), watch=self)
@@ -207,6 +222,8 @@ class Session(threading.Thread):
             self._told = f"not kept: {error.message}"
             return
         self.takes.add(kept)
+        self._numbers.append(self._number)
+        self._number += 1
         seconds = len(episode.joints) * self.environment.period_s
         self._told = f"take {len(self.takes.kept)} kept, {seconds:.1f} s"
         if self.takes.unsaved:
@@ -220,6 +237,9 @@ class Session(threading.Thread):
             if what == "finish" and self._live is not None:
                 self._live.finish()
         rows = self._live.rows if self._live is not None else []
+        if not rows and time.perf_counter() - self._preview > IDLE_S:
+            self._preview = time.perf_counter()
+            self._show()
         quiet = time.perf_counter() - rows[-1][1].arrived if rows else 0.0
         if quiet > LOST_S and not (self._live and self._live.finishing):
             raise Ended(f"the connection was silent for {LOST_S:g} s, so the take was stopped")
@@ -234,6 +254,7 @@ class Session(threading.Thread):
 
     def stepped(self, outcome: Outcome) -> None:
         """Show the state after a control period; see `drive.Watch`."""
+        self._phase = "taking"
         self._show(success=outcome.success)
 
     def _show(self, *, success: bool = False) -> None:

@@ -34,10 +34,11 @@ class Operator:
     Args:
         page: The connection to a session.
         stream: Hands in the robot's base, with seconds of open hands before every take.
+        speed: That of the session.
     """
 
-    def __init__(self, page: ClientConnection, stream: HandStream) -> None:
-        self._page, self._stream = page, stream
+    def __init__(self, page: ClientConnection, stream: HandStream, speed: float = 1.0) -> None:
+        self._page, self._stream, self._speed = page, stream, speed
         self.facts: dict[str, Any] = {}
         """The last state of the session."""
         self.told: list[str] = []
@@ -54,20 +55,24 @@ class Operator:
 
     async def take(self, number: int, open_s: float = 2.6) -> None:
         """Hold the hands open, start, and move them as in a take of the stream; return when it is over."""
-        take = self._stream.takes[number]
-        before = np.searchsorted(self._stream.stamps, self._stream.stamps[take.first] - open_s)
-        kept, started = self.facts.get("kept", 0), False
-        opened, began = self._stream.stamps[take.first] - self._stream.stamps[before], time.perf_counter()
-        for due, frame in frames(self._stream, int(before), take.last):
-            if due >= opened - 0.3 and not started:
-                started = True
-                await self._page.send(json.dumps({"do": "start"}))
-            await asyncio.sleep(max(0.0, began + due - time.perf_counter()))
-            await self._page.send(frame)
-            if self.facts.get("kept", 0) > kept:
-                return
-        await self._page.send(json.dumps({"do": "finish"}))
-        last = frame
-        while self.facts["phase"] == "taking":
+        take, kept = self._stream.takes[number], self.facts["kept"]
+        before = int(np.searchsorted(self._stream.stamps, self._stream.stamps[take.first] - open_s * self._speed))
+        await self._send(before, take.first)
+        while self.facts["phase"] == "ready":
+            await self._page.send(json.dumps({"do": "start"}))
+            await asyncio.sleep(0.2)
+        last = await self._send(take.first, take.last, kept)
+        while self.facts["phase"] != "ready":
+            await self._page.send(json.dumps({"do": "finish"}))
             await self._page.send(last)
-            await asyncio.sleep(0.02)
+            await asyncio.sleep(0.1)
+
+    async def _send(self, first: int, last: int, kept: int | None = None) -> bytes:
+        """Send messages in their time, until a take is kept beyond `kept`; the last one."""
+        began, frame = time.perf_counter(), b""
+        for due, frame in frames(self._stream, first, last):
+            await asyncio.sleep(max(0.0, began + due / self._speed - time.perf_counter()))
+            await self._page.send(frame)
+            if kept is not None and self.facts["kept"] > kept:
+                break
+        return frame

@@ -96,6 +96,9 @@ def test_files_need_the_token_and_the_origin():
         assert await status(address + "server.py") == 404
         assert await status(address + "..%2fserver.py") == 404
         assert await status(address + "socket", origin="https://evil.example") == 403
+        port = int(root.rpartition(":")[2])
+        foreign = f"ws://evil.example:{port}{made.path()}"
+        assert await status(foreign, host="127.0.0.1", port=port) == 403
         assert await status(address, additional_headers={"Host": "evil.example"}) == 403
         own = address.removesuffix(made.path()).replace("ws:", "http:")
         async with connect(address + "socket", origin=own) as page:  # type: ignore[arg-type]

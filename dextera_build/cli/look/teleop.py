@@ -28,7 +28,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--out", metavar="FILE", help="the recording to write, .mcap (recordings/NAME.mcap, after the recipe)"
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the starts (0)")
+    parser.add_argument("--starts", metavar="FILE", help="a recording whose takes' starts come first, .mcap")
     parser.add_argument("--limit", type=float, default=60.0, metavar="S", help="longest take in seconds (60)")
+    parser.add_argument(
+        "--speed", type=float, default=1.0, help="simulated time per real time (1; 0.5: slow motion at half speed)"
+    )
     parser.add_argument("--port", type=int, default=PORT, help=f"port to listen on ({PORT}; 0: any free one)")
     parser.add_argument(
         "--host", default=LOCAL[0], metavar="ADDRESS", help="address to listen on (127.0.0.1: this machine alone)"
@@ -60,7 +64,9 @@ def run(args: argparse.Namespace) -> int:
             out=out,
             takes=args.takes,
             seed=args.seed,
+            starts=_starts(args.starts),
             limit_s=args.limit,
+            speed=args.speed,
             host=args.host,
             port=args.port,
             certificate=_certificate(args),
@@ -98,6 +104,14 @@ def _task(target: str, session, node: str) -> tuple[str, TaskBundle]:  # type: i
         code="DXB-U333",
         hint=f"`dxb build {session.recipe}:task`, then `dxb teleop {session.recipe}`",
     )
+
+
+def _starts(path: str | None) -> tuple[int, ...]:
+    """Seeds of a recording's takes."""
+    from dextera_build.artifacts.robots.hand_stream import HandStream
+
+    takes = HandStream.load(path).takes if path else ()
+    return tuple(take.seed for take in takes if take.seed is not None)
 
 
 def _certificate(args: argparse.Namespace) -> tuple[Path, Path] | None:

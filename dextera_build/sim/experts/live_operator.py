@@ -22,6 +22,10 @@ TICKS_HZ = 512
 """Resolution of the times of messages. A tick is a whole number of nanoseconds (1,953,125), as files hold times, and a
 power of two, so that differences of times are exact wherever a recording begins."""
 
+FRESH_S, PATIENT_S = 0.004, 0.014
+"""A control step whose newest message is older waits for the next one, at most that long: a headset sends one every
+14 ms, so a command is rarely older than the time that it takes to compute. Steps after it keep their times [s]."""
+
 
 @dataclass(frozen=True)
 class Message:
@@ -80,7 +84,7 @@ class Ended(Exception):  # noqa: N818  a wish of the operator or a lost connecti
 
 
 class LiveOperator:
-    """Moves palms and fingers as the operator's hands move now, one control step per period of real time.
+    """Moves palms and fingers as the operator's hands move now, step by step in real time or slow motion.
 
     Args:
         environment: The task; only its data are used.
@@ -89,6 +93,7 @@ class LiveOperator:
         options: Constants of retargeting, with a heading of 0.
         inbox: Where messages arrive.
         check: Called while waiting, at least once per control step; it may raise `Ended`.
+        speed: Simulated time per real time; below 1 for slow motion.
     """
 
     def __init__(
@@ -99,10 +104,11 @@ class LiveOperator:
         options: Retargeting,
         inbox: Inbox,
         check: Callable[[], None],
+        speed: float = 1.0,
     ) -> None:
         self._environment, self._all, self._lengths, self._options = environment, own, lengths_m, options
         self._inbox, self._check = inbox, check
-        self._period = environment.period_s
+        self._period, self._speed = environment.period_s, speed
         self.rows: list[tuple[int, Message]] = []
         """Messages that were heard, with their times after the first in ticks."""
         self.used: Message | None = None
@@ -143,7 +149,7 @@ class LiveOperator:
         Raises:
             Ended: `check` ended the take, or the time after `finish` is over.
         """
-        self._listen(self._began + self._steps * self._period)
+        self._listen(self._began + self._steps * self._period / self._speed)
         if self._last_step is not None and self._steps >= self._last_step:
             raise Ended("the task was not done when the operator finished")
         self._steps += 1
@@ -161,24 +167,33 @@ class LiveOperator:
         return self._last_step is not None
 
     def _listen(self, until: float) -> None:
-        """Hear messages until a time of `time.perf_counter`; whoever is late does not catch up."""
+        """Hear messages until a time of `time.perf_counter`, and a little longer for one that is due.
+
+        Whoever is late does not catch up.
+        """
         behind = time.perf_counter() - until
-        if behind > self._period:
+        if behind > self._period / self._speed:
             self._began += behind
             self.late += 1
         while True:
             self._check()
-            message = self._inbox.take(until - time.perf_counter())
-            if message is not None and self._last_step is None:
-                self._hear(message)
+            self._take(until)
             if time.perf_counter() >= until:
-                return
+                break
+        if not self.finishing and time.perf_counter() - self.rows[-1][1].arrived > FRESH_S:
+            self._take(until + PATIENT_S)
+
+    def _take(self, until: float) -> None:
+        """Wait for one message until a time of `time.perf_counter`."""
+        message = self._inbox.take(until - time.perf_counter())
+        if message is not None and not self.finishing:
+            self._hear(message)
 
     def _hear(self, message: Message) -> None:
         """Retarget a message, timed between the last control step and the next one, so that a replay uses it there."""
         earliest = int(due(self._steps - 1, self._period) * TICKS_HZ) + 1 if self._steps else 0
         latest = int(due(self._steps, self._period) * TICKS_HZ)
-        now = round((message.arrived - self._began) * TICKS_HZ) if self._steps else 0
+        now = round((message.arrived - self._began) * self._speed * TICKS_HZ) if self._steps else 0
         ticks = min(max(now, earliest, self._ticks + 1), latest)
         if ticks <= self._ticks:
             return  # within a tick of the last message

@@ -81,7 +81,7 @@ const wish = (what) => link.send({ do: what });
 for (const button of document.querySelectorAll("[data-do]")) {
   button.addEventListener("click", () => { wish(button.dataset.do); canvas.focus(); });
 }
-const DIRECT = { Enter: "start", KeyF: "finish", Backspace: "discard", KeyU: "undo", KeyR: "recentre" };
+const DIRECT = { Enter: "start", KeyF: "finish", Backspace: "discard", KeyU: "undo", KeyX: "skip", KeyR: "recentre" };
 window.addEventListener("keydown", (event) => {
   if (event.repeat || event.target instanceof HTMLButtonElement || event.ctrlKey || event.metaKey) return;
   if (DIRECT[event.code]) wish(DIRECT[event.code]);

@@ -11,9 +11,10 @@ export function words(facts, link, note) {
   if (facts.phase === "ended") told = "the session has ended; this page can be closed";
   else if (facts.silent) told = "nothing arrives from this device: the robot holds";
   else if (taking && Object.values(facts.held).some(Boolean)) told = "held: hand lost, clutch open, or a jump";
-  else if (!taking && missing.length) told = `hold the ${missing.join(" and the ")} hand open: ${Math.round(100 * share)} %`;
+  else if (facts.phase === "ready" && missing.length) told = `hold the ${missing.join(" and the ")} hand open: ${Math.round(100 * share)} %`;
   else if (!taking && !told) told = "ready: press Start";
   else if (taking) told = "recording";
+  else if (facts.phase === "waiting") told = "the take begins when a hand moves the robot";
   if (note) told = note;
   const hand = (side) => {
     if (!facts.tracked[side]) return ["not seen", "bad"];
