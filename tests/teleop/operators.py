@@ -28,6 +28,13 @@ def frames(stream: HandStream, first: int, last: int) -> Iterator[tuple[float, b
         yield float(stream.stamps[row] - stream.stamps[first]), begin + hand.astype("<f4").tobytes()
 
 
+def opened(stream: HandStream, number: int, seconds: float = 2.4, way_s: float = 1.0) -> tuple[int, int]:
+    """First and last message of open hands before a take: `way_s` before it they go to its first posture."""
+    begin = stream.stamps[stream.takes[number].first] - way_s
+    first, last = np.searchsorted(stream.stamps, [begin - seconds, begin])
+    return int(first), int(last)
+
+
 class Operator:
     """Demonstrates takes over a connection.
 
@@ -53,25 +60,27 @@ class Operator:
                 if self.facts["told"] not in self.told[-1:]:
                     self.told.append(self.facts["told"])
 
-    async def take(self, number: int, open_s: float = 2.6) -> None:
+    async def take(self, number: int) -> None:
         """Hold the hands open, start, and move them as in a take of the stream; return when it is over."""
         take, kept = self._stream.takes[number], self.facts["kept"]
-        before = int(np.searchsorted(self._stream.stamps, self._stream.stamps[take.first] - open_s * self._speed))
-        await self._send(before, take.first)
-        while self.facts["phase"] == "ready":
+        await self._send(*opened(self._stream, number), speed=1.0)
+        for _ in range(100):
+            if self.facts["phase"] != "ready":
+                break
             await self._page.send(json.dumps({"do": "start"}))
             await asyncio.sleep(0.2)
-        last = await self._send(take.first, take.last, kept)
+        assert self.facts["phase"] == "waiting", self.facts
+        last = await self._send(take.first, take.last, speed=self._speed, kept=kept)
         while self.facts["phase"] != "ready":
             await self._page.send(json.dumps({"do": "finish"}))
             await self._page.send(last)
             await asyncio.sleep(0.1)
 
-    async def _send(self, first: int, last: int, kept: int | None = None) -> bytes:
+    async def _send(self, first: int, last: int, *, speed: float, kept: int | None = None) -> bytes:
         """Send messages in their time, until a take is kept beyond `kept`; the last one."""
         began, frame = time.perf_counter(), b""
         for due, frame in frames(self._stream, first, last):
-            await asyncio.sleep(max(0.0, began + due / self._speed - time.perf_counter()))
+            await asyncio.sleep(max(0.0, began + due / speed - time.perf_counter()))
             await self._page.send(frame)
             if kept is not None and self.facts["kept"] > kept:
                 break

@@ -96,15 +96,20 @@ def live(opened: Callable[..., Live]) -> Live:
 def demonstrate(live: Live, hands: HandStream) -> None:
     """Hold the hands open, start, and move them as in the first take, in real time."""
     take = hands.takes[0]
-    first = int(np.searchsorted(hands.stamps, hands.stamps[take.first] - 2.6 * SPEED))
-    for part in (operators.frames(hands, first, take.first), operators.frames(hands, take.first, take.last)):
-        began = time.perf_counter()
-        for due, frame in part:
-            time.sleep(max(0.0, began + due / SPEED - time.perf_counter()))
-            live.say(frame)
-        live.session.wish("start" if live.states[-1]["phase"] == "ready" else "finish")
-        time.sleep(0.1)
-        live.until("phase", "waiting" if live.states[-1]["phase"] == "waiting" else "ready")
+    move(live, hands, *operators.opened(hands, 0), 1.0)
+    live.session.wish("start")
+    live.until("phase", "waiting")
+    move(live, hands, take.first, take.last, SPEED)
+    live.session.wish("finish")
+    live.until("phase", "ready")
+
+
+def move(live: Live, hands: HandStream, first: int, last: int, speed: float) -> None:
+    """Send messages in their time."""
+    began = time.perf_counter()
+    for due, frame in operators.frames(hands, first, last):
+        time.sleep(max(0.0, began + due / speed - time.perf_counter()))
+        live.say(frame)
 
 
 def test_a_take_replays_bit_for_bit_as_the_operator_saw_it(
