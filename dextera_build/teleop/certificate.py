@@ -6,6 +6,7 @@ import datetime
 import ipaddress
 import ssl
 from pathlib import Path
+from typing import Any
 
 from dextera_build.errors import MachineError, UsageError, install_extra
 from dextera_build.store import files
@@ -97,7 +98,12 @@ def _made(host: str) -> tuple[bytes, bytes]:
     return made.public_bytes(serialization.Encoding.PEM), secret
 
 
-def _cryptography():  # type: ignore[no-untyped-def]
+def _cryptography() -> tuple[Any, Any, Any, Any]:
+    """Modules of cryptography: x509, hashes, serialization, ec.
+
+    Raises:
+        MachineError: It is not installed.
+    """
     try:
         from cryptography import x509
         from cryptography.hazmat.primitives import hashes, serialization

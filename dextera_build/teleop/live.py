@@ -67,7 +67,9 @@ class Opened:
         if self.fingerprint:
             found.append(f"certificate SHA-256 {self.fingerprint}: compare it when the headset warns")
         else:
-            found.append(f"headset by cable: `adb reverse tcp:{self.port} tcp:{self.port}`, then open the same address in it")
+            found.append(
+                f"headset by cable: `adb reverse tcp:{self.port} tcp:{self.port}`, then open the same address in it"
+            )
         return [*found, "Ctrl-C ends the session; takes are written as they are kept"]
 
     def code(self) -> str:
@@ -139,7 +141,9 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
         wanted.out,
         len(takes.kept),
         bool(heads) and bool(np.isfinite(np.array(heads)).all(axis=1).any()),
-        *(each.told() for each in delays.values()),
+        session.own_share.told(),
+        server.whole_way.told(),
+        server.round_trip.told(),
         numbers,
     )
 

@@ -100,10 +100,10 @@ class Server:
         Raises:
             UsageError: The address or the port cannot be listened on.
         """
-        websockets = _websockets()
+        serve, _ = _websockets()
         self.session, self._loop, self._changed = session, asyncio.get_running_loop(), asyncio.Event()
         try:
-            server = await websockets.asyncio.server.serve(
+            server = await serve(
                 self._operate,
                 self._host,
                 port,
@@ -165,7 +165,7 @@ class Server:
         self._operator = connection
         self.session.connected = True
         sender = asyncio.create_task(self._send(connection))
-        closed = _websockets().exceptions.ConnectionClosed
+        _, closed = _websockets()
         try:
             await self._hear(connection)
         except closed:
@@ -256,14 +256,19 @@ def _answer(status: http.HTTPStatus, body: bytes, kind: str = "text/plain; chars
     return Response(status.value, status.phrase, headers, body)
 
 
-def _websockets() -> Any:
+def _websockets() -> tuple[Any, type[Exception]]:
+    """What serves web sockets, and the exception of a connection that was closed.
+
+    Raises:
+        MachineError: websockets is not installed.
+    """
     try:
-        import websockets.asyncio.server
-        import websockets.exceptions
+        from websockets.asyncio.server import serve
+        from websockets.exceptions import ConnectionClosed
     except ImportError:
         raise MachineError(
             "a live session needs websockets, which is not installed",
             code="DXB-E326",
             hint=install_extra("teleop"),
         ) from None
-    return websockets
+    return serve, ConnectionClosed

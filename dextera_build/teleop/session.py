@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -23,12 +22,13 @@ from dextera_build.sim.experts.live_operator import Ended, Inbox, LiveOperator, 
 from dextera_build.sim.retarget import motion
 from dextera_build.sim.retarget.arms import heading
 from dextera_build.sim.retarget.options import Retargeting
-from dextera_build.sim.runtime.environment import Environment, Outcome
+from dextera_build.sim.runtime.environment import Outcome
 from dextera_build.sim.runtime.seeds import seed_of
 from dextera_build.teleop import protocol, twin_file
 from dextera_build.teleop.delay import Delays
 from dextera_build.teleop.measure import Measure
 from dextera_build.teleop.takes import Kept, Takes, seen
+from dextera_build.view.task import running
 
 SILENT_S, LOST_S = 0.3, 2.0
 """Time without a message after which the robot is shown as held, and after which the take stops [s]."""
@@ -74,7 +74,7 @@ class Session(threading.Thread):
         self.plan, self.takes, self._publish = plan, takes, publish
         task = bundle.task
         patient = task.model_copy(update={"timeout_s": max(task.timeout_s, plan.limit_s)})
-        self.driver = Driver(Environment(bundle.model_copy(update={"task": patient})))
+        self.driver = Driver(running(bundle.model_copy(update={"task": patient})))
         self.environment = self.driver.environment
         self.own = hands_of(bundle.robot)
         self.twin = twin_file.written(self.environment, self.own)
@@ -92,7 +92,8 @@ class Session(threading.Thread):
         self._number = 0
         self._numbers: list[int] = []
         self._guard = threading.Lock()
-        self._told, self._phase, self._live = "", "ready", None
+        self._told, self._phase = "", "ready"
+        self._live: LiveOperator | None = None
         self._scales: Mapping[str, float] = {}
         self._sent: Message | None = None
         self._last: Message | None = None
@@ -234,14 +235,15 @@ class Session(threading.Thread):
         for what in self._wished():
             if what in ("discard", "end"):
                 raise Ended("discarded")
-            if what == "finish" and self._live is not None:
+            if what == "finish" and self._live:
                 self._live.finish()
-        rows = self._live.rows if self._live is not None else []
+        live = self._live
+        rows = live.rows if live else []
         if not rows and time.perf_counter() - self._preview > IDLE_S:
             self._preview = time.perf_counter()
             self._show()
         quiet = time.perf_counter() - rows[-1][1].arrived if rows else 0.0
-        if quiet > LOST_S and not (self._live and self._live.finishing):
+        if live and quiet > LOST_S and not live.finishing:
             raise Ended(f"the connection was silent for {LOST_S:g} s, so the take was stopped")
 
     def sent(self, command: Command) -> None:
@@ -307,4 +309,3 @@ class Session(threading.Thread):
                 continue
             parts.append(own.hand.link_poses(aim.fingers, aim.palm))
         return np.concatenate(parts) if parts else np.zeros((0, 7))
-

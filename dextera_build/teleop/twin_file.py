@@ -63,8 +63,10 @@ def written(environment: Environment, own: Mapping[str, Matched]) -> bytes:
 
 
 def _wrists(environment: Environment, own: Mapping[str, Matched]) -> list[dict[str, Any]]:
-    """Per hand that the robot follows: its side, the robot's palm [m], and the wrist of an operator whose knuckles are
-    those of the robot: position [m] and quaternion x y z w, in the base."""
+    """Per hand that the robot follows: its side, the robot's palm [m], and a wrist, all in the base.
+
+    The wrist, position [m] and quaternion x y z w, is that of an operator whose knuckles are those of the robot.
+    """
     found = []
     knuckles = posture.joints(np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1)), np.zeros(2))[:, list(hands.KNUCKLES[1:]), :3]
     palms = dict(zip(environment.bundle.robot.limb_names, environment.palm_poses(), strict=True))

@@ -63,12 +63,13 @@ class Operator:
     async def take(self, number: int) -> None:
         """Hold the hands open, start, and move them as in a take of the stream; return when it is over."""
         take, kept = self._stream.takes[number], self.facts["kept"]
-        await self._send(*opened(self._stream, number), speed=1.0)
+        still = await self._send(*opened(self._stream, number), speed=1.0)
         for _ in range(100):
             if self.facts["phase"] != "ready":
                 break
+            await self._page.send(still)
             await self._page.send(json.dumps({"do": "start"}))
-            await asyncio.sleep(0.2)
+            await asyncio.sleep(0.1)
         assert self.facts["phase"] == "waiting", self.facts
         last = await self._send(take.first, take.last, speed=self._speed, kept=kept)
         while self.facts["phase"] != "ready":

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from dextera_build.artifacts.robots.hand_stream import HandStream
@@ -46,7 +45,9 @@ class Live:
     def __init__(self, bundle: TaskBundle, path: Path, *starts: int) -> None:
         self.states: list[dict[str, Any]] = []
         self.takes = Takes(path, synthetic=True)
-        self.session = Session(bundle, Plan(1, 0, starts, 30.0, SPEED, Retargeting(heading_rad=0.0)), self.takes, self.publish)
+        self.session = Session(
+            bundle, Plan(1, 0, starts, 30.0, SPEED, Retargeting(heading_rad=0.0)), self.takes, self.publish
+        )
         self.session.start()
 
     def publish(self, state: bytes) -> None:
@@ -97,6 +98,10 @@ def demonstrate(live: Live, hands: HandStream) -> None:
     """Hold the hands open, start, and move them as in the first take, in real time."""
     take = hands.takes[0]
     move(live, hands, *operators.opened(hands, 0), 1.0)
+    (_, still), *_ = operators.frames(hands, operators.opened(hands, 0)[1] - 5, take.first)
+    while not live.session.measure.done("right"):
+        live.say(still)
+        time.sleep(0.05)
     live.session.wish("start")
     live.until("phase", "waiting")
     move(live, hands, take.first, take.last, SPEED)

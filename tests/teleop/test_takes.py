@@ -102,7 +102,9 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path):
 
 def test_hands_without_a_head_make_a_recording_without_one(takes: Takes):
     kept = taken(1)
-    rows = [(tick, Message(**(vars(message) | {"head": np.full(7, np.nan, np.float32)}))) for tick, message in kept.rows]
+    rows = [
+        (tick, Message(**(vars(message) | {"head": np.full(7, np.nan, np.float32)}))) for tick, message in kept.rows
+    ]
     takes.add(kept._replace(rows=rows))
     assert HandStream.load(takes.path).head is None
     assert json.dumps(takes.stream().facts())

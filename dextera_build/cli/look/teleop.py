@@ -14,6 +14,8 @@ from dextera_build.cli import options
 
 if TYPE_CHECKING:
     from dextera_build.artifacts.tasks.task import TaskBundle
+    from dextera_build.session import Session
+    from dextera_build.teleop.live import Opened
 
 PORT = 8012
 LOCAL = ("127.0.0.1", "localhost", "::1")
@@ -40,9 +42,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cert", metavar="FILE", help="certificate for HTTPS, PEM (default: one made here)")
     parser.add_argument("--key", metavar="FILE", help="its key, PEM")
     parser.add_argument("--allow-origin", action="append", default=[], metavar="ORIGIN", help="also admit this origin")
-    parser.add_argument(
-        "--synthetic", action="store_true", help="a program moves the hands; the recording says so"
-    )
+    parser.add_argument("--synthetic", action="store_true", help="a program moves the hands; the recording says so")
     parser.add_argument("--no-open", action="store_true", help="do not open the browser")
     options.project_arguments(parser)
     options.json_argument(parser)
@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _task(target: str, session, node: str) -> tuple[str, TaskBundle]:  # type: ignore[no-untyped-def]
+def _task(target: str, session: Session, node: str) -> tuple[str, TaskBundle]:
     from dextera_build.artifacts.tasks.task import TaskBundle
     from dextera_build.building import fetch
     from dextera_build.cli.look import shown
@@ -127,7 +127,7 @@ def _certificate(args: argparse.Namespace) -> tuple[Path, Path] | None:
     return None if args.host in LOCAL else certificate.own(settings.user_folder() / "teleop", live.shown(args.host))
 
 
-def _opened(args: argparse.Namespace, opened) -> None:  # type: ignore[no-untyped-def]
+def _opened(args: argparse.Namespace, opened: Opened) -> None:
     print(json.dumps({"url": opened.url}) if args.json else opened.url, flush=True)
     if not args.json:
         for line in opened.lines():

@@ -1,4 +1,4 @@
-"""An operator whose hands arrive while the task runs in real time; what is heard replays as a recording, bit for bit."""
+"""An operator whose hands arrive while the task runs; what is heard replays as a recording, bit for bit."""
 
 from __future__ import annotations
 
