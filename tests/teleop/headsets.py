@@ -46,8 +46,8 @@ def script(folder: Path) -> str | None:
         return member.read().decode() + INSTALL
 
 
-def capture(stream: HandStream, first: int, last: int) -> dict[str, Any]:
-    """Messages `first` to `last` - 1 of a stream in a frame with z up and x ahead, which has a head."""
+def capture(stream: HandStream, first: int, last: int, speed: float = 1.0) -> dict[str, Any]:
+    """Messages `first` to `last` - 1 of a stream in a frame with z up and x ahead, which has a head, to be played."""
     assert stream.head is not None
     schema = [
         (
@@ -66,7 +66,7 @@ def capture(stream: HandStream, first: int, last: int) -> dict[str, Any]:
     ]
     rows = []
     for row in range(first, last):
-        milliseconds = 1000 * float(stream.stamps[row] - stream.stamps[first])
+        milliseconds = 1000 / speed * float(stream.stamps[row] - stream.stamps[first])
         sources = []
         for hand in np.flatnonzero(stream.tracking[row] > LOST).tolist():
             joints = turned(np.concatenate([stream.positions[row, hand], stream.rotations[row, hand]], axis=1))
