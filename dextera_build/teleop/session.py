@@ -34,6 +34,8 @@ SILENT_S, LOST_S = 0.3, 2.0
 """Time without a message after which the robot is shown as held, and after which the take stops [s]."""
 FREE_BYTES = 50_000_000
 """No take begins with less free disk: it might not be kept."""
+FILTERS = Filters(lag_m=0.02, press_n=2.0, fingers=True)
+"""Limits whose violation ends a take: those with which demonstrate.operate replays it by default."""
 IDLE_S = 1 / 30
 """Period of pictures between takes [s]."""
 
@@ -202,7 +204,7 @@ class Session(threading.Thread):
         live = LiveOperator(self.environment, self.own, lengths, plan.retargeting, self.inbox, self._check, plan.speed)
         self._live = live
         try:
-            episode = self.driver.run(live, self._start, origin="operator", filters=Filters(press_n=2.0), watch=self)
+            episode = self.driver.run(live, self._start, origin="operator", filters=FILTERS, watch=self)
             self._judge(episode, Kept(self._seed, live.rows, lengths, live.sides()))
         except Ended as ended:
             self._told = str(ended)

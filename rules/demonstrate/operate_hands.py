@@ -80,7 +80,7 @@ def operate(
     takes = recording.demonstrations[: common.attempts]
     driver = Driver(Environment(patient(bundle, recording, takes), terms=of_specs(terms, ctx.companion)))
     own, constants = hands_of(bundle.robot), motion.headed(options.constants(), recording)
-    filters = Filters(lag_m=common.lag_m, press_n=common.press_n)
+    filters = Filters(lag_m=common.lag_m, press_n=common.press_n, fingers=True)
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}
     for number, take in enumerate(takes):

@@ -45,6 +45,9 @@ class Filters:
     """Maximum lag of joint targets behind the commanded palm due to position and speed limits [m]."""
     press_n: float = 1.0
     """Maximum force of an unintended contact [N]."""
+    fingers: bool = False
+    """Whether parts of hands may touch each other at any time, as a person's do, and not in contact with the task's
+    object alone."""
 
 
 class Watch(Protocol):
@@ -142,7 +145,7 @@ class Driver:
     def _fault(self, command: Command, rules: Filters) -> str:
         if self.control.lag_m(command) > rules.lag_m:
             return f"limits of the arm's joints or speeds held the hand back in `{command.segment}`"
-        touched = self._touch.unintended(command.contact, rules.press_n)
+        touched = self._touch.unintended(command.contact, rules.press_n, fingers=rules.fingers)
         return f"touched `{touched}` in `{command.segment}`" if touched else ""
 
     def state(self) -> State:

@@ -27,7 +27,7 @@ export function words(facts, link, note) {
     left: hand(0), right: hand(1),
     lag: [`${facts.lag_mm.toFixed(0)} mm`, facts.lag_mm > 12 ? "bad" : ""],
     limits: [facts.limits.length ? facts.limits.join(", ") : "none", facts.limits.length ? "bad" : ""],
-    delay: [facts.own_ms ? `${ms(link.lastWay)}, ${facts.own_ms[0].toFixed(0)} ms here` : "not measured", ""],
+    delay: [facts.own_ms ? `${link.lastWay === null ? "" : `${ms(link.lastWay)}, `}own ${facts.own_ms[0].toFixed(0)} ms` : "not measured", ""],
     trip: [ms(link.lastTrip), link.lastTrip > 50 ? "bad" : ""],
   };
 }
