@@ -55,6 +55,7 @@ def written(environment: Environment, own: Mapping[str, Matched]) -> bytes:
         "parents": list(hands.PARENTS),
         "wrists": (starts := _wrists(environment, own)),
         "middle": np.mean([each["palm"] for each in starts], axis=0).tolist(),
+        "object": model.body(environment.task.object).id,
         "task": environment.bundle.task.name,
     }
     text = json.dumps(facts).encode()

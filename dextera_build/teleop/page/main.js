@@ -41,6 +41,9 @@ class Orbit {
 function fit() {
   if (renderer.xr.isPresenting) return;
   camera.aspect = innerWidth / innerHeight;
+  // The panels cover the left side.
+  if (innerWidth > 760) camera.setViewOffset(innerWidth, innerHeight, -150, 0, innerWidth, innerHeight);
+  else camera.clearViewOffset();
   camera.updateProjectionMatrix();
   renderer.setSize(innerWidth, innerHeight, false);
 }
@@ -55,9 +58,9 @@ scene.add(upright);
 scene.updateMatrixWorld(true);
 
 const look = new THREE.Vector3(...twin.facts.middle).applyMatrix4(twin.base.matrixWorld);
-// One hand is seen from the robot's right, two from behind its shoulders.
-const from = twin.facts.wrists.length > 1 ? [-0.9, 0, 0.8] : [-0.1, -0.95, 0.5];
-const behind = new THREE.Vector3(...from).transformDirection(twin.base.matrixWorld).multiplyScalar(1.05);
+// One hand is seen from before the robot, two from behind its shoulders.
+const from = twin.facts.wrists.length > 1 ? [-0.9, 0, 0.9] : [0.5, -0.8, 0.6];
+const behind = new THREE.Vector3(...from).transformDirection(twin.base.matrixWorld).multiplyScalar(0.85);
 const orbit = new Orbit(look, behind);
 const keys = new Keys(canvas, twin, camera, orbit);
 window.addEventListener("resize", fit);
@@ -66,6 +69,13 @@ fit();
 let phase = "";
 function onState(facts, numbers) {
   twin.show(facts, numbers);
+  if (!latest) {
+    // Between the hands and what they are to move.
+    twin.world.updateWorldMatrix(true, true);
+    const thing = twin.bodies[twin.facts.object].getWorldPosition(new THREE.Vector3());
+    orbit.middle.lerp(thing, 0.6);
+    orbit.turn(0, 0);
+  }
   if (facts.phase !== phase) { keys.reset(); phase = facts.phase; }
   latest = facts;
 }
