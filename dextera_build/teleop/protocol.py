@@ -17,7 +17,7 @@ import numpy as np
 
 from dextera_build.artifacts.robots.hand_stream import LOST, TRACKED
 from dextera_build.geometry import hands, lie, quaternions
-from dextera_build.sim.experts.live_operator import Message
+from dextera_build.sim.experts.live_operator import Message, Refused
 from dextera_build.teleop import posture
 
 HEAD = struct.Struct("<IBBHd4B9f")
@@ -29,10 +29,6 @@ FAR_M = 100.0
 """Positions beyond this are no hand's [m]."""
 AHEAD = np.array([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]])
 """Rotation of the axes of WebXR's frame (y up, -z ahead) into one with z up and x ahead."""
-
-
-class Refused(Exception):  # noqa: N818  a message that is not used, while the session goes on
-    """A message that does not follow the protocol; the text says why."""
 
 
 class Frame(NamedTuple):

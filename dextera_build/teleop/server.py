@@ -10,11 +10,13 @@ import ssl
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from functools import partial
 from importlib import resources
 from typing import Any
 from urllib.parse import urlsplit
 
 from dextera_build.errors import MachineError, UsageError, install_extra
+from dextera_build.sim.experts.live_operator import Message, Refused
 from dextera_build.teleop import protocol
 from dextera_build.teleop.delay import Delays
 from dextera_build.teleop.session import Session
@@ -189,21 +191,34 @@ class Server:
                 if allowance.excess > MOST_HZ:
                     await connection.close(RATE, f"more than {MOST_HZ:g} messages per second")
                 continue
+            if isinstance(data, bytes):
+                self.session.inbox.put(partial(self._read, data, arrived))
+                continue
             try:
-                if isinstance(data, bytes):
-                    self._hands(data, arrived)
-                else:
-                    answer = self._command(protocol.command(data))
-                    if answer is not None:
-                        await connection.send(json.dumps(answer))
-            except protocol.Refused as refused:
-                self.refused += 1
-                await connection.send(json.dumps({"refused": str(refused)}))
+                answer = self._command(protocol.command(data))
+            except Refused as refused:
+                answer = {"refused": str(refused)}
+            if answer is not None:
+                await connection.send(json.dumps(answer))
 
-    def _hands(self, data: bytes, arrived: float) -> None:
-        frame = protocol.frame(data, arrived, self.session.heading_rad)
+    def _read(self, data: bytes, arrived: float) -> Message:
+        """Read a frame of hands, in the session's thread; a refusal is told to the operator.
+
+        Raises:
+            Refused: It does not follow the protocol.
+        """
+        try:
+            frame = protocol.frame(data, arrived, self.session.heading_rad)
+        except Refused as refused:
+            self.refused += 1
+            asyncio.run_coroutine_threadsafe(self._refuse(str(refused)), self._loop)
+            raise
         self.session.measure.of(measured=frame.measured)
-        self.session.inbox.put(frame.message)
+        return frame.message
+
+    async def _refuse(self, text: str) -> None:
+        if self._operator is not None:
+            await self._operator.send(json.dumps({"refused": text}))
 
     def _command(self, command: Mapping[str, Any]) -> dict[str, Any] | None:
         """Carry out a command of the page, and answer it if it asks for an answer."""
@@ -218,7 +233,7 @@ class Server:
             self.whole_way.add(_numbers(command.get("way")))
             self.round_trip.add(_numbers(command.get("trip")))
         else:
-            raise protocol.Refused("a command is `do`, `device`, `ping`, or delays `way` and `trip`")
+            raise Refused("a command is `do`, `device`, `ping`, or delays `way` and `trip`")
         return None
 
 

@@ -71,8 +71,10 @@ class Takes:
             else:
                 self.path.unlink(missing_ok=True)
             self.unsaved = ""
-        except (OSError, StoreError) as error:
-            self.unsaved = str(error).splitlines()[0]
+        except StoreError as error:
+            self.unsaved = str(error.facts.get("system says", error.message))
+        except OSError as error:
+            self.unsaved = error.strerror or str(error)
 
     def stream(self) -> HandStream:
         """All takes as one recording, each with its messages only."""

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
-from dextera_build.sim.experts.live_operator import TICKS_HZ, Inbox
+from dextera_build.sim.experts.live_operator import TICKS_HZ, Inbox, Message
 from dextera_build.teleop import protocol
 from tests.teleop import pages
 
 
-def message(number: int):
-    return protocol.frame(pages.wrists(0.0, number), time.perf_counter(), 0.0).message
+def message(number: int) -> Callable[[], Message]:
+    return lambda: protocol.frame(pages.wrists(0.0, number), time.perf_counter(), 0.0).message
+
+
+def test_a_message_that_is_refused_is_none():
+    inbox = Inbox()
+    inbox.put(lambda: protocol.frame(b"", 0.0, 0.0).message)
+    assert inbox.take(0) is None
 
 
 def test_an_older_message_that_waits_is_dropped():

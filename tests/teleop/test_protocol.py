@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dextera_build.geometry import hands, human_hand, lie, quaternions
+from dextera_build.sim.experts.live_operator import Refused
 from dextera_build.teleop import posture, protocol
 from tests.teleop import pages
 
@@ -57,13 +58,13 @@ def test_a_lost_hand_has_no_numbers_and_no_clutch():
     ],
 )
 def test_what_is_no_frame_is_refused(data: bytes, words: str):
-    with pytest.raises(protocol.Refused, match=words):
+    with pytest.raises(Refused, match=words):
         protocol.frame(data, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "7", "{", '"start"'])
 def test_what_is_no_command_is_refused(text: str):
-    with pytest.raises(protocol.Refused, match="a command is a JSON object"):
+    with pytest.raises(Refused, match="a command is a JSON object"):
         protocol.command(text)
 
 

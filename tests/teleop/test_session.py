@@ -15,6 +15,7 @@ from dextera_build.artifacts.robots.hand_stream import HandStream
 from dextera_build.artifacts.tasks.episode import Episode, Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.live_operator import Message
 from dextera_build.sim.retarget.options import Retargeting
 from dextera_build.teleop import protocol, session
 from dextera_build.teleop.session import Plan, Session
@@ -56,9 +57,14 @@ class Live:
 
     def say(self, data: bytes) -> None:
         """A frame arrives."""
-        frame = protocol.frame(data, time.perf_counter(), 0.0)
-        self.session.measure.of(measured=frame.measured)
-        self.session.inbox.put(frame.message)
+        arrived = time.perf_counter()
+
+        def read() -> Message:
+            frame = protocol.frame(data, arrived, 0.0)
+            self.session.measure.of(measured=frame.measured)
+            return frame.message
+
+        self.session.inbox.put(read)
 
     def until(self, key: str, value: Any, seconds: float = 30.0) -> dict[str, Any]:
         """The first new state with that value."""

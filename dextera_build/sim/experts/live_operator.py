@@ -49,17 +49,21 @@ class Message:
     """(7,) float32 position [m] and quaternion w x y z; NaN without a head."""
 
 
+class Refused(Exception):  # noqa: N818  a message that is not used, while the session goes on
+    """A message that cannot be read; the text says why."""
+
+
 class Inbox:
-    """The newest message of a device: an older one that was not taken yet is dropped, never queued."""
+    """The newest message of a device: an older one that was not taken yet is dropped unread, never queued."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
-        self._message: Message | None = None
+        self._message: Callable[[], Message] | None = None
         self.dropped = 0
         """Messages that a newer one replaced."""
 
-    def put(self, message: Message) -> None:
-        """Leave a message, from any thread."""
+    def put(self, message: Callable[[], Message]) -> None:
+        """Leave what reads a message, and may raise `Refused`, from any thread."""
         with self._changed:
             self.dropped += self._message is not None
             self._message = message
@@ -71,12 +75,15 @@ class Inbox:
             self._changed.notify()
 
     def take(self, timeout_s: float) -> Message | None:
-        """The newest message, waited for at most `timeout_s`; None if there is none."""
+        """Read the newest message, waited for at most `timeout_s`; None if there is none, or it is refused."""
         with self._changed:
             if self._message is None and timeout_s > 0:
                 self._changed.wait(timeout_s)
             found, self._message = self._message, None
-            return found
+        try:
+            return None if found is None else found()
+        except Refused:
+            return None
 
 
 class Ended(Exception):  # noqa: N818  a wish of the operator or a lost connection, not a fault
