@@ -116,6 +116,7 @@ class Server:
                 compression=None,
                 ping_interval=5,
                 ping_timeout=5,
+                close_timeout=1,
                 server_header=None,
             )
         except OSError as error:
