@@ -91,6 +91,7 @@ class Closed:
     """Whether the recording has a head."""
     own_share: str
     """Delays as percentiles."""
+    processor: str
     whole_way: str
     round_trip: str
     numbers: dict[str, Any]
@@ -99,7 +100,7 @@ class Closed:
         """What to tell the user."""
         return [
             f"{self.takes} takes in {self.out}" if self.takes else "no take was kept",
-            f"own share of the delay: {self.own_share}",
+            f"own share of the delay: {self.own_share}; processor time in it: {self.processor}",
             f"from the page and back to it: {self.whole_way}; round trip of the network: {self.round_trip}",
         ]
 
@@ -133,7 +134,12 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
     asyncio.run(_serve(server, session, wanted.port, ready))
     if session.error is not None:
         raise session.error
-    delays = {"own_share": session.own_share, "whole_way": server.whole_way, "round_trip": server.round_trip}
+    delays = {
+        "own_share": session.own_share,
+        "processor": session.processor,
+        "whole_way": server.whole_way,
+        "round_trip": server.round_trip,
+    }
     numbers: dict[str, Any] = {f"{name}_ms": _rounded(each.percentiles()) for name, each in delays.items()}
     numbers |= {"messages_dropped": session.inbox.dropped, "frames_refused": server.refused}
     heads = [message.head for kept in takes.kept for _, message in kept.rows]
@@ -142,6 +148,7 @@ def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
         len(takes.kept),
         bool(heads) and bool(np.isfinite(np.array(heads)).all(axis=1).any()),
         session.own_share.told(),
+        session.processor.told(),
         server.whole_way.told(),
         server.round_trip.told(),
         numbers,

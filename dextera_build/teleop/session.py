@@ -86,6 +86,8 @@ class Session(threading.Thread):
         """Angle about the vertical from the operator's axes to those of the base [rad]."""
         self.own_share = Delays()
         """Times from the arrival of messages until their joint targets are sent [ms]."""
+        self.processor = Delays()
+        """Processor time within them [ms]: retargeting, segments, inverse kinematics."""
         self.error: BaseException | None = None
         """What ended the thread, if it was no wish."""
         self.connected = False
@@ -251,10 +253,11 @@ class Session(threading.Thread):
     def sent(self, command: Command) -> None:
         """Measure the delay of the message behind a command; see `drive.Watch`."""
         self._command = command
-        used = self._live.used if self._live else None
-        if used is not None and used is not self._sent:
-            self._sent = self._last = used
-            self.own_share.add([1000 * (time.perf_counter() - used.arrived)])
+        live = self._live
+        if live and live.used is not None and live.used is not self._sent:
+            self._sent = self._last = live.used
+            self.own_share.add([1000 * (time.perf_counter() - live.used.arrived)])
+            self.processor.add([1000 * (time.thread_time() - live.heard)])
 
     def stepped(self, outcome: Outcome) -> None:
         """Show the state after a control period; see `drive.Watch`."""

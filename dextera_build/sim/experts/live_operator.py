@@ -124,6 +124,8 @@ class LiveOperator:
         """Limb -> its last target."""
         self.held: dict[str, bool] = {}
         """Limb -> whether its palm stays where it is: clutch open, tracking lost, or a jump."""
+        self.heard = 0.0
+        """Processor time of this thread when the last message was heard [s]."""
         self.late = 0
         """Control steps that began a period late or more: the machine is slower than real time."""
         self._last_step: int | None = None
@@ -204,7 +206,7 @@ class LiveOperator:
         ticks = min(max(now, earliest, self._ticks + 1), latest)
         if ticks <= self._ticks:
             return  # within a tick of the last message
-        self._ticks = ticks
+        self._ticks, self.heard = ticks, time.thread_time()
         self.rows.append((ticks, message))
         for limb, follower in self._followers.items():
             hand = hands.SIDES.index(follower.own.side)
