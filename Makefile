@@ -163,6 +163,6 @@ $(VENV)/.peers: .ci/peers.txt $(VENV)/.created
 	@touch $@
 
 $(VENV)/.installed: pyproject.toml $(VENV)/.locked
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable '.[twin,learn,recordings,share,cloud,models,view,warp]'
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable '.[twin,learn,recordings,share,cloud,models,view,teleop,warp]'
 	$(BIN)/python -m pip check
 	@touch $@

@@ -17,6 +17,7 @@ GROUPS = {
         "get": "write a node's artifact to files",
         "library": "list, search and export the objects and backgrounds that were built",
         "view": "show a scene in the browser",
+        "teleop": "demonstrate a task by hand, in the browser or a headset, and record the hands",
         "report": "write a run's report, one offline HTML file",
     },
     "share": {

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
@@ -59,8 +59,15 @@ class _Rows(NamedTuple):
 
 def save(made: HandStream, path: Path) -> list[Path]:
     """Write an `.mcap` file."""
+    with path.open("wb") as out:
+        write(made, out)
+    return [path]
+
+
+def write(made: HandStream, out: IO[bytes]) -> None:
+    """Write the content of an `.mcap` file."""
     topics = Topics()
-    with path.open("wb") as out, Recording(out) as recording:
+    with Recording(out) as recording:
         first = _nanoseconds(float(made.stamps[0]))
         recording.send(ABOUT, "std_msgs/String", first, messages.text(json.dumps(_facts(made))))
         for row, stamp in enumerate(made.stamps):
@@ -76,7 +83,6 @@ def save(made: HandStream, path: Path) -> list[Path]:
             axes = np.concatenate([made.pinch[row], np.asarray(more, np.float32)])
             codes = [*made.clutch[row], *made.tracking[row]]
             recording.send(topics.inputs, "sensor_msgs/Joy", time, messages.joy(time, axes, codes))
-    return [path]
 
 
 def load(path: str | Path, topics: Topics | None = None, *, unit_m: float = 1.0) -> HandStream:

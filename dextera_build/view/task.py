@@ -51,7 +51,7 @@ class TaskView:
 
     def __init__(self, server: Any, name: str, bundle: TaskBundle, materials: Mapping[str, str]) -> None:
         self._server, self._bundle = server, bundle
-        self.environment = _running(bundle)
+        self.environment = running(bundle)
         world = self.environment
         self._photographed = world.start
         facts = facts_of_task(bundle, world.model, materials)
@@ -140,7 +140,12 @@ class TaskView:
                 self._joints.append(slider)
 
 
-def _running(bundle: TaskBundle) -> Environment:
+def running(bundle: TaskBundle) -> Environment:
+    """The task at the photograph's state.
+
+    Raises:
+        RuleError: MuJoCo cannot load the model, or it lacks the robot.
+    """
     try:
         return Environment(bundle)
     except KeyError as error:

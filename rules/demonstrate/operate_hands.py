@@ -16,7 +16,7 @@ from dextera_build.policy.added import of_specs
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.experts.filters import Filters
-from dextera_build.sim.experts.hand_operator import HandOperator, hands_of
+from dextera_build.sim.experts.hand_operator import HandOperator, hands_of, patient
 from dextera_build.sim.retarget import motion
 from dextera_build.sim.retarget.options import Retargeting
 from dextera_build.sim.runtime.environment import Environment
@@ -79,12 +79,12 @@ def operate(
         ctx.fail(
             "there is no recording of hands to follow", hint="add `recording: $...`, a target that returns a HandStream"
         )
-    driver = Driver(Environment(bundle, terms=of_specs(terms, ctx.companion)))
+    takes = recording.demonstrations[: common.attempts]
+    driver = Driver(Environment(patient(bundle, recording, takes), terms=of_specs(terms, ctx.companion)))
     own, constants = hands_of(bundle.robot), motion.headed(options.constants(), recording)
-    filters = Filters(lag_m=common.lag_m, press_n=common.press_n)
+    filters = Filters(lag_m=common.lag_m, press_n=common.press_n, fingers=True)
     items: dict[str, Episode] = {}
     failures: dict[str, Episode] = {}
-    takes = recording.demonstrations[: common.attempts]
     for number, take in enumerate(takes):
         seed = seed_of("operate", common.seed, number) if take.seed is None else take.seed
         start = driver.environment.draw(seed)

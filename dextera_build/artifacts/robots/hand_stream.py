@@ -27,6 +27,9 @@ class Take(Value):
     """One past the last message."""
     seed: int | None = None
     """Seed of the start that the operator saw; None: not known."""
+    finger_lengths_m: tuple[tuple[float, ...] | None, tuple[float, ...] | None] = (None, None)
+    """Lengths of the five fingers of the left and the right hand that were measured before the take,
+    `geometry.hands.finger_lengths` [m]; None: not measured, so that medians over the take serve."""
 
 
 class HandStream(Artifact):

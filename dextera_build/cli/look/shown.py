@@ -137,12 +137,9 @@ def _materials(session: Session, node: str) -> dict[str, str]:
 def _recipe(session: Session) -> Fill:
     """The recipe's task, or else the twin's scene from the parts that the last build made, or as it was written."""
     nodes = _by_type(session)
-    for node in nodes.get("TaskBundle", []):
-        # Nodes of other recipes have those recipes' names; the nodes of a recipe itself are its subject.
-        if ":" not in node:
-            fetch.bring(session, [node, *nodes.get("Asset", [])])
-            if isinstance(bundle := session.artifact(node), TaskBundle):
-                return _task(session, node, bundle)
+    if (own := own_task(session)) is not None:
+        fetch.bring(session, nodes.get("Asset", []))
+        return _task(session, *own)
     if missing := [kind for kind in PARTS if kind not in nodes]:
         raise UsageError(
             f"`{session.recipe}` has no scene to show yet",
@@ -155,6 +152,17 @@ def _recipe(session: Session) -> Fill:
     if named and named[0] not in bare:
         nodes["Segmentation"] = named
     return _as_written(session, nodes, bare) if {*bare} - {*named} else _scene(session, nodes)
+
+
+def own_task(session: Session) -> tuple[str, TaskBundle] | None:
+    """The node of a recipe's own task, and the task; None if it was not built or there is none."""
+    for node in _by_type(session).get("TaskBundle", []):
+        # Nodes of other recipes have those recipes' names; the nodes of a recipe itself are its subject.
+        if ":" not in node:
+            fetch.bring(session, [node])
+            if isinstance(bundle := session.artifact(node), TaskBundle):
+                return node, bundle
+    return None
 
 
 def _as_written(session: Session, nodes: dict[str, list[str]], bare: list[str]) -> Fill:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -20,6 +21,16 @@ from dextera_build.sim.runtime.recorder import Recorder
 HELD_S = 1.0
 """Duration for which the robot holds still if the operator gives up at once, so that the episode shows the start
 [s]."""
+
+
+class Observer(Protocol):
+    """Whoever looks on while an episode runs."""
+
+    def sent(self, command: Command) -> None:
+        """Joint targets for a command are on their way to the controllers."""
+
+    def stepped(self, outcome: Outcome) -> None:
+        """A control period has passed."""
 
 
 class Driver:
@@ -46,13 +57,14 @@ class Driver:
         filters: Filters | None = None,
         seed: int = 0,
         longest_s: float = np.inf,
+        observer: Observer | None = None,
     ) -> Episode:
         """Run `operator` from `start` and return the episode; a failed one contains the reason.
 
-        Without success it ends after `longest_s`, or after the task's own limit [s].
+        Without success it ends after `longest_s`, or after the task's own limit [s]. `observer` changes nothing.
         """
         self.environment.begin(start)
-        run = _Run(self, operator, Disturbance(noise or Noise(), seed), filters or Filters())
+        run = _Run(self, operator, Disturbance(noise or Noise(), seed), filters or Filters(), observer)
         try:
             reason = run.to_its_end(longest_s)
         except UNSOLVED:
@@ -71,8 +83,15 @@ class Driver:
 class _Run:
     """One episode of a driver, whose environment has begun it."""
 
-    def __init__(self, driver: Driver, operator: Operator, disturbance: Disturbance, limits: Filters) -> None:
-        self._driver, self._operator, self._limits = driver, operator, limits
+    def __init__(
+        self,
+        driver: Driver,
+        operator: Operator,
+        disturbance: Disturbance,
+        limits: Filters,
+        observer: Observer | None,
+    ) -> None:
+        self._driver, self._operator, self._limits, self._observer = driver, operator, limits, observer
         self._environment, self._disturbance = driver.environment, disturbance
         self.recorder, self.labels = Recorder(driver.environment), _Labels()
         self.segment = "the plan"
@@ -119,10 +138,14 @@ class _Run:
         self._off = bool(command.off)
         action = driver.control.follow(command)
         sent = driver.noisy.follow(self._disturbance.on(replace(command, aims={**command.aims, **command.off})))
+        if self._observer:
+            self._observer.sent(command)
         self.recorder.before(action, self._palms(command))
         self.labels.add(command)
         outcome = self._environment.step(sent)
         self.recorder.after(outcome.executed)
+        if self._observer:
+            self._observer.stepped(outcome)
         return outcome
 
     def _verdict(self, command: Command, outcome: Outcome, longest_s: float) -> tuple[bool, str]:

@@ -20,6 +20,9 @@ class Filters:
     """Maximum lag of joint targets behind the commanded palm due to position and speed limits [m]."""
     press_n: float = 1.0
     """Maximum force of an unintended contact [N]."""
+    fingers: bool = False
+    """Whether parts of hands may touch each other at any time, as a person's do, and not in contact with the task's
+    object alone."""
     depth_m: float = np.inf
     """Maximum penetration of the robot, or of an object, into anything [m]."""
     grip_m: float = np.inf
@@ -64,7 +67,7 @@ class Watch:
         self._sent = [*self._sent[1:], self._environment.previous_action]
         if lag_m > limits.lag_m:
             return f"limits of the arm's joints or speeds held the hand back in `{command.segment}`"
-        touched = self._touch.unintended(command.contact, limits.press_n)
+        touched = self._touch.unintended(command.contact, limits.press_n, fingers=limits.fingers)
         if touched:
             return f"touched `{touched}` in `{command.segment}`"
         deep = self._touch.deeper(command.contact, limits.depth_m, limits.grip_m)

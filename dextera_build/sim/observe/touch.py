@@ -24,17 +24,20 @@ class Touch:
         self._robot = roots == base
         # What moves by the task: the robot, and every object.
         self._movable = self._robot | np.isin(roots, [model.body(name).id for name in environment.bundle.objects])
+        links = [ROBOT + name for name, group in environment.bundle.robot.links.items() if group == "hand"]
+        self._hand = np.isin(model.geom_bodyid, [model.body(name).id for name in links])
         # A hand may touch the container that it reaches into.
         meant = (environment.task.object, *environment.primitive.others())
         self._target = np.isin(roots, [model.body(name).id for name in meant])
         self._names = [self._name(geom) for geom in range(model.ngeom)]
 
-    def unintended(self, contact: bool, press_n: float) -> str:
+    def unintended(self, contact: bool, press_n: float, *, fingers: bool = False) -> str:
         """Unintended contacts with more than `press_n` [N]; empty if there are none.
 
         Args:
             contact: Whether contact with the bodies named by the task is intended now.
             press_n: Tolerated force [N].
+            fingers: Whether parts of hands may touch each other at any time.
         """
         data, model = self._environment.data, self._environment.model
         for number in range(data.ncon):
@@ -46,6 +49,8 @@ class Touch:
                 continue
             # Fingers of a closing hand may touch each other.
             if contact and self._robot[one] and self._robot[other]:
+                continue
+            if fingers and self._hand[one] and self._hand[other]:
                 continue
             force = np.zeros(6)
             mujoco.mj_contactForce(model, data, number, force)

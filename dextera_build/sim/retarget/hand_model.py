@@ -90,6 +90,20 @@ class HandModel:
             self.model.geom_bodyid[self.data.contact.geom[self._contacts]].reshape(-1, 2),
         )
 
+    def link_poses(self, posture: np.ndarray, palm: np.ndarray) -> np.ndarray:
+        """Poses (K, 7) of `links` at motor positions (H,) [rad]: position [m], quaternion w x y z.
+
+        Args:
+            posture: Motor positions [rad].
+            palm: Pose of the palm (4, 4), in whose base the poses are.
+        """
+        self._set(posture)
+        shift = palm @ transforms.invert(self.palm)
+        turn = quaternions.from_matrix(shift[:3, :3])
+        bodies = [self.data.body(link) for link in self.links]
+        places = np.array([body.xpos for body in bodies]) @ shift[:3, :3].T + shift[:3, 3]
+        return np.concatenate([places, quaternions.multiply(turn, np.array([body.xquat for body in bodies]))], axis=1)
+
     def moving(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Derivatives by the motors, at the posture of the last `at`: of tips, of centres (F, 3, H), of `close` (K, H).
 

@@ -95,12 +95,56 @@ def headed(options: Retargeting, stream: HandStream) -> Retargeting:
     return replace(options, heading_rad=heading(quaternions.to_matrix(heads[0, 3:].astype(np.float64))))
 
 
+class Follower:
+    """One limb that follows an operator's hand message by message; recordings and live sessions share it.
+
+    Args:
+        own: Its hand and the operator's.
+        lengths_m: (5,) lengths of the operator's fingers [m].
+        palm: T_base_palm (4, 4) at the first message.
+        options: Constants, with a heading.
+    """
+
+    def __init__(self, own: Matched, lengths_m: np.ndarray, palm: np.ndarray, options: Retargeting) -> None:
+        self.own = own
+        self._hand, self._palm = Fingers(own, lengths_m, options), Palm(palm, options)
+        self.fingers = own.straight
+        """Positions (H,) of the hand's motors at the last message [rad]."""
+        self._since: float | None = None
+
+    @property
+    def scale(self) -> float:
+        """Metre of the robot's hand per metre of the operator's."""
+        return self._hand.scale
+
+    def next(
+        self, points: np.ndarray, turn: np.ndarray, stamp: float, *, tracked: bool, clutch: bool
+    ) -> tuple[np.ndarray, bool]:
+        """The palm's target T_base_palm (4, 4), and whether it is held; `fingers` holds the hand's.
+
+        Args:
+            points: (25, 3) joints of the operator's hand [m]; not used if it is lost.
+            turn: (4,) unit quaternion of its wrist.
+            stamp: Time of the message, after that of the last one [s].
+            tracked: Whether the hand is seen.
+            clutch: Whether it moves the robot.
+        """
+        wrist = None
+        if tracked:
+            points = points.astype(np.float64)
+            self.fingers = self._hand.next(points, stamp - (stamp if self._since is None else self._since))
+            self._since = stamp
+            if clutch:
+                wrist = transforms.rigid(quaternions.to_matrix(turn.astype(np.float64)), self._hand.origin(points))
+        return self._palm.next(wrist)
+
+
 def follow(own: Matched, stream: HandStream, palm: np.ndarray, options: Retargeting) -> Targets:
     """Targets of one limb; those of a message depend on it and on earlier ones, and on the size of the hand.
 
     Args:
         own: Its hand and the operator's.
-        stream: The operator's hands.
+        stream: The operator's hands; the lengths of the fingers are those of its first take, or else medians.
         palm: T_base_palm (4, 4) at the first message.
         options: Constants, with a heading.
 
@@ -108,8 +152,7 @@ def follow(own: Matched, stream: HandStream, palm: np.ndarray, options: Retarget
         RuleError: The hand is never seen or is mirrored.
     """
     hand = hands.SIDES.index(own.side)
-    points, tracked = stream.positions[:, hand].astype(np.float64), stream.tracking[:, hand] > LOST
-    turns = stream.rotations[:, hand, hands.WRIST].astype(np.float64)
+    points, tracked = stream.positions[:, hand], stream.tracking[:, hand] > LOST
     if not tracked.any():
         raise RuleError(
             f"limb `{own.limb}` follows the operator's {own.side} hand, which is never seen",
@@ -117,17 +160,19 @@ def follow(own: Matched, stream: HandStream, palm: np.ndarray, options: Retarget
             facts={"messages": len(tracked)},
             hint=f"record both hands, or state `hands: {{{own.limb}: {{side: ...}}}}` in the robot's recipe",
         )
-    check_side(points[tracked], own.side)
-    follower, following = Fingers(own, measured(points, tracked), options), Palm(palm, options)
+    check_side(points[tracked].astype(np.float64), own.side)
+    known = stream.takes[0].finger_lengths_m[hand] if stream.takes else None
+    lengths = np.array(known) if known else measured(points.astype(np.float64), tracked)
+    follower = Follower(own, lengths, palm, options)
     fingers, palms, held = np.tile(own.straight, (len(points), 1)), np.zeros((len(points), 4, 4)), []
-    last, since = own.straight, stream.stamps[0]
     for number, stamp in enumerate(stream.stamps):
-        wrist = None
-        if tracked[number]:
-            last, since = follower.next(points[number], float(stamp - since)), stamp
-            if stream.clutch[number, hand]:
-                wrist = transforms.rigid(quaternions.to_matrix(turns[number]), follower.origin(points[number]))
-        fingers[number] = last
-        palms[number], still = following.next(wrist)
+        palms[number], still = follower.next(
+            points[number],
+            stream.rotations[number, hand, hands.WRIST],
+            float(stamp),
+            tracked=bool(tracked[number]),
+            clutch=bool(stream.clutch[number, hand]),
+        )
+        fingers[number] = follower.fingers
         held.append(still)
     return Targets(own.side, palms, fingers, np.array(held), follower.scale)

@@ -18,7 +18,8 @@ TURNED = np.deg2rad(60)
 
 def of_clock(ctx: Context, stream: HandStream, slowest_hz: float, gap_s: float) -> None:
     """Warn of a low rate of messages, and of gaps between them."""
-    steps = np.diff(stream.stamps)
+    # Nobody looks at what lies between two takes.
+    steps = np.where(_begins(stream)[1:], 0.0, np.diff(stream.stamps))
     if 0 < stream.rate_hz < slowest_hz:
         ctx.warn(
             f"hands come at {stream.rate_hz:.1f} Hz, so motion is cut off between messages: record at "
@@ -42,7 +43,7 @@ def of_motion(ctx: Context, stream: HandStream, jump_m: float, jump_rad: float) 
         lost = 1 - len(rows) / (rows[-1] - rows[0] + 1)
         if lost > LOST_SHARE:
             ctx.warn(f"the {side} hand is lost {100 * lost:.0f} % of the time between its first and last pose")
-        together = rows[1:][np.diff(rows) == 1]
+        together = rows[1:][(np.diff(rows) == 1) & ~_begins(stream)[rows[1:]]]
         way = np.linalg.norm(np.diff(stream.positions[:, hand, hands.WRIST], axis=0)[together - 1], axis=1)
         first, second = (stream.rotations[together - step, hand, hands.WRIST] for step in (1, 0))
         turn = 2 * np.arccos(np.clip(np.abs((first * second).sum(axis=1)), 0, 1))
@@ -76,6 +77,11 @@ def of_shape(ctx: Context, stream: HandStream) -> None:
                 f"the axes of the {side} wrist are {np.rad2deg(angle):.0f} deg from those of the palm: WebXR's have -Z "
                 "along the fingers and +Y out of the back of the hand"
             )
+
+
+def _begins(stream: HandStream) -> np.ndarray:
+    """Whether a take begins with each message (N,)."""
+    return np.isin(np.arange(len(stream.stamps)), [take.first for take in stream.takes])
 
 
 def _times(count: int) -> str:

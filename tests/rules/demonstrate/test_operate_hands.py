@@ -8,22 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.base import Collection
-from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.robots.hand_stream import HandStream, Take
-from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.tasks.episode import Episodes
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.errors import RuleError
-from dextera_build.sim.experts import candidates, planning, rehearse
 from dextera_build.sim.experts.hand_operator import SETTLE_S
 from dextera_build.testing import RuleRunner
-from tests import factories, task_bundles
+from tests import hand_tasks, task_bundles
 from tests.hand_streams import stream
 from tests.robots.robot_recipes import built
-
-STEADY = dict.fromkeys(("tremor_m", "tremor_deg", "jitter_m", "jitter_deg", "drift_m", "drift_deg", "clock_s"), 0.0)
-STEADY |= {"losses_per_min": 0.0}
 
 
 @pytest.fixture(scope="module")
@@ -39,40 +32,10 @@ def lifting(runner: RuleRunner, tmp_path_factory: pytest.TempPathFactory) -> Cal
     def get(name: str) -> TaskBundle:
         if name not in made:
             robot = built(name, tmp_path_factory.mktemp(name))
-            made[name] = _task(runner, robot, list(robot.limb_names) if len(robot.limbs) > 1 else [])
+            made[name] = hand_tasks.lift_can(runner, robot, list(robot.limb_names) if len(robot.limbs) > 1 else [])
         return made[name]
 
     return get
-
-
-def _task(runner: RuleRunner, robot: RobotModel, limbs: list[str]) -> TaskBundle:
-    can = factories.box_asset(factories.pose(0.0, 0.0), size=(0.06, 0.06, 0.14), mass=0.2)
-    assets = Collection[Asset](items={"can": can})
-    scene = runner.run(
-        "simulate.scene",
-        assets=assets,
-        background=factories.background(0.8),
-        support=factories.support(0.8),
-        camera=factories.camera(),
-    )
-    task: dict[str, Any] = {
-        "name": "LiftCan",
-        "primitive": "lift",
-        "object": "can",
-        "lift": {"height_m": 0.08},
-        "timeout_s": 8.0,
-    }
-    task |= {"limbs": limbs} if limbs else {}
-    reset = {"position_m": 0.01, "yaw_deg": 5.0, "dynamics": 0.2}
-    made: TaskBundle = runner.run(
-        "simulate.task",
-        scene=scene,
-        assets=assets,
-        robot=robot,
-        base=factories.placed(factories.pose(-0.55, 0.0, 0.0), "base"),
-        options={**task, "reset": reset},
-    )
-    return made
 
 
 def followed(runner: RuleRunner, bundle: TaskBundle, recording: HandStream, **options: Any) -> Episodes:
@@ -152,15 +115,8 @@ def test_a_take_that_does_nothing_fails_after_its_end_and_all_failing_is_an_erro
 def test_the_palm_follows_hands_made_from_a_script_and_the_same_each_time(
     runner: RuleRunner, lifting: Callable[[str], TaskBundle], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module, name, value in ((planning, "PLANNED", 0), (candidates, "LOOKED", 0), (candidates, "FEW", 6)):
-        monkeypatch.setattr(module, name, value)
-    for name, value in (("GOOD", 1), ("FINAL", 1), ("STARTS", 1)):
-        monkeypatch.setattr(rehearse, name, value)
     bundle = lifting("kuka_leap")
-    script = runner.run("demonstrate.operate", bundle=bundle, options={"episodes": 1})
-    hands = runner.run(
-        "reference.hands", robot=bundle.robot, episodes=script, options={"unsteady": STEADY, "open_s": 0.5}
-    )
+    script, hands = hand_tasks.shown(runner, bundle, monkeypatch, open_s=0.5)
     made, again = (followed(runner, bundle, hands) for _ in range(2))
     (shown,) = script.items.values()
     (replayed,) = (*made.items.values(), *made.failures.values())

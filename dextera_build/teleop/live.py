@@ -1,0 +1,194 @@
+"""A session from its beginning to its end: certificate, server, simulation, recording."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import signal
+import socket
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.errors import UsageError
+from dextera_build.sim.retarget.options import Retargeting
+from dextera_build.teleop import certificate
+from dextera_build.teleop.server import Server
+from dextera_build.teleop.session import Plan, Session
+from dextera_build.teleop.takes import Takes
+
+ANY = ("0.0.0.0", "::")
+SWITCH_S = 0.001
+"""How long the simulation may keep the interpreter from the server [s]; 5 ms by default, a third of a message."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a session shall be."""
+
+    bundle: TaskBundle
+    out: Path
+    """The recording."""
+    takes: int
+    seed: int
+    starts: tuple[int, ...]
+    """Seeds of the first starts."""
+    limit_s: float
+    """Longest take [s] of simulated time."""
+    speed: float
+    """Simulated time per real time."""
+    host: str
+    port: int
+    certificate: tuple[Path, Path] | None
+    """Certificate and key; None: plain HTTP."""
+    origins: tuple[str, ...]
+    """Further origins whose pages may connect."""
+    synthetic: bool
+    """Whether a program moves the hands."""
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A session that can be joined."""
+
+    url: str
+    fingerprint: str
+    """SHA-256 of the certificate; empty without one."""
+    port: int
+
+    def lines(self) -> list[str]:
+        """What to tell the user."""
+        found = [self.code()]
+        if self.fingerprint:
+            found.append(f"certificate SHA-256 {self.fingerprint}: compare it when the headset warns")
+        else:
+            found.append(
+                f"headset by cable: `adb reverse tcp:{self.port} tcp:{self.port}`, then open the same address in it"
+            )
+        return [*found, "Ctrl-C ends the session; takes are written as they are kept"]
+
+    def code(self) -> str:
+        """The address as a QR code for terminals."""
+        import segno
+
+        out = io.StringIO()
+        segno.make(self.url, error="m").terminal(out, compact=True)
+        return out.getvalue().rstrip("\n")
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A session that has ended."""
+
+    out: Path
+    takes: int
+    head: bool
+    """Whether the recording has a head."""
+    own_share: str
+    """Delays as percentiles."""
+    processor: str
+    whole_way: str
+    round_trip: str
+    numbers: dict[str, Any]
+
+    def lines(self) -> list[str]:
+        """What to tell the user."""
+        return [
+            f"{self.takes} takes in {self.out}" if self.takes else "no take was kept",
+            f"own share of the delay: {self.own_share}; processor time in it: {self.processor}",
+            f"from the page and back to it: {self.whole_way}; round trip of the network: {self.round_trip}",
+        ]
+
+    def facts(self) -> dict[str, Any]:
+        """The same as data."""
+        return {"recording": str(self.out), "takes": self.takes, **self.numbers}
+
+
+def run(wanted: Wanted, opened: Callable[[Opened], None]) -> Closed:
+    """Run a session until the operator or the user ends it.
+
+    Raises:
+        UsageError: The recording exists, or an option does not fit.
+        RuleError: The robot has no hands that an operator's can move.
+    """
+    _check(wanted)
+    encryption = certificate.context(*wanted.certificate) if wanted.certificate else None
+    server = Server(wanted.host, wanted.origins, encryption)
+    takes = Takes(wanted.out, synthetic=wanted.synthetic)
+    # Messages are turned into the base frame as they arrive, and recorded there.
+    still = Retargeting(heading_rad=0.0)
+    plan = Plan(wanted.takes, wanted.seed, wanted.starts, wanted.limit_s, wanted.speed, still)
+    session = Session(wanted.bundle, plan, takes, server.publish)
+
+    def ready(port: int) -> None:
+        scheme, host = "https" if encryption else "http", shown(wanted.host)
+        known = certificate.fingerprint(wanted.certificate[0]) if wanted.certificate else ""
+        opened(Opened(f"{scheme}://{host}:{port}{server.path()}", known, port))
+
+    sys.setswitchinterval(SWITCH_S)
+    asyncio.run(_serve(server, session, wanted.port, ready))
+    if session.error is not None:
+        raise session.error
+    delays = {
+        "own_share": session.own_share,
+        "processor": session.processor,
+        "whole_way": server.whole_way,
+        "round_trip": server.round_trip,
+    }
+    numbers: dict[str, Any] = {f"{name}_ms": _rounded(each.percentiles()) for name, each in delays.items()}
+    numbers |= {"messages_dropped": session.inbox.dropped, "frames_refused": server.refused}
+    heads = [message.head for kept in takes.kept for _, message in kept.rows]
+    return Closed(
+        wanted.out,
+        len(takes.kept),
+        bool(heads) and bool(np.isfinite(np.array(heads)).all(axis=1).any()),
+        session.own_share.told(),
+        session.processor.told(),
+        server.whole_way.told(),
+        server.round_trip.told(),
+        numbers,
+    )
+
+
+def _check(wanted: Wanted) -> None:
+    if wanted.out.suffix != ".mcap":
+        raise UsageError(f"`{wanted.out}` does not end in .mcap", code="DXB-U335", hint="`--out recordings/mine.mcap`")
+    if wanted.out.exists():
+        raise UsageError(
+            f"`{wanted.out}` exists",
+            code="DXB-U330",
+            hint=f"`--out {wanted.out.with_stem(wanted.out.stem + '_2')}`, or move it away",
+        )
+    if wanted.takes < 1 or not wanted.limit_s > 0 or not 0.05 <= wanted.speed <= 1:
+        raise UsageError(
+            "a session needs a take, time for it, and a speed from 0.05 to 1",
+            code="DXB-U336",
+            facts={"takes": wanted.takes, "limit": f"{wanted.limit_s:g} s", "speed": f"{wanted.speed:g}"},
+        )
+    wanted.out.parent.mkdir(parents=True, exist_ok=True)
+
+
+def _rounded(values: tuple[float, float]) -> list[float] | None:
+    return [round(value, 2) for value in values] if np.isfinite(values).all() else None
+
+
+def shown(host: str) -> str:
+    """The address that other machines open."""
+    name = socket.gethostname() if host in ANY else host
+    return f"[{name}]" if ":" in name else name
+
+
+async def _serve(server: Server, session: Session, port: int, ready: Callable[[int], None]) -> None:
+    loop = asyncio.get_running_loop()
+
+    def end() -> None:
+        session.wish("end")
+        loop.remove_signal_handler(signal.SIGINT)  # a second Ctrl-C does not wait
+
+    loop.add_signal_handler(signal.SIGINT, end)
+    await server.serve(session, port, ready)

@@ -1,0 +1,201 @@
+"""A live session with a real simulation: what it records replays as it was, and what stops a take."""
+
+from __future__ import annotations
+
+import json
+import struct
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dextera_build.artifacts.robots.hand_stream import HandStream
+from dextera_build.artifacts.tasks.episode import Episode, Episodes
+from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.sim.experts.drive import Driver
+from dextera_build.sim.experts.live_operator import Message
+from dextera_build.sim.retarget.options import Retargeting
+from dextera_build.teleop import protocol, session
+from dextera_build.teleop.session import Plan, Session
+from dextera_build.teleop.takes import Takes
+from dextera_build.testing import RuleRunner
+from tests import hand_tasks
+from tests.robots.robot_recipes import built
+from tests.teleop import operators, pages
+
+pytestmark = pytest.mark.slow
+SPEED = 0.3
+"""Slow motion, so that a machine that tests other things, too, keeps up."""
+
+
+@pytest.fixture(scope="module")
+def runner(tmp_path_factory: pytest.TempPathFactory) -> RuleRunner:
+    return RuleRunner(tmp_path_factory.mktemp("rules"))
+
+
+@pytest.fixture(scope="module")
+def lifting(runner: RuleRunner, tmp_path_factory: pytest.TempPathFactory) -> TaskBundle:
+    return hand_tasks.lift_can(runner, built("kuka_leap", tmp_path_factory.mktemp("robot")), [])
+
+
+class Live:
+    """A session whose states are kept, and an operator's means to reach it."""
+
+    def __init__(self, bundle: TaskBundle, path: Path, *starts: int) -> None:
+        self.states: list[dict[str, Any]] = []
+        self.takes = Takes(path, synthetic=True)
+        self.session = Session(
+            bundle, Plan(1, 0, starts, 30.0, SPEED, Retargeting(heading_rad=0.0)), self.takes, self.publish
+        )
+        self.session.start()
+
+    def publish(self, state: bytes) -> None:
+        (length,) = struct.unpack_from("<I", state)
+        self.states.append(json.loads(state[4 : 4 + length]))
+
+    def say(self, data: bytes) -> None:
+        """A frame arrives."""
+        arrived = time.perf_counter()
+
+        def read() -> Message:
+            frame = protocol.frame(data, arrived, 0.0)
+            self.session.measure.of(measured=frame.measured)
+            return frame.message
+
+        self.session.inbox.put(read)
+
+    def until(self, key: str, value: Any, seconds: float = 30.0) -> dict[str, Any]:
+        """The first new state with that value."""
+        for _ in range(round(seconds / 0.01)):
+            if self.states and self.states[-1][key] == value:
+                return self.states[-1]
+            time.sleep(0.01)
+        raise AssertionError(f"`{key}` was never {value}: {self.states[-1:]}")
+
+    def end(self) -> None:
+        self.session.wish("end")
+        self.session.join(20)
+        assert not self.session.is_alive()
+        assert self.session.error is None
+
+
+@pytest.fixture
+def opened(lifting: TaskBundle, tmp_path: Path) -> Iterator[Callable[..., Live]]:
+    """Opens a session with the seeds of its first starts."""
+    made: list[Live] = []
+
+    def open_one(*starts: int) -> Live:
+        made.append(Live(lifting, tmp_path / "made.mcap", *starts))
+        return made[-1]
+
+    yield open_one
+    for each in made:
+        each.end()
+
+
+@pytest.fixture
+def live(opened: Callable[..., Live]) -> Live:
+    return opened()
+
+
+def demonstrate(live: Live, hands: HandStream) -> None:
+    """Hold the hands open, start, and move them as in the first take, in real time."""
+    take = hands.takes[0]
+    move(live, hands, *operators.opened(hands, 0), 1.0)
+    (_, still), *_ = operators.frames(hands, operators.opened(hands, 0)[1] - 5, take.first)
+    while not live.session.measure.done("right"):
+        live.say(still)
+        time.sleep(0.05)
+    live.session.wish("start")
+    live.until("phase", "waiting")
+    move(live, hands, take.first, take.last, SPEED)
+    live.session.wish("finish")
+    live.until("phase", "ready")
+
+
+def move(live: Live, hands: HandStream, first: int, last: int, speed: float) -> None:
+    """Send messages in their time."""
+    began = time.perf_counter()
+    for due, frame in operators.frames(hands, first, last):
+        time.sleep(max(0.0, began + due / speed - time.perf_counter()))
+        live.say(frame)
+
+
+def test_a_take_replays_bit_for_bit_as_the_operator_saw_it(
+    runner: RuleRunner, lifting: TaskBundle, opened: Callable[..., Live], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, hands = hand_tasks.shown(runner, lifting, monkeypatch)
+    live = opened(hands.takes[0].seed)
+    seen: list[Episode] = []
+    run = Driver.run
+
+    def kept(self: Driver, *words: Any, **named: Any) -> Episode:
+        seen.append(run(self, *words, **named))
+        return seen[-1]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Driver, "run", kept)
+        demonstrate(live, hands)
+        live.until("phase", "ready")
+    assert live.states[-1]["kept"] == 1, [state["told"] for state in live.states[-5:]]
+    assert len(live.session.own_share) > 20
+    recording = HandStream.load(live.takes.path)
+    assert recording.takes[0].finger_lengths_m[1] is not None
+    one, two = (
+        runner.run("demonstrate.operate", backend="hands", bundle=lifting, recording=recording) for _ in range(2)
+    )
+    for made in (one, two):
+        assert isinstance(made, Episodes)
+        (replayed,) = made.items.values()
+        for name in ("action", "executed", "hand"):
+            assert getattr(replayed, name).tobytes() == getattr(seen[0], name).tobytes(), name
+        assert {name: term.tobytes() for name, term in replayed.terms.items()} == {
+            name: term.tobytes() for name, term in seen[0].terms.items()
+        }
+
+
+def test_hands_that_are_not_measured_start_nothing(live: Live) -> None:
+    live.say(pages.joints(pages.opened()))
+    live.session.wish("start")
+    state = live.until("told", "hold the right hand open for 2 s first")
+    assert state["phase"] == "ready"
+    assert state["measured"] == [0, 0]
+
+
+def test_keys_move_the_robot_and_a_silent_connection_holds_and_then_stops(live: Live) -> None:
+    live.say(pages.wrists(0.0, 1))
+    live.session.wish("start")
+    for number in range(2, 60):
+        live.say(pages.wrists(number / 60, number))
+        time.sleep(0.015)
+    moved = live.until("phase", "taking")
+    assert moved["clutch"] == [True, True]
+    assert not live.states[-1]["held"]["arm"]
+    silent = live.until("silent", True)
+    assert silent["phase"] == "taking"
+    stopped = live.until("phase", "ready")
+    assert stopped["told"] == "the connection was silent for 2 s, so the take was stopped"
+    assert not live.takes.kept
+
+
+def test_discard_ends_a_take_and_finish_waits_for_the_robot_to_rest(live: Live) -> None:
+    for what, told in (("discard", "discarded"), ("finish", "the task was not done when the operator finished")):
+        live.say(pages.wrists(0.0, 1))
+        live.session.wish("start")
+        live.say(pages.wrists(0.0, 2))
+        live.until("phase", "taking")
+        live.say(pages.wrists(0.0, 3))
+        live.session.wish(what)
+        assert live.until("phase", "ready")["told"] == told
+    assert not live.takes.path.exists()
+
+
+def test_a_full_disk_starts_no_take(live: Live, monkeypatch: pytest.MonkeyPatch) -> None:
+    usage = type(session.shutil.disk_usage("."))
+    monkeypatch.setattr(session.shutil, "disk_usage", lambda path: usage(100, 100, 0))
+    live.say(pages.wrists(0.0, 1))
+    time.sleep(0.2)
+    live.session.wish("start")
+    live.until("told", f"the disk of {live.takes.path.parent} is full: free 50 MB first")
