@@ -183,7 +183,8 @@ class Synthesis:
             if plan.run.frame == run.frame and plan.run.first < run.first < plan.run.last:
                 return plan.frames
         now = np.eye(4) if run.frame == BASE else self._objects[run.frame]
-        return source.pose(run.frame, run.enters), now
+        # At the same moment in both: an object in the other hand is still on its way.
+        return source.pose(run.frame, run.first), now
 
     def _regrasped(self, source: Source, run: Run, shown: np.ndarray) -> np.ndarray:
         """T_shown_palm (4, 4) of a hand that holds the object otherwise than shown, and takes it to another frame."""
