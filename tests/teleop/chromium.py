@@ -96,7 +96,12 @@ async def chromium(folder: Path, width: int = 480, height: int = 300, script: st
     program = shutil.which("chromium")
     assert program, "`.ci/system browser` installs Chromium"
     process = await asyncio.create_subprocess_exec(
-        program, *FLAGS, f"--user-data-dir={folder / 'profile'}", stderr=asyncio.subprocess.PIPE, start_new_session=True
+        program,
+        *FLAGS,
+        f"--user-data-dir={folder / 'profile'}",
+        stdout=asyncio.subprocess.DEVNULL,
+        stderr=asyncio.subprocess.PIPE,
+        start_new_session=True,
     )
     try:
         assert process.stderr
