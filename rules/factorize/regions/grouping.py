@@ -22,22 +22,20 @@ CAVITY_RAD = -0.06
 """Surfaces with a smaller signed bend are inner surfaces [rad]."""
 ALIKE = 0.3
 """Smallest histogram overlap of one surface on both sides of an occluder, a depth step or a sharp crease."""
-BONDED = 1.0
+BONDED = 0.0
 """Log odds above which a pair that meets along a gentle crease is one object."""
-BONDED_APART = 1.5
-"""The same across a sharp crease or a depth step, if one part is minor or both have the same colours."""
-BONDED_EQUALS = 3.0
-"""The same for parts of similar size, where a wrong join loses both objects."""
-SAME_COLOUR = 0.8
-"""Histogram overlap above which two parts have the same colours."""
-MINOR = 0.3
-"""A part with less than this fraction of the other's surface is minor."""
-DOUBTED = -6.0
-"""Log odds below which a cavity and its body are not joined."""
+BONDED_APART = 0.5
+"""The same across a sharp crease or a depth step."""
+DOUBTED_CONVEX = -1.5
+"""Log odds below which two groups that meet convexly are not joined."""
+DOUBTED = -2.5
+"""The same for a cavity and its body."""
 DOUBTED_PART = -2.0
 """The same for an attached part and its body, for which only colours and a small gap are evidence."""
 ATTACHED_M = 0.02
 """Widest gap between parts of one object [m]."""
+LOST_M = 0.05
+"""Widest gap without depth between parts of one object [m]."""
 
 
 def group(s: Surfaces, labels: np.ndarray) -> Grouping:
@@ -50,22 +48,28 @@ def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     join_parts(parts)
     join_bonded(parts)
     join_occluded(parts)
+    join_lost(parts)
     join_hinged(parts)
     return parts
 
 
 def join_convex(parts: Grouping) -> None:
-    """Join groups that meet convexly along most of their border, longest border first."""
+    """Join groups that meet convexly along most of their border, longest border first, unless the network doubts it."""
+    doubted: set[tuple[int, int]] = set()
     while True:
         best, strength = None, 0.0
         for (a, b), contact in sorted(parts.contacts.items()):
-            if min(parts.groups[a].area_m2, parts.groups[b].area_m2) < SLIVER_M2:
+            if (a, b) in doubted or min(parts.groups[a].area_m2, parts.groups[b].area_m2) < SLIVER_M2:
                 continue
             if contact.pairs >= FEWEST and contact.convexity > 0.55 and contact.convex > strength:
                 best, strength = (a, b), float(contact.convex)
         if best is None:
             return
+        if parts.odds(*best) < DOUBTED_CONVEX:
+            doubted.add(best)
+            continue
         parts.join(*best)
+        doubted = {pair for pair in doubted if not {*pair} & {*best}}
 
 
 def join_slivers(parts: Grouping) -> None:
@@ -147,11 +151,8 @@ def _bond(parts: Grouping, a: int, b: int) -> float:
     """Log odds above the threshold for joining two groups; across steps and sharp creases, colours must be alike."""
     if parts.bonds.gentle(parts.contact(a, b)):
         return parts.odds(a, b) - BONDED
-    one, other = parts.groups[a], parts.groups[b]
-    alike = relations.likeness(parts.surfaces, one, other)
-    minor = min(one.area_m2, other.area_m2) < MINOR * max(one.area_m2, other.area_m2)
-    least = BONDED_APART if minor or alike > SAME_COLOUR else BONDED_EQUALS
-    return parts.odds(a, b) - least if alike > ALIKE else -np.inf
+    alike = relations.likeness(parts.surfaces, parts.groups[a], parts.groups[b])
+    return parts.odds(a, b) - BONDED_APART if alike > ALIKE else -np.inf
 
 
 def join_occluded(parts: Grouping) -> None:
@@ -161,6 +162,24 @@ def join_occluded(parts: Grouping) -> None:
         for b in numbers:
             if a < b and a in parts.groups and b in parts.groups and _continues(parts, a, b):
                 parts.join(a, b)
+
+
+def join_lost(parts: Grouping) -> None:
+    """Join groups of the same colours with a hole in the depth between them, as black and shining surfaces have."""
+    for a in sorted(parts.groups):
+        for b in sorted(parts.groups):
+            if a < b and a in parts.groups and b in parts.groups and _interrupted(parts, a, b):
+                parts.join(a, b)
+
+
+def _interrupted(parts: Grouping, a: int, b: int) -> bool:
+    s, p, q = parts.surfaces, parts.groups[a], parts.groups[b]
+    if parts.contact(a, b).pairs >= FEWEST or min(p.area_m2, q.area_m2) < SLIVER_M2:
+        return False
+    if relations.likeness(s, p, q) < ALIKE or relations.gap(s, *sorted((p, q), key=lambda g: g.area_m2)) > LOST_M:
+        return False
+    own = (parts.labels == a) | (parts.labels == b)
+    return parts.odds(a, b) > BONDED_APART and relations.lost_between(s, p, q, own)
 
 
 def join_hinged(parts: Grouping) -> None:
