@@ -22,16 +22,24 @@ CAVITY_RAD = -0.06
 """Surfaces with a smaller signed bend are inner surfaces [rad]."""
 ALIKE = 0.3
 """Smallest histogram overlap of one surface on both sides of an occluder, a depth step or a sharp crease."""
-BONDED = 0.0
+BONDED = 0.5
 """Log odds above which a pair that meets along a gentle crease is one object."""
-BONDED_APART = 0.5
-"""The same across a sharp crease or a depth step."""
+BONDED_APART = 1.0
+"""The same across a sharp crease or a depth step, if one part is minor or both have the same colours."""
+BONDED_EQUALS = 1.5
+"""The same for parts of similar size, where a wrong join loses both objects."""
+SAME_COLOUR = 0.8
+"""Histogram overlap above which two parts have the same colours."""
+MINOR = 0.3
+"""A part with less than this fraction of the other's surface is minor."""
 DOUBTED_CONVEX = -1.5
 """Log odds below which two groups that meet convexly are not joined."""
 DOUBTED = -2.5
 """The same for a cavity and its body."""
 DOUBTED_PART = -2.0
 """The same for an attached part and its body, for which only colours and a small gap are evidence."""
+DOUBTED_HIDDEN = -1.0
+"""The same for groups that touch beside an occluder."""
 ATTACHED_M = 0.02
 """Widest gap between parts of one object [m]."""
 LOST_M = 0.05
@@ -151,8 +159,11 @@ def _bond(parts: Grouping, a: int, b: int) -> float:
     """Log odds above the threshold for joining two groups; across steps and sharp creases, colours must be alike."""
     if parts.bonds.gentle(parts.contact(a, b)):
         return parts.odds(a, b) - BONDED
-    alike = relations.likeness(parts.surfaces, parts.groups[a], parts.groups[b])
-    return parts.odds(a, b) - BONDED_APART if alike > ALIKE else -np.inf
+    one, other = parts.groups[a], parts.groups[b]
+    alike = relations.likeness(parts.surfaces, one, other)
+    minor = min(one.area_m2, other.area_m2) < MINOR * max(one.area_m2, other.area_m2)
+    least = BONDED_APART if minor or alike > SAME_COLOUR else BONDED_EQUALS
+    return parts.odds(a, b) - least if alike > ALIKE else -np.inf
 
 
 def join_occluded(parts: Grouping) -> None:
@@ -197,6 +208,8 @@ def _continues(parts: Grouping, a: int, b: int) -> bool:
 
     Different objects often have tops of equal height, but rarely a second common plane.
     """
+    if parts.contact(a, b).pairs >= FEWEST and parts.odds(a, b) < DOUBTED_HIDDEN:
+        return False
     shared: list[np.ndarray] = []
     own = (parts.labels == a) | (parts.labels == b)
     for i in parts.members[a]:
