@@ -1,119 +1,80 @@
-"""Learn from drawn scenes which patches are one object, and write rules/factorize/regions/bond_weights.py.
+"""Learn from drawn rooms which patches are one object, and write rules/factorize/regions/bond_weights.py.
 
-    make meshes
-    python -m tests.benchmarks.bonds --first 1000 --scenes 54 --held-out 18
+    python -m tests.benchmarks.bonds
 
-The network learns from scenes of `benchmark/learn`, which hold the meshes of `benchmark/objects_learn` alone; the pairs
-that are reported come from scenes of `benchmark/stage_one`, which hold the other meshes. Scenes are drawn by index;
-those of the tables begin at 0. Samples are pairs of groups that touch: the patches as found, and groups that patches
-of one true object grow into, so that both are known to the network. Each scene is measured by several depth cameras,
-in several lights and at several scales, so that it knows more than one.
+The rooms of `quick_scenes` hold things of `household` alone: no mesh of a reported table is among them. Samples are
+pairs of groups that touch: the patches as found, and groups that patches of one true object grow into, so that both
+are known to the network. Each picture is measured by a depth camera drawn at random, in a light and at a scale of its
+own. Limits of `grouping` are chosen on scenes of `benchmark/learn`.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import torch
 
-from dextera_build.api import Project
-from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.cameras.camera import Photograph
 from dextera_build.artifacts.cameras.image import Image
-from dextera_build.artifacts.objects.object import Support
 from dextera_build.artifacts.robots.noise import DepthNoise
-from dextera_build.artifacts.scenes.scene import Truth
 from dextera_build.sim.render.sensor import measure_depth
 from rules.factorize.measured import Workspace, without_dropout
 from rules.factorize.regions import heights, patches, proposals
 from rules.factorize.regions.bonds import NAMES, USUAL, Bonds
 from rules.factorize.regions.partition import FEWEST, Grouping
-from tests.benchmarks import catalogue
+from tests.benchmarks import catalogue, quick_scenes
 
 FILE = catalogue.REPO / "rules/factorize/regions/bond_weights.py"
 PURE = 0.8
 """Part of a patch that one true object covers at least."""
-HIDDEN, STEPS, BATCH = 16, 4000, 512
-NOISE, DECAY = 0.3, 0.3
-"""Noise on the standardised features and weight decay; with less of both, held-out pairs were told apart worse."""
-SENSORS = 4
-"""Variants of each scene; the first is the photograph as drawn."""
+HIDDEN, STEPS, BATCH = 32, 4000, 512
+NOISE, DECAY = 0.2, 0.2
+"""Noise on the standardised features, and weight decay."""
+ROOMS = (*range(18), *range(40, 57))
+"""Seeds of the rooms."""
+PICTURES = 5
+"""Scenes of each room, with one picture each."""
 APART_WEIGHT = 3.0
 """Weight of pairs of two objects: joining them loses both, and parting one object leaves two halves."""
 
 
 def main() -> None:
     """Draw, learn, write."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--meshes", type=Path, default=catalogue.FOLDER, help="what `make meshes` wrote")
-    options.add_argument("--first", type=int, default=1000, help="index of the first scene")
-    options.add_argument("--scenes", type=int, default=54, help="number of scenes to learn from")
-    options.add_argument("--held-out", type=int, default=18, help="number of scenes of other meshes to report")
-    given = options.parse_args()
-    train = np.concatenate(list(scenes("benchmark/learn", given.meshes, given.first, given.scenes)))
-    test = np.concatenate(list(scenes("benchmark/stage_one", given.meshes, given.first, given.held_out)))
-    mean, scale = train[:, :-1].mean(axis=0), train[:, :-1].std(axis=0) + 1e-2
-    network = learn(np.clip((train[:, :-1] - mean) / scale, -USUAL, USUAL), train[:, -1])
-    with torch.no_grad():
-        usual = np.clip((test[:, :-1] - mean) / scale, -USUAL, USUAL)
-        odds = network(torch.tensor(usual, dtype=torch.float32))[:, 0].numpy()
-    told = {"one object": test[:, -1] > 0, "two objects": test[:, -1] == 0}
-    right = {name: float(((odds > 0) == (name == "one object"))[rows].mean()) for name, rows in told.items()}
-    facts = ", ".join(f"{share:.3f} of {int(told[name].sum())} pairs of {name}" for name, share in right.items())
-    learned = f"Learned from {given.scenes} scenes of `benchmark/learn`, from index {given.first}"
-    write(network, mean, scale, f"{learned}.\nOf other meshes, {given.held_out} scenes: right on {facts}")
-    print(facts)
+    rows = np.concatenate([np.stack(found) for seed in ROOMS if (found := samples(seed))])
+    mean, scale = rows[:, :-1].mean(axis=0), rows[:, :-1].std(axis=0) + 1e-2
+    network = learn(np.clip((rows[:, :-1] - mean) / scale, -USUAL, USUAL), rows[:, -1])
+    write(network, mean, scale, f"Learned from {len(rows)} pairs of groups in {len(ROOMS)} rooms of `quick_scenes`")
 
 
-def scenes(recipe: str, meshes: Path, first: int, count: int) -> Iterator[np.ndarray]:
-    """Rows (N, features + 1) of each scene: features, then 1 for pairs of one object and 0 for others."""
-    project = Project.find(catalogue.REPO)
-    settings = {"draws.scenes": count, "draws.first": first, "draws.views": 1}
-    labels = [f"scene[{number:04d}_0]" for number in range(first, first + count)]
-    wanted = [f"{label}.{node}" for label in labels for node in ("photo", "truth", "twin/support")]
-    built = project.build(recipe, *wanted, inputs={"meshes": meshes}, settings=settings, keep_going=True)
-    for label in labels:
-        support = built.nodes.get(f"{label}.twin/support")
-        if support is None or support.output is None:
-            continue
-        photo, truth, plane = (built.artifact(f"{label}.{node}") for node in ("photo", "truth", "twin/support"))
-        assert isinstance(photo, Capture)
-        assert isinstance(truth, Truth)
-        assert isinstance(plane, Support)
-        rows = [row for variant in range(SENSORS) for row in samples(photo, truth, plane, variant, int(label[6:10]))]
-        if rows:
-            yield np.stack(rows)
+def samples(seed: int) -> list[np.ndarray]:
+    """Rows (features + 1,) of one room: features, then 1 for pairs of one object and 0 for others."""
+    rng, found = np.random.default_rng([11, seed]), []
+    room = quick_scenes.room(rng)
+    for _ in range(PICTURES):
+        if things := quick_scenes.scene(rng, room.half):
+            shot = quick_scenes.photograph(things, room, rng)
+            found += list(pairs(measured(shot, rng), shot.labels, rng))
+    return found
 
 
-def samples(photo: Capture, truth: Truth, support: Support, variant: int, index: int) -> list[np.ndarray]:
-    """Rows of one scene, measured by another sensor if `variant` is not 0."""
+def pairs(seen: Workspace, labels: np.ndarray, rng: np.random.Generator) -> Iterator[np.ndarray]:
+    """Rows of one picture with true labels (H, W)."""
     from scipy import ndimage
 
-    rng = np.random.default_rng([index, variant])
-    seen = varied(photo, truth, support, rng) if variant else _as_drawn(photo, support)
-    if seen.turns:
-        return []
     relief = heights.relief(seen)
     raised = ndimage.binary_opening(relief.raised & relief.over, np.ones((3, 3), bool))
-    if not raised.any():
-        return []
+    if seen.turns or not raised.any():
+        return
     crop = patches.surfaces(relief, raised, seen, proposals.colour_lab(seen.pixels))
-    labels = patches.patches(crop)
-    true = _true(crop, labels.shape, truth.labels.labels)
-    owners = {number: _owner(true[labels == number]) for number in range(1, int(labels.max()) + 1)}
-    return list(_grown(Grouping(crop, labels.copy()), dict(owners), rng))
+    found = patches.patches(crop)
+    true = _true(crop, found.shape, labels)
+    owners = {number: _owner(true[found == number]) for number in range(1, int(found.max()) + 1)}
+    yield from _grown(Grouping(crop, found.copy()), dict(owners), rng)
 
 
-def _as_drawn(photo: Capture, support: Support) -> Workspace:
-    assert photo.measured is not None
-    return Workspace(photo.photograph, without_dropout(photo.measured.depth.depth), support)
-
-
-def varied(photo: Capture, truth: Truth, support: Support, rng: np.random.Generator) -> Workspace:
+def measured(shot: quick_scenes.Shot, rng: np.random.Generator) -> Workspace:
     """The scene in another light, larger or smaller as a whole, measured by a depth camera drawn at random."""
-    photograph = photo.photograph
     options = DepthNoise(
         subpixel_px=0.05 * 2 ** rng.uniform(-1.5, 1.5),
         correlation_px=int(rng.integers(1, 6)),
@@ -125,16 +86,16 @@ def varied(photo: Capture, truth: Truth, support: Support, rng: np.random.Genera
         step_m=float(rng.choice([0.0001, 0.001, 0.002])),
         dropout=float(rng.choice([0.002, 0.05])),
     )
-    true = truth.depth.depth.astype(np.float64)
-    depth = measure_depth(true, truth.rgb.pixels / 255.0, photograph.camera.matrix(), options, rng)
-    light = photograph.rgb.pixels / 255.0 * rng.uniform(0.6, 1.5) * rng.uniform(0.85, 1.15, 3)
-    pixels = (255.0 * np.clip(light, 0.0, 1.0) ** rng.uniform(0.8, 1.25)).astype(np.uint8)
+    depth = measure_depth(shot.depth, shot.rgb, shot.camera.matrix(), options, rng)
+    light = shot.rgb * rng.uniform(0.6, 1.5) * rng.uniform(0.85, 1.15, 3)
+    exact = 255.0 * np.clip(light, 0.0, 1.0) ** rng.uniform(0.8, 1.25)
+    pixels = np.clip(exact + rng.normal(0.0, rng.uniform(1.0, 4.0), exact.shape), 0, 255).astype(np.uint8)
     scale = 2 ** rng.uniform(-0.6, 0.6)
-    matrix = support.camera_pose.matrix.copy()
+    matrix = shot.support.camera_pose.matrix.copy()
     matrix[:3, 3] *= scale
-    pose = support.camera_pose.model_copy(update={"matrix": matrix})
-    larger = support.model_copy(update={"camera_pose": pose, "polygon": support.polygon * scale})
-    lit = photograph.model_copy(update={"rgb": Image(pixels=pixels)})
+    pose = shot.support.camera_pose.model_copy(update={"matrix": matrix})
+    larger = shot.support.model_copy(update={"camera_pose": pose, "polygon": shot.support.polygon * scale})
+    lit = Photograph(rgb=Image(pixels=pixels), camera=shot.camera)
     return Workspace(lit, without_dropout((depth * scale).astype(np.float32)), larger)
 
 

@@ -1,8 +1,9 @@
-"""Probability that two groups of patches are one object, by a small network trained on drawn scenes.
+"""Probability that two groups of patches are one object, by a small network trained on drawn rooms.
 
-`python -m tests.benchmarks.bonds` draws the scenes, trains the network, and writes `bond_weights.py`. Bonds join groups
-that the rules of `grouping` left separate. Across a depth step or a sharp crease the threshold is higher: a step may
-separate two objects of one colour, and an upright part on a plate may be an object on a tray.
+`python -m tests.benchmarks.bonds` draws the rooms, trains the network, and writes `bond_weights.py`. Bonds join groups
+that the rules of `grouping` left separate, and doubt what those rules would join. Across a depth step or a sharp crease
+the threshold is higher: a step may separate two objects of one colour, and an upright part on a plate may be an object
+on a tray.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from dextera_build.geometry import regions
 
 from . import bond_weights, relations
-from .patches import Surfaces
+from .patches import SPAN, Surfaces
 from .relations import Contact, Group
 
 LEAST_MEETING = 0.1
@@ -30,6 +31,7 @@ NAMES = (
     *("bend", "larger_bend", "flatness", "larger_flatness", "top", "low", "own_low", "larger_low", "on_top"),
     *("normal", "upward", "larger_upward", "spread", "larger_spread", "inside", "around"),
     *("gap", "behind", "solidity", "own_solidity", "larger_solidity", "extent", "off_plane"),
+    *("contrast", "outlined", "texture", "larger_texture", "aside", "width", "beside"),
 )
 """The features of a pair, of its smaller group first."""
 
@@ -48,6 +50,8 @@ class _Look:
     normal: np.ndarray  # (3,) mean direction
     spread: float  # 1 minus the length of the mean normal
     noise_m: float
+    colours: np.ndarray  # (5, 8, 8) see `relations.colours`
+    texture: float  # mean difference of colour of pixels a border's width apart [CIE Lab]
 
 
 class Bonds:
@@ -81,7 +85,7 @@ class Bonds:
                 np.log10(max(large.area_m2, 1e-5)) + 3.0,
                 abs(float(colour[0])) / 30.0,
                 float(np.linalg.norm(colour[1:])) / 20.0,
-                relations.likeness(self._surfaces, small, large),
+                float(np.minimum(a.colours, b.colours).sum()),
                 *(float(np.clip(group.bend, -0.5, 0.5)) * 4.0 for group in (small, large)),
                 *(min(group.flatness_m / look.noise_m, 5.0) / 2.0 for group, look in ((small, a), (large, b))),
                 *(_bounded(height / 0.03) for height in (small.top_m - large.top_m, a.low_m - b.low_m)),
@@ -97,6 +101,11 @@ class Bonds:
                 *_solidity(small, large, a, b),
                 float(np.log10(max(_reach(a, b), 1e-3))) + 1.0,
                 min(_off(large, a.space) / b.noise_m, 5.0) / 2.0,
+                contact.contrast / max(contact.pairs, 1) / 20.0,
+                contact.outlined / max(contact.pairs, 1),
+                a.texture / 10.0,
+                b.texture / 10.0,
+                *_places(small, large, a, b),
             ]
         )
 
@@ -139,6 +148,35 @@ def _look(s: Surfaces, group: Group) -> _Look:
         normal=mean / max(length, 1e-9),
         spread=1.0 - length,
         noise_m=noise,
+        colours=relations.colours(s, group),
+        texture=_texture(s, places),
+    )
+
+
+def _texture(s: Surfaces, places: np.ndarray) -> float:
+    rows, columns = places[:: max(1, len(places) // 400)].astype(int).T
+    own = np.zeros(s.height.shape, bool)
+    own[tuple(places.astype(int).T)] = True
+    sums, count = 0.0, 0
+    for down, right in ((0, 2 * SPAN), (2 * SPAN, 0)):
+        far = np.minimum(rows + down, own.shape[0] - 1), np.minimum(columns + right, own.shape[1] - 1)
+        same = own[far]
+        sums += float(np.linalg.norm(s.lab[rows, columns] - s.lab[far], axis=-1)[same].sum())
+        count += int(same.sum())
+    return min(sums / max(count, 1), 30.0)
+
+
+def _places(small: Group, large: Group, a: _Look, b: _Look) -> tuple[float, float, float]:
+    """Distance of the middles from above, ratio of the widths, and common part of the heights of two groups."""
+    middles = [look.low_high[:, :2].mean(axis=0) for look in (a, b)]
+    widths = [max(float(np.linalg.norm(np.diff(look.low_high[:, :2], axis=0))), 1e-3) for look in (a, b)]
+    aside = float(np.linalg.norm(middles[0] - middles[1])) / (0.5 * widths[1])
+    both = min(small.top_m, large.top_m) - max(a.low_m, b.low_m)
+    least = max(min(small.top_m - a.low_m, large.top_m - b.low_m), 1e-3)
+    return (
+        min(aside, 3.0),
+        float(np.clip(np.log(widths[0] / widths[1]), -3.0, 3.0)),
+        float(np.clip(both / least, -1.0, 1.0)),
     )
 
 

@@ -22,22 +22,28 @@ CAVITY_RAD = -0.06
 """Surfaces with a smaller signed bend are inner surfaces [rad]."""
 ALIKE = 0.3
 """Smallest histogram overlap of one surface on both sides of an occluder, a depth step or a sharp crease."""
-BONDED = 1.0
+BONDED = 0.5
 """Log odds above which a pair that meets along a gentle crease is one object."""
-BONDED_APART = 1.5
+BONDED_APART = 1.0
 """The same across a sharp crease or a depth step, if one part is minor or both have the same colours."""
-BONDED_EQUALS = 3.0
+BONDED_EQUALS = 1.5
 """The same for parts of similar size, where a wrong join loses both objects."""
 SAME_COLOUR = 0.8
 """Histogram overlap above which two parts have the same colours."""
 MINOR = 0.3
 """A part with less than this fraction of the other's surface is minor."""
-DOUBTED = -6.0
-"""Log odds below which a cavity and its body are not joined."""
+DOUBTED_CONVEX = -1.5
+"""Log odds below which two groups that meet convexly are not joined."""
+DOUBTED = -2.5
+"""The same for a cavity and its body."""
 DOUBTED_PART = -2.0
 """The same for an attached part and its body, for which only colours and a small gap are evidence."""
+DOUBTED_HIDDEN = -1.0
+"""The same for groups that touch beside an occluder."""
 ATTACHED_M = 0.02
 """Widest gap between parts of one object [m]."""
+LOST_M = 0.05
+"""Widest gap without depth between parts of one object [m]."""
 
 
 def group(s: Surfaces, labels: np.ndarray) -> Grouping:
@@ -50,22 +56,28 @@ def group(s: Surfaces, labels: np.ndarray) -> Grouping:
     join_parts(parts)
     join_bonded(parts)
     join_occluded(parts)
+    join_lost(parts)
     join_hinged(parts)
     return parts
 
 
 def join_convex(parts: Grouping) -> None:
-    """Join groups that meet convexly along most of their border, longest border first."""
+    """Join groups that meet convexly along most of their border, longest border first, unless the network doubts it."""
+    doubted: set[tuple[int, int]] = set()
     while True:
         best, strength = None, 0.0
         for (a, b), contact in sorted(parts.contacts.items()):
-            if min(parts.groups[a].area_m2, parts.groups[b].area_m2) < SLIVER_M2:
+            if (a, b) in doubted or min(parts.groups[a].area_m2, parts.groups[b].area_m2) < SLIVER_M2:
                 continue
             if contact.pairs >= FEWEST and contact.convexity > 0.55 and contact.convex > strength:
                 best, strength = (a, b), float(contact.convex)
         if best is None:
             return
+        if parts.odds(*best) < DOUBTED_CONVEX:
+            doubted.add(best)
+            continue
         parts.join(*best)
+        doubted = {pair for pair in doubted if not {*pair} & {*best}}
 
 
 def join_slivers(parts: Grouping) -> None:
@@ -163,6 +175,24 @@ def join_occluded(parts: Grouping) -> None:
                 parts.join(a, b)
 
 
+def join_lost(parts: Grouping) -> None:
+    """Join groups of the same colours with a hole in the depth between them, as black and shining surfaces have."""
+    for a in sorted(parts.groups):
+        for b in sorted(parts.groups):
+            if a < b and a in parts.groups and b in parts.groups and _interrupted(parts, a, b):
+                parts.join(a, b)
+
+
+def _interrupted(parts: Grouping, a: int, b: int) -> bool:
+    s, p, q = parts.surfaces, parts.groups[a], parts.groups[b]
+    if parts.contact(a, b).pairs >= FEWEST or min(p.area_m2, q.area_m2) < SLIVER_M2:
+        return False
+    if relations.likeness(s, p, q) < ALIKE or relations.gap(s, *sorted((p, q), key=lambda g: g.area_m2)) > LOST_M:
+        return False
+    own = (parts.labels == a) | (parts.labels == b)
+    return parts.odds(a, b) > BONDED_APART and relations.lost_between(s, p, q, own)
+
+
 def join_hinged(parts: Grouping) -> None:
     """Join the base and the lid of a laptop, which meet in a concave crease."""
     for a, b in sorted(parts.contacts):
@@ -178,6 +208,8 @@ def _continues(parts: Grouping, a: int, b: int) -> bool:
 
     Different objects often have tops of equal height, but rarely a second common plane.
     """
+    if parts.contact(a, b).pairs >= FEWEST and parts.odds(a, b) < DOUBTED_HIDDEN:
+        return False
     shared: list[np.ndarray] = []
     own = (parts.labels == a) | (parts.labels == b)
     for i in parts.members[a]:

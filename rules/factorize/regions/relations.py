@@ -19,6 +19,12 @@ RELIEF_M = 0.002
 """Distance of points of a flat surface from its plane that is no noise [m]."""
 STEP_M = 0.1
 """Larger depth steps across a border carry no further information [m]."""
+CONTRAST_LAB = 60.0
+"""Larger differences of colour across a border carry no further information [CIE Lab]."""
+LOST_LAB = 20.0
+"""Largest difference from a group's colour at which pixels without depth are of it [CIE Lab]."""
+EDGE_LAB = 12.0
+"""Difference of colour across a border that is no noise [CIE Lab]."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +50,8 @@ class Contact:
     convex: int = 0  # meeting pairs that are not concave
     turn: float = 0.0  # sum of the signed angles of the meeting pairs [rad]
     step: float = 0.0  # sum of the pairs' depth steps, each at most STEP_M [m]
+    contrast: float = 0.0  # sum of the pairs' differences of colour, each at most CONTRAST_LAB [CIE Lab]
+    outlined: int = 0  # pairs with a depth step and a difference of colour
 
     def add(self, other: Contact) -> None:
         """Add the pixel pairs of another contact."""
@@ -52,6 +60,8 @@ class Contact:
         self.convex += other.convex
         self.turn += other.turn
         self.step += other.step
+        self.contrast += other.contrast
+        self.outlined += other.outlined
 
     @property
     def convexity(self) -> float:
@@ -68,6 +78,8 @@ def contacts(s: Surfaces, labels: np.ndarray) -> dict[tuple[int, int], Contact]:
         rows, columns, a, b = (x[a != b] for x in (rows, columns, a, b))
         angle, step = fold(s, rows, columns, dv, du)
         meets = step < step_limit(s, rows, columns)
+        colour = np.linalg.norm(s.lab[rows, columns] - s.lab[rows + dv, columns + du], axis=-1)
+        edge = ~meets & (colour > EDGE_LAB)
         code = np.minimum(a, b).astype(np.int64) * 100000 + np.maximum(a, b)
         order = np.argsort(code, kind="stable")
         keys, starts = np.unique(code[order], return_index=True)
@@ -76,7 +88,9 @@ def contacts(s: Surfaces, labels: np.ndarray) -> dict[tuple[int, int], Contact]:
             turn = float(angle[part][meets[part]].sum())
             contact = found.setdefault((key // 100000, key % 100000), Contact())
             apart = float(np.minimum(step[part], STEP_M).sum())
-            contact.add(Contact(len(part), int(meets[part].sum()), int(gentle.sum()), turn, apart))
+            contrast = float(np.minimum(colour[part], CONTRAST_LAB).sum())
+            sums = int(meets[part].sum()), int(gentle.sum()), turn, apart, contrast, int(edge[part].sum())
+            contact.add(Contact(len(part), *sums))
     return found
 
 
@@ -143,12 +157,7 @@ def hidden_between(s: Surfaces, p: Group, q: Group, own: np.ndarray, samples: in
         own: (h, w) bool, pixels of both objects; these are ignored.
         samples: Number of sampled lines.
     """
-    start, end = (np.stack(np.divmod(g.pixels, own.shape[1]), axis=1) for g in (p, q))
-    pick = np.linspace(0.1, 0.9, samples)
-    start, end = start[(pick * len(start)).astype(int)], end[(pick[::-1] * len(end)).astype(int)]
-    fractions = np.linspace(0.0, 1.0, 60)[None, :, None]
-    line = np.round(start[:, None] * (1 - fractions) + end[:, None] * fractions).astype(int).reshape(-1, 2)
-    line = line[~own[line[:, 0], line[:, 1]]]
+    line = _between(p, q, own, samples)
     if not len(line):
         return False
     both = np.concatenate([p.pixels, q.pixels])
@@ -160,19 +169,41 @@ def hidden_between(s: Surfaces, p: Group, q: Group, own: np.ndarray, samples: in
     return bool(nearer.mean() > 0.6 and s.floor[rows, columns].mean() < 0.15)
 
 
+def lost_between(s: Surfaces, p: Group, q: Group, own: np.ndarray, samples: int = 24) -> bool:
+    """Whether most pixels between two groups have no depth and the colours of one of them; see `hidden_between`."""
+    rows, columns = _between(p, q, own, samples).T
+    if not len(rows):
+        return False
+    lost = (s.inverse[rows, columns] == 0) & ~s.floor[rows, columns] & (s.beyond[rows, columns] == 0)
+    lab = s.lab[rows, columns]
+    alike = np.minimum(*(np.linalg.norm(lab - group.colour, axis=1) for group in (p, q))) < LOST_LAB
+    return bool((lost & alike).mean() > 0.6)
+
+
+def _between(p: Group, q: Group, own: np.ndarray, samples: int) -> np.ndarray:
+    """Pixels (n, 2) of lines from one group to the other, without those of `own`."""
+    start, end = (np.stack(np.divmod(g.pixels, own.shape[1]), axis=1) for g in (p, q))
+    pick = np.linspace(0.1, 0.9, samples)
+    start, end = start[(pick * len(start)).astype(int)], end[(pick[::-1] * len(end)).astype(int)]
+    fractions = np.linspace(0.0, 1.0, 60)[None, :, None]
+    line = np.round(start[:, None] * (1 - fractions) + end[:, None] * fractions).astype(int).reshape(-1, 2)
+    return line[~own[line[:, 0], line[:, 1]]]
+
+
 def likeness(s: Surfaces, p: Group, q: Group) -> float:
     """Intersection, 0..1, of the colour histograms of two groups."""
+    return float(np.minimum(colours(s, p), colours(s, q)).sum())
+
+
+def colours(s: Surfaces, group: Group) -> np.ndarray:
+    """Smoothed histogram (5, 8, 8) of a group's CIE Lab, of sum 1."""
     from scipy import ndimage
 
-    shares = []
-    for group in (p, q):
-        lab = s.lab.reshape(-1, 3)[group.pixels]
-        bins = np.clip((lab - [0.0, -60.0, -60.0]) / [20.0, 15.0, 15.0], 0, [4, 7, 7]).astype(int)
-        counts = np.zeros((5, 8, 8))
-        np.add.at(counts, tuple(bins.T), 1.0)
-        smooth = ndimage.gaussian_filter(counts, 0.7)
-        shares.append(smooth / smooth.sum())
-    return float(np.minimum(*shares).sum())
+    lab = s.lab.reshape(-1, 3)[group.pixels]
+    bins = np.clip((lab - [0.0, -60.0, -60.0]) / [20.0, 15.0, 15.0], 0, [4, 7, 7]).astype(int)
+    counts = np.bincount(np.ravel_multi_index(tuple(bins.T), (5, 8, 8)), minlength=320).reshape(5, 8, 8)
+    smooth = ndimage.gaussian_filter(counts.astype(np.float64), 0.7)
+    return np.asarray(smooth / smooth.sum())
 
 
 def gap(s: Surfaces, small: Group, large: Group) -> float:

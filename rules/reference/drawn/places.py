@@ -77,7 +77,7 @@ def _spot(
     def is_free(spot: np.ndarray, gap: float) -> bool:
         moved = outline + spot
         inside = (moved.min(axis=0) > bounds[0] + 0.03).all() and (moved.max(axis=0) < bounds[1] - 0.03).all()
-        return bool(inside) and all(_apart(moved, other, gap) for other in taken)
+        return bool(inside) and all(apart(moved, other, gap) for other in taken)
 
     for _ in range(TRIES):
         spot: np.ndarray = middle + rng.normal(0.0, spread, 2)
@@ -106,7 +106,7 @@ def _closest(anchor: np.ndarray, angle: float, is_free: Callable[[np.ndarray], b
     return np.asarray(anchor + far * ahead)
 
 
-def _apart(one: np.ndarray, other: np.ndarray, gap: float) -> bool:
+def apart(one: np.ndarray, other: np.ndarray, gap: float) -> bool:
     """Whether a line parallel to an edge separates two convex outlines by more than `gap` [m]."""
     for shape in (one, other):
         edges = np.roll(shape, -1, axis=0) - shape

@@ -92,9 +92,9 @@ def test_gaps_before_the_fall_are_as_told(seed: int) -> None:
             outlines.append(places._outline(corners))
         for number, one in enumerate(outlines):
             others = outlines[:number] + outlines[number + 1 :]
-            assert all(places._apart(one, other, 0.9 * least) for other in others)
+            assert all(places.apart(one, other, 0.9 * least) for other in others)
         if contact == "touching":
-            assert any(not places._apart(one, other, most) for one, other in itertools.combinations(outlines, 2))
+            assert any(not places.apart(one, other, most) for one, other in itertools.combinations(outlines, 2))
 
 
 @pytest.fixture(scope="module")

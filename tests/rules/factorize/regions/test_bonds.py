@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from dextera_build.artifacts.cameras.image import Image
 from dextera_build.artifacts.objects.object import Support
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.geometry import transforms
@@ -120,4 +121,55 @@ def test_a_part_of_the_same_colour_is_attached_unless_the_network_doubts_it(
     colour = (0.8, 0.8, 0.75)
     pair = [(box(0.1, 0.08, 0.12, colour), at(0.0, 0.0)), (box(0.03, 0.03, 0.03, colour), at(0.078, -0.03))]
     monkeypatch.setattr(bonds.Bonds, "score", lambda *pair: odds)
+    monkeypatch.setattr(grouping, "DOUBTED_CONVEX", -np.inf)
     assert len(proposals.scenery(workspace(tabletop(*pair))).objects) == objects
+
+
+@pytest.mark.parametrize(("odds", "objects"), [(-1.0, 1), (-2.0, 2)])
+def test_what_meets_convexly_is_one_object_unless_the_network_doubts_it(
+    monkeypatch: pytest.MonkeyPatch, odds: float, objects: int
+) -> None:
+    """A box of which a front and a top are seen: two patches."""
+    monkeypatch.setattr(bonds.Bonds, "score", lambda *pair: odds)
+    parts = partition.Grouping(*parts_of(tabletop((box(0.12, 0.1, 0.1, (0.7, 0.2, 0.2)), at(0.0, 0.0)))))
+    grouping.join_convex(parts)
+    assert len([group for group in parts.groups.values() if group.area_m2 > grouping.SLIVER_M2]) == objects
+
+
+def split_box(gap: tuple[float, float, float] | None) -> Workspace:
+    """A low box without depth in a band across its top; the band shows `gap`, or else the box."""
+    seen = workspace(tabletop((box(0.2, 0.08, 0.03, (0.1, 0.1, 0.12)), at(0.0, 0.0)), lens=FINE))
+    relief = heights.relief(seen)
+    band = relief.raised & (np.abs(relief.points[..., 0]) < 0.014)
+    depth, pixels = np.where(band, 0.0, seen.depth).astype(np.float32), seen.pixels.copy()
+    if gap is not None:
+        pixels[band] = np.round(255 * np.array(gap))
+    photograph = seen.photograph.model_copy(update={"rgb": Image(pixels=pixels)})
+    return Workspace(photograph, depth, seen.support)
+
+
+@pytest.mark.parametrize(("gap", "odds", "objects"), [(None, 1.5, 1), (None, 0.0, 2), ((0.9, 0.9, 0.2), 1.5, 2)])
+def test_a_hole_in_the_depth_parts_no_object_of_its_colour(
+    monkeypatch: pytest.MonkeyPatch, gap: tuple[float, float, float] | None, odds: float, objects: int
+) -> None:
+    monkeypatch.setattr(bonds.Bonds, "score", lambda *pair: odds)
+    monkeypatch.setattr(grouping, "join_occluded", lambda parts: None)
+    assert len(proposals.scenery(split_box(gap)).objects) == objects
+
+
+def test_a_border_knows_its_steps_of_depth_and_colour() -> None:
+    """A red box before a higher blue one: along the upper border of the nearer one both change."""
+    pair = [
+        (box(0.1, 0.06, 0.06, (0.8, 0.1, 0.1)), at(0.0, -0.04)),
+        (box(0.16, 0.06, 0.14, (0.1, 0.2, 0.8)), at(0.0, 0.05)),
+    ]
+    parts = partition.Grouping(*parts_of(tabletop(*pair, lens=FINE)))
+    colours = {number: group.colour for number, group in parts.groups.items()}
+    seen = [
+        contact
+        for (a, b), contact in parts.contacts.items()
+        if np.linalg.norm(colours[a] - colours[b]) > 50 and contact.pairs > 100
+    ]
+    assert seen
+    assert max(contact.outlined / contact.pairs for contact in seen) > 0.8
+    assert min(contact.contrast / contact.pairs for contact in seen) > 30
