@@ -156,6 +156,8 @@ def learn(features: np.ndarray, same: np.ndarray) -> torch.nn.Sequential:
 def write(network: torch.nn.Sequential, mean: np.ndarray, scale: np.ndarray, facts: str) -> None:
     """Write the weights as Python, so that they are part of the rule's code."""
     first, second = network[0], network[2]
+    assert isinstance(first, torch.nn.Linear)
+    assert isinstance(second, torch.nn.Linear)
     assert len(mean) == len(NAMES)
     values: dict[str, np.ndarray] = {
         "MEAN": mean,

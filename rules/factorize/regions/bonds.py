@@ -155,11 +155,12 @@ def _look(s: Surfaces, group: Group) -> _Look:
 
 def _texture(s: Surfaces, places: np.ndarray) -> float:
     rows, columns = places[:: max(1, len(places) // 400)].astype(int).T
-    own = np.zeros(s.height.shape, bool)
+    height, width = s.height.shape
+    own: np.ndarray = np.zeros((height, width), bool)
     own[tuple(places.astype(int).T)] = True
     sums, count = 0.0, 0
     for down, right in ((0, 2 * SPAN), (2 * SPAN, 0)):
-        far = np.minimum(rows + down, own.shape[0] - 1), np.minimum(columns + right, own.shape[1] - 1)
+        far = np.minimum(rows + down, height - 1), np.minimum(columns + right, width - 1)
         same = own[far]
         sums += float(np.linalg.norm(s.lab[rows, columns] - s.lab[far], axis=-1)[same].sum())
         count += int(same.sum())

@@ -187,7 +187,7 @@ def _between(p: Group, q: Group, own: np.ndarray, samples: int) -> np.ndarray:
     start, end = start[(pick * len(start)).astype(int)], end[(pick[::-1] * len(end)).astype(int)]
     fractions = np.linspace(0.0, 1.0, 60)[None, :, None]
     line = np.round(start[:, None] * (1 - fractions) + end[:, None] * fractions).astype(int).reshape(-1, 2)
-    return line[~own[line[:, 0], line[:, 1]]]
+    return np.asarray(line[~own[line[:, 0], line[:, 1]]])
 
 
 def likeness(s: Surfaces, p: Group, q: Group) -> float:
