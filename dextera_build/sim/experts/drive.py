@@ -137,7 +137,11 @@ class _Run:
             driver.control.begin(driver.noisy.targets)
         self._off = bool(command.off)
         action = driver.control.follow(command)
-        sent = driver.noisy.follow(self._disturbance.on(replace(command, aims={**command.aims, **command.off})))
+        sent = action
+        if command.off or not self._disturbance.is_still:
+            sent = driver.noisy.follow(self._disturbance.on(replace(command, aims={**command.aims, **command.off})))
+        else:
+            driver.noisy.begin(action)
         if self._observer:
             self._observer.sent(command)
         self.recorder.before(action, self._palms(command))

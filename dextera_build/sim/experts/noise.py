@@ -45,6 +45,11 @@ class Disturbance:
         self._values: dict[str, np.ndarray] = {}
         self._gain = 0.0
 
+    @property
+    def is_still(self) -> bool:
+        """Whether it changes no command."""
+        return not (self._noise.position_m or self._noise.rotation_rad or self._noise.finger_rad)
+
     def on(self, command: Command) -> Command:
         """The command with noise, which is faded out where contact is intended."""
         quiet = command.contact and not self._noise.in_contact
