@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from dextera_build.code.loader import BackendFile, RuleFile
@@ -21,9 +21,11 @@ class Wish:
     where: Place
 
 
-def taking(found: RuleFile, inputs: Collection[str]) -> tuple[str, ...]:
+def taking(found: RuleFile, inputs: Iterable[str]) -> tuple[str, ...]:
     """The backends of a rule that are for one of the given inputs, see `Backend.takes`."""
-    return tuple(name for name, backend in found.backends.items() if {*backend.facts.takes} & {*inputs})
+    able = {name: {*backend.facts.takes} for name, backend in found.backends.items() if backend.facts.takes}
+    given = {*inputs} if able else set()
+    return tuple(name for name, takes in able.items() if takes & given)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -166,11 +166,12 @@ class CallMaker:
             if setting.call == address and (all(s is None for s in setting.labels) or label in setting.labels):
                 put(arguments, setting.option, setting.value)
         slots = found.rule.slots
+        bound = {name: node for name, node in arguments.items() if name in slots}
+        choice = self._choice(found, (changed or {}).get("backend", decl.backend), decl, _given(bound, scope))
         named = folders.named(self._library, decl, found, arguments)
-        self._refuse_unknown(decl, arguments, found, named)
-        inputs = self._inputs(decl, {k: v for k, v in arguments.items() if k in slots}, slots, scope)
-        choice = self._choice(found, (changed or {}).get("backend", decl.backend), decl, inputs)
         facts = self._rule_facts(found, choice, named)
+        self._refuse_unknown(decl, arguments, found, named)
+        inputs = self._inputs(decl, bound, slots, scope)
         given = {name: node for name, node in arguments.items() if name not in slots}
         groups = {*found.backends, *(each.name for each in named.values())}
         own = {name: node for name, node in given.items() if name not in groups}
@@ -181,7 +182,7 @@ class CallMaker:
         places = {name: node.place for name, node in given.items()}
         return Call(address[-1], facts, options, inputs, decl.place, places, decl.salt, decl.on_failure)
 
-    def _choice(self, found: RuleFile, wanted: Node | None, decl: CallDecl, inputs: Collection[str]) -> Choice | None:
+    def _choice(self, found: RuleFile, wanted: Node | None, decl: CallDecl, inputs: Iterable[str]) -> Choice | None:
         wish = self._backends.get(found.path)
         if wish is None and wanted is not None:
             wish = Wish(listed(wanted, "backend"), "recipe", wanted.place)
@@ -271,6 +272,13 @@ class CallMaker:
             if bound is not None:
                 inputs[name] = bound
         return inputs
+
+
+def _given(bound: Mapping[str, Node], scope: Scope) -> Iterator[str]:
+    """Names of the inputs that a call gives, without those bound to an input of the recipe that is not given."""
+    for name, node in bound.items():
+        if not isinstance(node.value, str) or scope.resolve(node.value, node.place).input is not None:
+            yield name
 
 
 def facts_of(

@@ -67,13 +67,13 @@ def test_adding_and_editing_a_primitive_makes_its_own_nodes_stale_alone(space: S
     add_pour(space)
     assert stale(first, planned(space, PLACES)) == set()
     added = planned(space, "task/pour")
-    own = {"task", "attempts", "expert", "operated", "poured"}
+    own = {"task", "attempts", "expert", "operated", "poured", "sources", "made.episodes"}
     assert stale(first, added) == own
     space.edit("rules/primitives/pour/primitive.py", "1.0 + tilted", "1.0 + 2.0 * tilted")
     judged = planned(space, "task/pour")
     assert stale(added, judged) == own
     space.edit("rules/primitives/pour/script.py", "RAISED_M = 0.15", "RAISED_M = 0.2")
-    assert stale(judged, planned(space, "task/pour")) == {"attempts", "operated", "poured"}
+    assert stale(judged, planned(space, "task/pour")) == {"attempts", "operated", "poured", "sources"}
     # A folder of the same name takes the place of one that comes with dxb, also if it appears later.
     space.write("rules/primitives/pick_and_place/primitive.py", blocks("python")[0])
     space.write("rules/primitives/pick_and_place/script.py", blocks("python")[1])

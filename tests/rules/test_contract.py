@@ -29,7 +29,7 @@ from dextera_build.rule import Options
 LIBRARY = Library(machine=Project(Path(__file__).parents[2]).machine)
 RULES = list(LIBRARY.rules())
 PROFILES = [profiles.read(name, None) for name in profiles.names(None)]
-UNITS = re.compile(r"^seconds$|_(m|m2|m3|mm|px|rad|deg|s|hz|kg|gb|n|nm|j|ratio|fraction|factor|iou|sigma|sigmas)$")
+UNITS = re.compile(r"^seconds$|_(m|m2|m3|mm|px|rad|deg|s|s2|hz|kg|gb|n|nm|j|ratio|fraction|factor|iou|sigma|sigmas)$")
 HEAVY = ("torch", "open3d", "mujoco", "cv2", "trimesh", "coacd", "pxr", "viser", "scipy", "manifold3d")
 
 

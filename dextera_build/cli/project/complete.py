@@ -103,7 +103,7 @@ _COMPLETERS: dict[str, Callable[..., object]] = {
     **dict.fromkeys(("RECIPE[:TARGET]", "RECIPE[:NODE]", "RECIPE:NODE", "A", "B"), _targets),
     "RECIPE[:NODE]|RULE|RUN|CALL": _or_targets(_rules),
     "WHAT": _or_targets(_words("recipes", "rules", "backends", "profiles", "runs", "divergent", "calls")),
-    "VERB|CODE|RULE": lambda **_: [*VERBS, *_rules()],
+    "VERB|CODE|RULE|TYPE": lambda **_: [*VERBS, *_rules()],
     "RUN|RECIPE": _runs,
     "NODE": _in_run,
     "RULE=NAME": _backends,

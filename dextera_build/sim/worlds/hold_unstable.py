@@ -84,9 +84,11 @@ def _all_rest(run: Run, rests: Callable[[Motion], bool]) -> bool:
 def _release(
     scene: Folder, bodies: tuple[str, ...], found: Steady, rest: Callable[[Folder, tuple[str, ...]], bool]
 ) -> None:
-    """Free every fixed body with which all free ones rest too, the heaviest first."""
+    """Free every fixed body with which all free ones rest too, the heaviest first; not one that is inside another."""
     model = models.compile_folder(scene)
     for name in sorted(found.held, key=lambda name: (-float(model.body_subtreemass[model.body(name).id]), name)):
+        if any(name in pair and depth > SHALLOW_M for pair, depth in found.apart.items()):
+            continue
         held = {other: why for other, why in found.held.items() if other != name}
         trial = hold(scene, held, found.apart)
         if held and rest(trial, tuple(body for body in bodies if body not in held)):
