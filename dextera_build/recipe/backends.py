@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from dextera_build.code.loader import BackendFile, RuleFile
 from dextera_build.code.machine import Machine
 from dextera_build.errors import Place, RecipeError, did_you_mean, listing
 from dextera_build.recipe.profiles import Profile
+from dextera_build.recipe.scope import Scope
+from dextera_build.recipe.strict_yaml import Node
 
 
 @dataclass(frozen=True)
@@ -19,6 +21,13 @@ class Wish:
     origin: str
     """`recipe`, `command line`, or the inputs that a backend is for."""
     where: Place
+
+
+def given_of(bound: Mapping[str, Node], scope: Scope) -> Iterator[str]:
+    """Names of the inputs that a call gives, without those bound to an input of the recipe that is not given."""
+    for name, node in bound.items():
+        if not isinstance(node.value, str) or scope.resolve(node.value, node.place).input is not None:
+            yield name
 
 
 def taking(found: RuleFile, inputs: Iterable[str]) -> tuple[str, ...]:

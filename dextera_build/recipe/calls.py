@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ from dextera_build.errors import (
     listing,
 )
 from dextera_build.recipe import folders, matrix
-from dextera_build.recipe.backends import Choice, Wish, choose, taking, with_used
+from dextera_build.recipe.backends import Choice, Wish, choose, given_of, taking, with_used
 from dextera_build.recipe.kinds import fits, parameters, type_name
 from dextera_build.recipe.option_values import checked
 from dextera_build.recipe.profiles import Profile
@@ -167,7 +167,7 @@ class CallMaker:
                 put(arguments, setting.option, setting.value)
         slots = found.rule.slots
         bound = {name: node for name, node in arguments.items() if name in slots}
-        choice = self._choice(found, (changed or {}).get("backend", decl.backend), decl, _given(bound, scope))
+        choice = self._choice(found, (changed or {}).get("backend", decl.backend), decl, given_of(bound, scope))
         named = folders.named(self._library, decl, found, arguments)
         facts = self._rule_facts(found, choice, named)
         self._refuse_unknown(decl, arguments, found, named)
@@ -272,13 +272,6 @@ class CallMaker:
             if bound is not None:
                 inputs[name] = bound
         return inputs
-
-
-def _given(bound: Mapping[str, Node], scope: Scope) -> Iterator[str]:
-    """Names of the inputs that a call gives, without those bound to an input of the recipe that is not given."""
-    for name, node in bound.items():
-        if not isinstance(node.value, str) or scope.resolve(node.value, node.place).input is not None:
-            yield name
 
 
 def facts_of(
