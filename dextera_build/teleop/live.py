@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import io
 import signal
-import socket
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,8 +20,8 @@ from dextera_build.teleop import certificate
 from dextera_build.teleop.server import Server
 from dextera_build.teleop.session import Plan, Session
 from dextera_build.teleop.takes import Takes
+from dextera_build.view.server import shown
 
-ANY = ("0.0.0.0", "::")
 SWITCH_S = 0.001
 """How long the simulation may keep the interpreter from the server [s]; 5 ms by default, a third of a message."""
 
@@ -175,12 +174,6 @@ def _check(wanted: Wanted) -> None:
 
 def _rounded(values: tuple[float, float]) -> list[float] | None:
     return [round(value, 2) for value in values] if np.isfinite(values).all() else None
-
-
-def shown(host: str) -> str:
-    """The address that other machines open."""
-    name = socket.gethostname() if host in ANY else host
-    return f"[{name}]" if ":" in name else name
 
 
 async def _serve(server: Server, session: Session, port: int, ready: Callable[[int], None]) -> None:

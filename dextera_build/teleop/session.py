@@ -252,7 +252,7 @@ class Session(threading.Thread):
             raise Ended(f"the connection was silent for {LOST_S:g} s, so the take was stopped")
 
     def sent(self, command: Command) -> None:
-        """Measure the delay of the message behind a command; see `drive.Watch`."""
+        """Measure the delay of the message behind a command; see `drive.Observer`."""
         self._command = command
         live = self._live
         if live and live.used is not None and live.used is not self._sent:
@@ -261,7 +261,7 @@ class Session(threading.Thread):
             self.processor.add([1000 * (time.thread_time() - live.heard)])
 
     def stepped(self, outcome: Outcome) -> None:
-        """Show the state after a control period; see `drive.Watch`."""
+        """Show the state after a control period; see `drive.Observer`."""
         self._phase = "taking"
         self._show(success=outcome.success)
 

@@ -40,10 +40,13 @@ def start(port: int = 8080, host: str = "127.0.0.1", origins: Sequence[str] = ()
     # viser's fog begins right at the camera and would bleach photographs.
     server.scene.configure_fog(near=50.0, far=100.0, enabled=False)
     server.gui.configure_theme(dark_mode=False, show_logo=False)
-    shown = {"0.0.0.0": socket.gethostname(), "::": socket.gethostname()}.get(
-        host, f"[{host}]" if ":" in host else host
-    )
-    return server, f"http://{shown}:{server.get_port()}"
+    return server, f"http://{shown(host)}:{server.get_port()}"
+
+
+def shown(host: str) -> str:
+    """The part of a URL by which other machines reach a server that listens on `host`."""
+    name = socket.gethostname() if host in ("0.0.0.0", "::") else host
+    return f"[{name}]" if ":" in name else name
 
 
 def _check_address(host: str) -> None:

@@ -58,9 +58,7 @@ def split(photograph: Photograph, depth: np.ndarray, support: Support, hole: np.
     level = measured & (np.abs(height) <= tolerance)
     elsewhere = measured & ~level
     seen = floor[_wide(level & around)]
-    outline = regions.convex_hull(np.concatenate([support.polygon, seen[:: max(1, len(seen) // 20_000)]]))
-    # Every corner costs a pass over the picture; a millimetre is less than the points' noise.
-    outline = cv2.approxPolyDP(outline.astype(np.float32)[:, None], 0.001, True)[:, 0].astype(np.float64)
+    outline = _outline(np.concatenate([support.polygon, seen[:: max(1, len(seen) // 20_000)]]))
     inside = finite & regions.inside_convex(floor, outline)
     outside = ~hole & ~regions.inside_convex(floor, outline, RIM_M)
     alike = outside & ~elsewhere & coloured_like(photograph.rgb.pixels, level & around)
@@ -77,21 +75,28 @@ def apart(layers: Layers, own: np.ndarray) -> Layers:
     seen = layers.floor[_wide(layers.level & layers.behind & own & ~layers.hole)]
     if len(seen) < 100:
         return layers
-    outline = regions.convex_hull(seen[:: max(1, len(seen) // 20_000)])
-    outline = cv2.approxPolyDP(outline.astype(np.float32)[:, None], 0.001, True)[:, 0].astype(np.float64)
+    outline = _outline(seen[:: max(1, len(seen) // 20_000)])
     _, labels = cv2.connectedComponents((layers.behind & ~own & ~layers.hole).astype(np.uint8), connectivity=4)
     inside = np.isfinite(layers.plane) & regions.inside_convex(layers.floor, outline)
     within = np.bincount(labels[inside], minlength=labels.max() + 1) / np.maximum(np.bincount(labels.reshape(-1)), 1)
     beyond = within < 0.5
     beyond[0] = False
     other = beyond[labels]
-    measured = other & layers.level
     return replace(
         layers,
         level=layers.level & ~other,
-        elsewhere=layers.elsewhere | measured,
+        elsewhere=layers.elsewhere | (other & layers.level),
         behind=layers.behind & ~other,
     )
+
+
+def _outline(points: np.ndarray) -> np.ndarray:
+    """Convex outline (P, 2) of points (N, 2), simplified to a millimetre, which is less than their noise [m].
+
+    Every corner costs a pass over the picture.
+    """
+    outline = regions.convex_hull(points)
+    return np.asarray(cv2.approxPolyDP(outline.astype(np.float32)[:, None], 0.001, True)[:, 0], np.float64)
 
 
 def _wide(mask: np.ndarray) -> np.ndarray:

@@ -64,7 +64,8 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
     if name not in TABLE:
         hint = did_you_mean(name, TABLE) or "set `material` of the element in `scene.yaml` to one that exists"
         ctx.fail(f"no material is called `{name}`", hint=hint, exist=listing(TABLE))
-    material = doubted(name, _confidence(traits, body, options))
+    confidence = _confidence(traits, body, options)
+    material = doubted(name, confidence)
     density, sigma, source = _density(material, name, body, options)
     solids = {label: _solid(ctx, label, link) for label, link in body.links.items()}
     if options.mass_kg is not None:
@@ -75,7 +76,7 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
         links = {label: _perhaps_empty(link, body.links[label], material, options) for label, link in links.items()}
         if len(links) == 1:
             ((label, link),) = links.items()
-            certain = name if _confidence(traits, body, options) == 1.0 else ""
+            certain = name if confidence == 1.0 else ""
             links, source = _like_others(label, link, body.links[label], traits.category, certain)
     mass, low, high = (
         sum(getattr(link, name) for link in links.values()) for name in ("mass_kg", "mass_low_kg", "mass_high_kg")

@@ -40,7 +40,7 @@ def test_a_picture_shows_every_pixel_of_its_things_and_is_the_same_again() -> No
     assert (one.labels == other.labels).all()
     assert (one.rgb == other.rgb).all()
     assert len(np.unique(one.labels)) > 2
-    # Things lie above the table's plane, and only they and what stands behind the table do.
+    # Only the things and the objects behind the table are above its plane.
     camera = one.support.camera_pose.matrix
     rows, columns = np.nonzero(one.labels)
     depth = one.depth[rows, columns]

@@ -118,13 +118,14 @@ def _certificate(args: argparse.Namespace) -> tuple[Path, Path] | None:
     """Certificate and key; None: plain HTTP, which browsers trust on this machine alone."""
     from dextera_build.errors import UsageError
     from dextera_build.project import settings
-    from dextera_build.teleop import certificate, live
+    from dextera_build.teleop import certificate
+    from dextera_build.view import server
 
     if bool(args.cert) != bool(args.key):
         raise UsageError("`--cert` and `--key` belong together", code="DXB-U334", hint="`--cert FILE --key FILE`")
     if args.cert:
         return Path(args.cert), Path(args.key)
-    return None if args.host in LOCAL else certificate.own(settings.user_folder() / "teleop", live.shown(args.host))
+    return None if args.host in LOCAL else certificate.own(settings.user_folder() / "teleop", server.shown(args.host))
 
 
 def _opened(args: argparse.Namespace, opened: Opened) -> None:

@@ -24,7 +24,7 @@ HELD_S = 1.0
 
 
 class Observer(Protocol):
-    """Whoever looks on while an episode runs."""
+    """An observer of a running episode."""
 
     def sent(self, command: Command) -> None:
         """Joint targets for a command are on their way to the controllers."""

@@ -178,7 +178,7 @@ class LiveOperator:
     def _listen(self, until: float) -> None:
         """Hear messages until a time of `time.perf_counter`, and a little longer for one that is due.
 
-        Whoever is late does not catch up.
+        A simulation that is late does not catch up.
         """
         behind = time.perf_counter() - until
         if behind > self._period / self._speed:

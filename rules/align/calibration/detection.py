@@ -127,12 +127,15 @@ def _chessboard(grey: np.ndarray, board: Board, refinement: str) -> tuple[_Seen 
         stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
         corners = cv2.cornerSubPix(grey, corners, (5, 5), (-1, -1), stop)
     pixels = corners.reshape(-1, 2).astype(np.float64)
-    # A view from behind would mirror the order; only the rotation by half a turn is ambiguous in the pattern.
-    orders = [np.arange(len(pixels))[::-1]]
-    if board.columns == board.rows:
-        square = np.arange(len(pixels)).reshape(board.rows, board.columns)
-        orders += [np.rot90(square).ravel(), np.rot90(square, 3).ravel()]
-    return _Seen(boards.corners(*size, board.square_m), pixels, tuple(orders)), ""
+    # A view from behind would mirror the order; only rotations are ambiguous in the pattern.
+    return _Seen(boards.corners(*size, board.square_m), pixels, _rotations(*size)), ""
+
+
+def _rotations(columns: int, rows: int) -> tuple[np.ndarray, ...]:
+    """Orders (columns * rows,) of a regular grid turned by half a turn, and by quarters if it is square."""
+    grid = np.arange(columns * rows).reshape(rows, columns)
+    turns = (2, 1, 3) if columns == rows else (2,)
+    return tuple(np.rot90(grid, turn).ravel() for turn in turns)
 
 
 def _partly(grey: np.ndarray, size: tuple[int, int]) -> str:
@@ -167,12 +170,10 @@ def _circles(grey: np.ndarray, board: Board, refinement: str) -> tuple[_Seen | N
     along, across = pixels[rows[0, -1]] - pixels[0], pixels[rows[-1, 0]] - pixels[0]
     if not asymmetric and along[0] * across[1] < along[1] * across[0]:  # numbered as if seen from behind
         pixels = pixels[rows[:, ::-1].ravel()]
-    # Half a turn maps a symmetric grid, and an asymmetric one with an even number of rows, to itself.
-    orders = [] if asymmetric and board.rows % 2 else [rows.ravel()[::-1]]
-    if not asymmetric and board.columns == board.rows:
-        orders += [np.rot90(rows).ravel(), np.rot90(rows, 3).ravel()]
-    centres_m = boards.circles(*size, board.square_m, asymmetric=asymmetric)
-    return _Seen(centres_m, pixels, tuple(orders)), ""
+    orders = _rotations(*size)
+    if asymmetric:  # only half a turn maps it to itself, and with an odd number of rows none does
+        orders = orders[: (board.rows + 1) % 2]
+    return _Seen(boards.circles(*size, board.square_m, asymmetric=asymmetric), pixels, orders), ""
 
 
 def _charuco(grey: np.ndarray, board: Board, refinement: str) -> tuple[_Seen | None, str]:
