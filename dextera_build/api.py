@@ -93,7 +93,7 @@ class RequestArguments(TypedDict, total=False):
     backends: Mapping[str, str]
     """Rule -> backend."""
     profile: str
-    """`stub`, `cpu`, `gpu` or `cloud`."""
+    """`stub`, `cpu`, `picture`, `gpu` or `cloud`."""
 
 
 class Project(settings_of.Project):

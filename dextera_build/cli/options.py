@@ -44,7 +44,7 @@ def project_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--profile",
         metavar="NAME",
-        help="which backends to prefer: stub, cpu, gpu, cloud, or a profile of the project (DXB_PROFILE)",
+        help="which backends to prefer: stub, cpu, picture, gpu, cloud, or a profile of the project (DXB_PROFILE)",
     )
 
 

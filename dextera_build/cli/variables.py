@@ -18,7 +18,7 @@ SETTINGS = {
     "DXB_CACHE": "the store's folder, or which stores to use",
     "DXB_MODELS": "folders with the weights of models; new ones go into the first",
     "DXB_REMOTES": "which stores to use, where `DXB_CACHE` is the folder",
-    "DXB_PROFILE": "stub, cpu, gpu or cloud",
+    "DXB_PROFILE": "stub, cpu, picture, gpu or cloud",
     "DXB_JOBS": "number of cores to use",
     "DXB_RESOURCES": "resources of this machine",
     "DXB_EXECUTOR": "where nodes run",

@@ -33,7 +33,7 @@ DEFAULTS: Mapping[str, Any] = {
     "trusted_keys": "",
     "require_signed": False,
 }
-PROFILES = ("stub", "cpu", "gpu", "cloud")
+PROFILES = ("stub", "cpu", "picture", "gpu", "cloud")
 """Profiles that dxb brings."""
 _ON = ("true", "1", "yes", "on")
 _SWITCH = (*_ON, "false", "0", "no", "off")

@@ -85,12 +85,14 @@ class Measurements(Generic[T]):
         ctx: The rule's context.
         value: The measurements; None if there is only the photograph.
         lacking: Explanation if there are none: `the capture has no depth`.
+        unmeasured: The same without depth, for backends that need only the pose of the camera over the support.
     """
 
-    def __init__(self, ctx: Context, value: T | None, lacking: str) -> None:
+    def __init__(self, ctx: Context, value: T | None, lacking: str, unmeasured: T | None = None) -> None:
         self._ctx = ctx
         self._value = value
         self._lacking = lacking
+        self.unmeasured = unmeasured
         self.taken = False
         """Whether the backend made its result with them."""
 
@@ -104,9 +106,8 @@ class Measurements(Generic[T]):
         if self._value is None:
             self._ctx.fail(
                 f"this backend makes assets with the help of measured depth, but {self._lacking}",
-                hint="add the depth to the capture. Without it: `--backend factorize.parse=written` with the input "
-                "`description`, a `scene.yaml` with a box per object; `--backend factorize.segment=grabcut`; and for "
-                "`factorize.mesh` a model or service of `dxb ls backends`",
+                hint="add the depth to the capture, or build with `--profile picture` and the input `description`, a "
+                "`scene.yaml` with a box per object: docs/taking_a_capture.md",
             )
         return self._value
 
@@ -190,7 +191,10 @@ def without_dropout(depth: np.ndarray) -> np.ndarray:
     return np.asarray(filled.astype(np.float32))
 
 
-def of_view(ctx: Context, view: ObjectView, measured: MeasuredView | None) -> Measurements[Seen]:
-    """The measurements of one object."""
+def of_view(
+    ctx: Context, view: ObjectView, measured: MeasuredView | None, support: Support | None = None
+) -> Measurements[Seen]:
+    """The measurements of one object; `support` gives the pose of the camera where nothing was measured."""
     value = None if measured is None else Seen(view, measured)
-    return Measurements(ctx, value, "the capture has no depth")
+    bare = None if support is None else Seen.without_depth(view, support.camera_pose)
+    return Measurements(ctx, value, "the capture has no depth", bare)

@@ -7,7 +7,16 @@ import math
 import numpy as np
 from pydantic import NonNegativeFloat, PositiveFloat
 
-from dextera_build.artifacts.objects.object import Body, Certainty, Inertial, Link, Physics, Rival
+from dextera_build.artifacts.objects.object import (
+    Body,
+    Certainty,
+    Inertial,
+    Link,
+    Physics,
+    Placement,
+    Rival,
+    Support,
+)
 from dextera_build.artifacts.objects.view import Traits
 from dextera_build.errors import did_you_mean, listing
 from dextera_build.geometry import massprops
@@ -48,13 +57,22 @@ class PhysicsOptions(Options):
 
 
 @rule(version=5)
-def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions) -> Physics:
+def physics(
+    ctx: Context,
+    body: Body,
+    traits: Traits,
+    placement: Placement | None = None,
+    support: Support | None = None,
+    *,
+    options: PhysicsOptions,
+) -> Physics:
     """Return mass properties of every link, in the object frame with all joints at 0, in SI units of the unscaled body.
 
     The mass of a body with a cavity is the material's density times the volume of its walls. Any other body has unseen
     contents and voids, so the bulk density of such products is used. If the material's products are containers, the
     mass is that of things of a household with about its size and shape, see `household`; with joints, the interval
-    extends down to the mass of the walls alone.
+    extends down to the mass of the walls alone. Both need the true size, which follows from `placement` and `support`
+    for a body that was made without depth; while it is unknown, so is the mass.
 
     The interval of the mass combines the uncertainties of the density, of the volume, of the unseen surface or the
     walls, and of the second-best hypothesis. The lower the confidence of the material, the more the intervals of
@@ -72,12 +90,15 @@ def physics(ctx: Context, body: Body, traits: Traits, *, options: PhysicsOptions
         density = options.mass_kg / sum(solid.volume for solid in solids.values())
         sigma, source = options.mass_sigma, "weighed"
     links = {label: _inertial(solid, density, sigma, source) for label, solid in solids.items()}
-    if options.mass_kg is None and not body.hollow and _encloses(material):
-        links = {label: _perhaps_empty(link, body.links[label], material, options) for label, link in links.items()}
+    size = _size(body, placement, support)
+    if options.mass_kg is None and size is not None and not body.hollow and _encloses(material):
+        links = {
+            label: _perhaps_empty(link, body.links[label], size, material, options) for label, link in links.items()
+        }
         if len(links) == 1:
             ((label, link),) = links.items()
             certain = name if confidence == 1.0 else ""
-            links, source = _like_others(label, link, body.links[label], traits.category, certain)
+            links, source = _like_others(label, link, body.links[label], size, (traits.category, certain))
     mass, low, high = (
         sum(getattr(link, name) for link in links.values()) for name in ("mass_kg", "mass_low_kg", "mass_high_kg")
     )
@@ -169,27 +190,46 @@ def _encloses(material: Material) -> bool:
     return material.bulk_density < ENCLOSING * material.wall_density
 
 
-def _perhaps_empty(full: Inertial, link: Link, material: Material, options: PhysicsOptions) -> Inertial:
+def _size(body: Body, placement: Placement | None, support: Support | None) -> float | None:
+    """Metres per unit of the body's meshes; None if it is not known."""
+    if support is not None and support.scale == "unknown":
+        return None
+    if placement is None:
+        return 1.0 if body.asset_source == "rgbd" else None
+    return placement.scale * (1.0 if support is None else support.factor)
+
+
+def _perhaps_empty(full: Inertial, link: Link, size: float, material: Material, options: PhysicsOptions) -> Inertial:
     """The same link with an interval that extends down to the mass of its walls alone."""
     corners = link.mesh.vertices.astype(np.float64)[link.mesh.faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2.0
     sigma = math.hypot(material.wall_sigma, options.wall_sigma)
-    walls = float(area) * options.shell_m * material.wall_density * math.exp(-Z90 * sigma)
+    walls = float(area) * options.shell_m / size * material.wall_density * math.exp(-Z90 * sigma)
     return full.model_copy(update={"mass_low_kg": min(full.mass_low_kg, walls)})
 
 
 def _like_others(
-    label: str, link: Inertial, shape: Link, category: str, certain: str
+    label: str, link: Inertial, shape: Link, size: float, told: tuple[str, str]
 ) -> tuple[dict[str, Inertial], str]:
-    """The link with the mass that things of a household of its size and shape have, and the source in words."""
-    sides = household.sides(shape.mesh.vertices.astype(np.float64))
-    found = household.mass_of(sides, category, certain, (link.mass_low_kg, link.mass_kg, link.mass_high_kg))
+    """The link with the mass that things of a household of its size and shape have, and the source in words.
+
+    Args:
+        label: The link's name.
+        link: Its mass without the table, in SI units of the unscaled body like the result.
+        shape: The link.
+        size: Metres per unit of its mesh.
+        told: Category, and material if it is certain.
+    """
+    sides = household.sides(size * shape.mesh.vertices.astype(np.float64))
+    alone = (link.mass_low_kg * size**3, link.mass_kg * size**3, link.mass_high_kg * size**3)
+    found = household.mass_of(sides, *told, alone)
     source = f"things of this size and shape, like {' and '.join(found.likely)}"
-    more = found.middle_kg / link.mass_kg
+    low, middle, high = (kg / size**3 for kg in (found.low_kg, found.middle_kg, found.high_kg))
+    more = middle / link.mass_kg
     changes = {
-        "mass_kg": found.middle_kg,
-        "mass_low_kg": found.low_kg,
-        "mass_high_kg": found.high_kg,
+        "mass_kg": middle,
+        "mass_low_kg": low,
+        "mass_high_kg": high,
         "inertia": tuple(more * part for part in link.inertia),
         "source": source,
     }

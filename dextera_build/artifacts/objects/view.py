@@ -108,6 +108,12 @@ class Seen(DepthView):
     view: ObjectView
     measured: MeasuredView
 
+    @classmethod
+    def without_depth(cls, view: ObjectView, camera_pose: Pose) -> Seen:
+        """A view of which nothing was measured, by a camera at `camera_pose`, T_world_camera."""
+        nothing = DepthImage(depth=np.zeros(view.mask.shape, np.float32))
+        return cls(view, MeasuredView(depth=nothing, camera_pose=camera_pose))
+
     @property
     def rgb(self) -> np.ndarray:
         """The crop's pixels, (H, W, 3) uint8."""

@@ -111,6 +111,6 @@ _COMPLETERS: dict[str, Callable[..., object]] = {
     "calls": _words("record", "replay", "refresh", "replace", "off"),
     "console": _words("live", "plain", "jsonl", "none"),
     "executor": _words("local", "ray"),
-    "profile": _words("stub", "cpu", "gpu", "cloud"),
+    "profile": _words("stub", "cpu", "picture", "gpu", "cloud"),
 }
 """Name or metavar of an argument -> its completer."""

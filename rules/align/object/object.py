@@ -6,7 +6,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dextera_build.artifacts.cameras.image import DepthImage
 from dextera_build.artifacts.objects.object import Body, Placement, Support
 from dextera_build.artifacts.objects.view import MeasuredView, ObjectView, Seen
 from dextera_build.rule import ROUNDING, Context, Fraction, Options, Tolerance, rule
@@ -102,5 +101,4 @@ def _seen(ctx: Context, view: ObjectView, measured: MeasuredView | None, support
             "the object has no measured depth, and no support is given",
             hint="give the input `support`, or add the depth to the capture",
         )
-    nothing = DepthImage(depth=np.zeros(view.mask.shape, np.float32))
-    return Seen(view, MeasuredView(depth=nothing, camera_pose=support.camera_pose))
+    return Seen.without_depth(view, support.camera_pose)

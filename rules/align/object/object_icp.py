@@ -45,7 +45,7 @@ def place(ctx: Context, body: Body, seen: Seen, common: ObjectOptions, options: 
     vertices, faces = kinematics.posed_surface(body)
     model = ModelView(vertices, faces, seen)
     if not (seen.depth > 0).any():
-        return _by_silhouette(model, vertices, faces, seen)
+        return _by_silhouette(model, body, seen, options)
     points = seen_points(seen)
     guess = None if body.pose is None else ScaledPose(1.0, np.array(body.pose.matrix))
     score = None if guess is None else model.score(guess)
@@ -75,15 +75,23 @@ def picture(ctx: Context, body: Body, seen: Seen, placement: Placement, options:
     return overlay_picture.draw(*kinematics.posed_surface(body), seen, placement)
 
 
-def _by_silhouette(model: ModelView, vertices: np.ndarray, faces: np.ndarray, seen: Seen) -> Placed:
-    found = silhouette.search(model, vertices, faces, seen)
+def _by_silhouette(model: ModelView, body: Body, seen: Seen, options: IcpOptions) -> Placed:
+    """The body's own pose if it explains the mask; else it stands on the support at the place and scale that do."""
+    vertices, faces = kinematics.posed_surface(body)
+    own = body.pose
+    guess = None if own is None else ScaledPose(1.0, np.array(own.matrix))
+    if own is None or guess is None or model.score(guess).iou < options.guess_iou:
+        own, guess = None, silhouette.search(model, vertices, faces, seen)
     placement = Placement(
-        pose=Pose(parent="world", child="object", matrix=found.pose),
-        scale=found.scale,
-        method="silhouette on the support",
+        pose=Pose(parent="world", child="object", matrix=guess.pose),
+        scale=guess.scale,
+        method="silhouette on the support" if own is None else "guess kept",
         ambiguous=symmetry.find(vertices, faces, model.model_distances).round_axis is not None,
+        scale_sigma=None if own is None else 0.0,
     )
-    return Placed(placement, model.score(found).iou, violation=0.0, gap_m=_lowest(vertices, found))
+    if own is not None and own.covariance is not None:
+        placement = _summed(placement, own.covariance, guess, seen)
+    return Placed(placement, model.score(guess).iou, violation=0.0, gap_m=_lowest(vertices, guess))
 
 
 def _refined(
@@ -150,13 +158,17 @@ def _with_spread(
         freedom = lie.resting(float(placed.pose[2, 3])) if standing else lie.UPRIGHT
     size = placed.scale * float(np.linalg.norm(np.ptp(vertices, axis=0)))
     found = spread.covariance(model, placed, size, options.start_scale_sigma, freedom)
+    covariance = found[:6, :6] if of_shape is None else found[:6, :6] + of_shape
+    placement = placement.model_copy(update={"scale_sigma": float(np.sqrt(found[6, 6]))})
+    return _summed(placement, covariance, placed, seen)
+
+
+def _summed(placement: Placement, covariance: np.ndarray, placed: ScaledPose, seen: Seen) -> Placement:
+    """The placement with the covariance (6, 6) of its own pose and that of the support."""
     of_support = seen.measured.camera_pose.covariance
-    covariance = found[:6, :6]
-    if of_shape is not None:
-        covariance = covariance + of_shape
+    summed = covariance.copy()
     if of_support is not None:
-        covariance = covariance + spread.by_support(of_support, seen.world_from_camera, placed.pose)
+        summed += spread.by_support(of_support, seen.world_from_camera, placed.pose)
     if placement.ambiguous and placed.pose[2, 2] > _VERTICAL:
-        covariance[5, 5] = max(covariance[5, 5], spread.ANY_TURN**2)
-    pose = placement.pose.model_copy(update={"covariance": covariance})
-    return placement.model_copy(update={"pose": pose, "scale_sigma": float(np.sqrt(found[6, 6]))})
+        summed[5, 5] = max(summed[5, 5], spread.ANY_TURN**2)
+    return placement.model_copy(update={"pose": placement.pose.model_copy(update={"covariance": summed})})

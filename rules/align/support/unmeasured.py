@@ -10,7 +10,7 @@ from pydantic import NonNegativeInt, PositiveFloat
 from dextera_build.artifacts.cameras.camera import Photograph
 from dextera_build.artifacts.objects.object import ScaleSource, Support
 from dextera_build.artifacts.spatial.pose import Pose
-from dextera_build.geometry import cameras, regions, transforms, upright
+from dextera_build.geometry import cameras, lie, regions, transforms, upright
 from dextera_build.rule import Context, Options
 
 
@@ -25,12 +25,20 @@ class MarkerOptions(Options):
     """Name of the dictionary in OpenCV."""
 
 
+CORNER_PX = 0.3
+"""Standard deviation of the corners of a marker [px]."""
+PITCH_RAD, ROLL_RAD = np.radians(10.0), np.radians(3.0)
+"""Standard deviations of an assumed pitch and of its roll [rad]."""
+
+
 class Plane(NamedTuple):
     """A support in the camera frame."""
 
     normal: np.ndarray  # (3,) unit, up
     height: float  # of the camera above it
     scale: ScaleSource
+    others: tuple[tuple[np.ndarray, float], ...] = ()
+    """Normal and height one standard deviation away, in each independent direction."""
 
 
 def marked(ctx: Context, photograph: Photograph, marker: MarkerOptions) -> Plane:
@@ -55,11 +63,17 @@ def marked(ctx: Context, photograph: Photograph, marker: MarkerOptions) -> Plane
     square = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
     pixels = np.asarray(corners[seen.index(marker.number)], np.float64).reshape(4, 1, 2)
     k = photograph.camera.matrix()
-    _, turns, shifts, errors = cv2.solvePnPGeneric(square, pixels, k, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
-    best = int(np.argmin(np.ravel(errors)))
-    ctx.metric("marker residual", float(np.ravel(errors)[best]), "px")
-    normal = cv2.Rodrigues(turns[best])[0][:, 2]
-    return Plane(normal, -float(normal @ shifts[best].ravel()), "marker")
+
+    def plane(corners: np.ndarray) -> tuple[np.ndarray, float, float]:
+        _, turns, shifts, errors = cv2.solvePnPGeneric(square, corners, k, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+        best = int(np.argmin(np.ravel(errors)))
+        normal = cv2.Rodrigues(turns[best])[0][:, 2]
+        return normal, -float(normal @ shifts[best].ravel()), float(np.ravel(errors)[best])
+
+    normal, height, error = plane(pixels)
+    ctx.metric("marker residual", error, "px")
+    moved = CORNER_PX * np.eye(8).reshape(8, 4, 1, 2)
+    return Plane(normal, height, "marker", tuple(plane(pixels + shift)[:2] for shift in moved))
 
 
 def under_robot(robot: Pose, base_above_m: float) -> Plane:
@@ -80,7 +94,14 @@ def assumed(pitch_deg: float, turns: int) -> Plane:
     """
     pitch = np.radians(pitch_deg)
     level = upright.turned_from_camera(-turns)[:3, :3]
-    return Plane(level @ np.array([0.0, -np.cos(pitch), -np.sin(pitch)]), 1.0, "unknown")
+
+    def normal(pitch: float, roll: float = 0.0) -> np.ndarray:
+        return np.asarray(
+            level @ np.array([np.cos(pitch) * np.sin(roll), -np.cos(pitch) * np.cos(roll), -np.sin(pitch)])
+        )
+
+    others = (normal(pitch + PITCH_RAD), 1.0), (normal(pitch, ROLL_RAD), 1.0)
+    return Plane(normal(pitch), 1.0, "unknown", others)
 
 
 def support(ctx: Context, photograph: Photograph, plane: Plane, reach: float, turns: int) -> Support:
@@ -92,11 +113,8 @@ def support(ctx: Context, photograph: Photograph, plane: Plane, reach: float, tu
         ctx.fail(
             "the camera is below the support", scale=plane.scale, hint="check the pose that the support comes from"
         )
-    up = plane.normal / np.linalg.norm(plane.normal)
     image_right = upright.turned_from_camera(-turns)[:3, 0]
-    right = image_right - (image_right @ up) * up
-    right /= np.linalg.norm(right)
-    axes = np.stack([right, np.cross(up, right), up])
+    axes = _axes(plane.normal, image_right)
     lens = photograph.camera
     thin = max(1, lens.height // 90)
     rays = cameras.rays(lens.height, lens.width, lens.matrix())[::thin, ::thin]
@@ -108,9 +126,23 @@ def support(ctx: Context, photograph: Photograph, plane: Plane, reach: float, tu
         ctx.fail("nothing of the support is in view", hint="raise `reach`, or check `pitch_deg`")
     outline = regions.convex_hull(ground)
     middle = regions.centroid(outline)
-    pose = transforms.rigid(axes, np.array([-middle[0], -middle[1], plane.height]))
+
+    def pose(axes: np.ndarray, height: float) -> np.ndarray:
+        return transforms.rigid(axes, np.array([-middle[0], -middle[1], height]))
+
+    found = pose(axes, plane.height)
+    steps = [lie.between(found, pose(_axes(normal, image_right), height)) for normal, height in plane.others]
+    covariance = sum(np.outer(step, step) for step in steps) if steps else None
     return Support(
-        camera_pose=Pose(parent="world", child="camera", matrix=pose),
+        camera_pose=Pose(parent="world", child="camera", matrix=found, covariance=covariance),
         polygon=np.ascontiguousarray(outline - middle),
         scale=plane.scale,
     )
+
+
+def _axes(normal: np.ndarray, image_right: np.ndarray) -> np.ndarray:
+    """Rows (3, 3): the world's x, y and z in the camera frame."""
+    up = normal / np.linalg.norm(normal)
+    right = image_right - (image_right @ up) * up
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(up, right), up])

@@ -54,13 +54,13 @@ class Candidate:
 def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float) -> list[Candidate]:
     """Candidates of the allowed families that are plausible for the view."""
     makers: dict[str, Callable[[], Candidate | None]] = {
-        "box": lambda: _box(evidence),
+        "box": lambda: standing_box(box.box(evidence), box.standing),
         "tilted_box": lambda: _tilted(evidence),
-        "cylinder": lambda: _cylinder(evidence),
+        "cylinder": lambda: upright_cylinder(lofted.cylinder(evidence)),
         "lying_cylinder": lambda: _lying(evidence),
         "revolved": lambda: _revolved(evidence, hollow=False, wall_m=wall_m),
         "revolved_hollow": lambda: _revolved(evidence, hollow=True, wall_m=wall_m),
-        "oval": lambda: _lofted(*lofted.oval(evidence), wall_m),
+        "oval": lambda: lofted_candidate(*lofted.oval(evidence), wall_m),
         "extruded": lambda: _extruded(evidence),
         "panels": lambda: _panels(evidence),
         "open_box": lambda: _open_box(evidence, wall_m),
@@ -73,12 +73,14 @@ def propose(evidence: Evidence, allowed: tuple[str, ...], wall_m: float) -> list
     return [candidate for candidate in made if candidate is not None]
 
 
-def _box(evidence: Evidence) -> Candidate:
+def standing_box(model: Model, settled: Callable[[np.ndarray], Model] | None = None) -> Candidate:
+    """An upright box: x, y, yaw, width, depth, height."""
+
     def finish(p: np.ndarray) -> Finished:
         body = box.box_body(p)
         return Finished(body, box.upright(p[0], p[1], p[2]), (body.vertices,))
 
-    return Candidate(box.box(evidence), finish, {3: "x", 4: "y"}, settled=box.standing)
+    return Candidate(model, finish, {3: "x", 4: "y"}, settled=settled)
 
 
 def _tilted(evidence: Evidence) -> Candidate | None:
@@ -94,12 +96,14 @@ def _tilted(evidence: Evidence) -> Candidate | None:
     return Candidate(model, finish, {7: "x", 8: "y", 9: "z"})
 
 
-def _cylinder(evidence: Evidence) -> Candidate:
+def upright_cylinder(model: Model) -> Candidate:
+    """An upright cylinder: x, y, height, radius."""
+
     def finish(p: np.ndarray) -> Finished:
         body = Profile(np.array([0.0, p[2]]), p[[3, 3]], p[[3, 3]]).solid(FACETS)
         return Finished(body, box.upright(p[0], p[1], 0.0), (body.vertices,))
 
-    return Candidate(lofted.cylinder(evidence), finish)
+    return Candidate(model, finish)
 
 
 def _lying(evidence: Evidence) -> Candidate:
@@ -114,13 +118,15 @@ def _revolved(evidence: Evidence, *, hollow: bool, wall_m: float) -> Candidate |
     centre, _ = revolution.axis(evidence)
     if hollow and revolution.interior(evidence, centre) < 0.03:
         return None
-    return _lofted(*lofted.revolved(evidence, hollow=hollow, wall_m=wall_m), wall_m)
+    return lofted_candidate(*lofted.revolved(evidence, hollow=hollow, wall_m=wall_m), wall_m)
 
 
-def _lofted(layout: Layout, model: Model, wall_m: float) -> Candidate:
+def lofted_candidate(layout: Layout, model: Model, wall_m: float) -> Candidate:
+    """A body of stacked cross-sections, see `families.lofted`."""
+
     def finer(p: np.ndarray) -> Candidate:
         more, start = layout.finer(p)
-        return _lofted(more, lofted.model(more, model.name, [start], wall_m), wall_m)
+        return lofted_candidate(more, lofted.model(more, model.name, [start], wall_m), wall_m)
 
     return Candidate(model, lambda p: _finish_profile(layout, p), finer=finer)
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from pydantic import PositiveInt
 
-from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.object import Shape, Support
 from dextera_build.artifacts.objects.view import MeasuredView, ObjectView, Seen
 from dextera_build.rule import ROUNDING, Context, Options, Tolerance, rule
 
@@ -46,16 +46,17 @@ def mesh(
     ctx: Context[MeshBackend],
     view: ObjectView,
     measured: MeasuredView | None = None,
+    support: Support | None = None,
     *,
     options: MeshOptions | None = None,
 ) -> Shape:
     """Return a closed, textured mesh of the object, origin at the centre of the base, z up in its photographed pose.
 
     The result of a backend that reads `measured` is in metres and labelled `rgbd`; for any other, `align.object` finds
-    the scale.
+    the scale. `support` tells backends without depth where the camera is.
     """
     options = options or MeshOptions()
-    depth = of_view(ctx, view, measured)
+    depth = of_view(ctx, view, measured, support)
     made: Shape = ctx.backend.complete(ctx, view, depth, options, ctx.backend_options)
     shape = made.model_copy(update={"asset_source": depth.source(view.asset_source)})
     lowest = float(shape.mesh.vertices[:, 2].min())

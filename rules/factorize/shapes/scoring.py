@@ -45,8 +45,8 @@ def judge(body: Solid, evidence: Evidence, complexity: float = 0.0) -> Judgement
     residual = float(np.median(difference)) if common.any() else float("inf")
     # Every trusted pixel counts; an uncovered one counts as entirely wrong.
     error = np.minimum(difference / (WRONG * evidence.sigma[common]), 1.0).sum()
-    trusted = max(int(np.count_nonzero(evidence.core & evidence.known)), 1)
-    depth_error = (float(error) + trusted - np.count_nonzero(common)) / trusted
+    trusted = int(np.count_nonzero(evidence.core & evidence.known))
+    depth_error = (float(error) + trusted - np.count_nonzero(common)) / trusted if trusted else 0.0
     seen_behind = (evidence.depth > 0) & (shown.depth < evidence.depth - step(evidence.sigma))
     clear = np.where(mask, evidence.core, True)
     free = np.count_nonzero(covered & seen_behind & clear) / max(int(np.count_nonzero(covered)), 1)

@@ -16,10 +16,15 @@ CYLINDER = Layout(knots=2)
 def cylinder(evidence: Evidence) -> Model:
     """An upright cylinder: x, y, height, and one radius twice."""
     centre, radius = axis(evidence)
+    return upright_cylinder([np.array([*centre, evidence.height, radius])])
+
+
+def upright_cylinder(starts: list[np.ndarray]) -> Model:
+    """The same from initial guesses (4,)."""
     return Model(
         name="cylinder",
         build=lambda p: CYLINDER.build(np.array([*p, p[3]])),
-        starts=[np.array([*centre, evidence.height, radius])],
+        starts=starts,
         steps=np.array([0.003, 0.003, 0.003, 0.002]),
         lower=np.array([-np.inf, -np.inf, SMALLEST_M, SMALLEST_M]),
         upper=np.array([np.inf, np.inf, LARGEST_M, LARGEST_M / 2]),

@@ -1,0 +1,112 @@
+"""Closed meshes from a photograph without depth: boxes, cylinders and revolved bodies fitted to the outline."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import NonNegativeInt, PositiveFloat
+
+from dextera_build.artifacts.objects.object import Shape
+from dextera_build.artifacts.objects.view import ObjectView, Seen
+from dextera_build.artifacts.spatial.pose import Pose
+from dextera_build.geometry import lie
+from dextera_build.rule import Backend, Context, Options
+
+from ..measured import Measurements
+from . import silhouettes
+from .evidence import Evidence, gather
+from .fitted import Fitted, best_of, fitted_of
+from .refine import descend
+
+if TYPE_CHECKING:
+    from .mesh import MeshOptions
+
+BACKEND = Backend(
+    summary="a box, cylinder, revolved body or vessel on the support, fitted to the outline; needs no depth",
+    packages=("manifold3d", "open3d", "opencv-python-headless", "scipy"),
+    extra="twin",
+)
+STARTS = 4
+"""Number of initial guesses that are refined."""
+
+
+class SilhouetteOptions(Options):
+    """Options of backend `silhouette` of factorize.mesh."""
+
+    wall_m: PositiveFloat = 0.003
+    """Wall thickness of a vessel [m]; the photograph does not show it."""
+    vessels: tuple[str, ...] = ("basket", "bowl", "cup", "glass", "mug", "pot", "tumbler", "vase")
+    """Words of a phrase that make a body a vessel, which is open at the top; the outline does not show the cavity."""
+    refine_steps: NonNegativeInt = 14
+    """Maximum least-squares steps per hypothesis; the best one gets three times as many."""
+
+
+def complete(
+    ctx: Context, view: ObjectView, measured: Measurements[Seen], common: MeshOptions, options: SilhouetteOptions
+) -> Shape:
+    """Return the closed, textured body that stands on the support and has the outline of the mask.
+
+    Args:
+        ctx: The rule's context.
+        view: The view.
+        measured: The pose of the camera over the support; depth is not read.
+        common: The rule's options.
+        options: The backend's.
+    """
+    if measured.unmeasured is None:
+        ctx.fail(
+            "the camera's pose over the support is not given, so the outline tells no size",
+            hint="give the input `support`, a result of `align.support`",
+        )
+    seen = measured.unmeasured.upright()
+    evidence = gather(seen)
+    at = silhouettes.frame(evidence)
+    if at is None:
+        ctx.fail(
+            "the lowest point of the mask is not on the support: the camera sees it level with the horizon or above",
+            mask=f"{int(view.mask.sum()):,} pixels",
+            hint="check the support's marker or `pitch_deg`, or the element's box",
+        )
+    hollow = bool(set(view.phrase.lower().split()) & set(options.vessels))
+    bodies = silhouettes.candidates(evidence, at, options.wall_m, hollow=hollow)
+    fitted = []
+    for done, candidate in enumerate(bodies):
+        ctx.progress(done, len(bodies), candidate.model.name)
+        fitted.append(fitted_of(candidate, evidence, options.refine_steps, STARTS))
+    shape = best_of(fitted, evidence, seen, common, options.refine_steps)
+    size, volume = _by_camera(max(fitted, key=lambda found: found.score), evidence, seen, options.refine_steps)
+    return shape.model_copy(
+        update={
+            "size_sigma": float(np.hypot(shape.size_sigma or 0.0, size)),
+            "volume_sigma": float(np.hypot(shape.volume_sigma or 0.0, volume)),
+        }
+    )
+
+
+def _by_camera(best: Fitted, evidence: Evidence, seen: Seen, steps: int) -> tuple[float, float]:
+    """Standard deviations of the logs of size and volume from that of the camera's pose over the support."""
+    covariance = seen.measured.camera_pose.covariance
+    if covariance is None:
+        return 0.0, 0.0
+    values, axes = np.linalg.eigh(covariance)
+    changes: list[np.ndarray] = []
+    for value, axis in zip(values, axes.T, strict=True):
+        if value > 1e-12:
+            pose = lie.retract(seen.world_from_camera, np.sqrt(value) * axis)
+            moved = gather(replace(seen, measured=seen.measured.model_copy(update={"camera_pose": _at(seen, pose)})))
+            again = descend(best.candidate.model, moved, best.parameters, steps)
+            changes.append(_logs(best, again.parameters) - _logs(best, best.parameters))
+    size, volume = np.sqrt(np.square(changes).sum(axis=0)) if changes else np.zeros(2)
+    return float(size), float(volume)
+
+
+def _at(seen: Seen, matrix: np.ndarray) -> Pose:
+    return seen.measured.camera_pose.model_copy(update={"matrix": matrix})
+
+
+def _logs(best: Fitted, parameters: np.ndarray) -> np.ndarray:
+    """Logs of the diagonal [m] and of the volume [m^3], (2,)."""
+    solid = best.candidate.model.build(parameters)
+    return np.log([float(np.linalg.norm(np.ptp(solid.vertices, axis=0))), max(solid.volume, 1e-12)])
