@@ -64,7 +64,14 @@ def _rival(best: Fitted, fitted: list[Fitted]) -> Rival | None:
     )
 
 
-def best_of(fitted: list[Fitted], evidence: Evidence, seen: Seen, common: MeshOptions, steps: int) -> Shape:
+def best_of(
+    fitted: list[Fitted],
+    evidence: Evidence,
+    seen: Seen,
+    common: MeshOptions,
+    steps: int,
+    whole: Evidence | None = None,
+) -> Shape:
     """The textured shape of the body with the best score, with what the view leaves undetermined.
 
     Args:
@@ -73,9 +80,10 @@ def best_of(fitted: list[Fitted], evidence: Evidence, seen: Seen, common: MeshOp
         seen: The view.
         common: The rule's options.
         steps: Maximum number of further least-squares steps.
+        whole: The view with the handle, if `evidence` is without it.
     """
     best = max(fitted, key=lambda found: found.score)
-    body, judged, left = _finished(best, evidence, steps)
+    body, judged, left = _finished(best, evidence, whole or evidence, steps)
     scores = {found.candidate.model.name: found.score for found in sorted(fitted, key=lambda found: found.score)}
     shape = shape_of(best.candidate.model.name, body, judged, scores, seen, common)
     covariance = left.doubt.pose.copy()
@@ -100,7 +108,7 @@ class _Left:
     doubt: doubt.Doubt
 
 
-def _finished(best: Fitted, evidence: Evidence, steps: int) -> tuple[Finished, Judgement, _Left]:
+def _finished(best: Fitted, evidence: Evidence, whole: Evidence, steps: int) -> tuple[Finished, Judgement, _Left]:
     """Refine the winner longer, and add detail and a handle if they explain the view better."""
     cost = best.candidate.model.cost
     candidate, parameters = best.candidate, descend(best.candidate.model, evidence, best.parameters, steps).parameters
@@ -116,14 +124,14 @@ def _finished(best: Fitted, evidence: Evidence, steps: int) -> tuple[Finished, J
     if candidate.finer is not None:
         detailed = candidate.finer(parameters)
         choices.append(detailed.finish(descend(detailed.model, evidence, detailed.model.starts[0], steps).parameters))
-    judged = [judge(body.solid.moved(body.pose), evidence, cost) for body in choices]
+    judged = [judge(body.solid.moved(body.pose), whole, cost) for body in choices]
     winner = int(np.argmax([mark.score for mark in judged]))
     body, mark = choices[winner], judged[winner]
     if candidate.model.name in HANDLED:
-        handled = with_handle(body, evidence)
+        handled = with_handle(body, whole)
         # A strap that extends below the base belongs to something else in the mask.
         if handled is not None and handled.solid.vertices[:, 2].min() > -1e-6:
-            again = judge(handled.solid.moved(handled.pose), evidence, cost)
+            again = judge(handled.solid.moved(handled.pose), whole, cost)
             if again.score > mark.score:
                 body, mark = handled, again
     return lifted(body, evidence.base), mark, left

@@ -21,6 +21,8 @@ ROOT_M = 0.0012
 """Depth of a handle's roots inside the wall [m], the minimum wall thickness."""
 INDEPENDENT = 4.0
 """Effective number of independent depths in the picture of a handle; errors of neighbours are correlated."""
+UNKNOWN_TURN_RAD = 0.5
+"""Standard deviation of the azimuth of a handle seen without depth [rad]."""
 WEDGES = 8
 """Number of convex pieces of a handle's loop."""
 LAYERS = ((1.0, 0.26), (0.86, 0.1), (0.62, 0.0))
@@ -112,6 +114,8 @@ def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> tuple[_P
 
     object_from_camera = transforms.invert(pose) @ evidence.world_from_camera
     eye = object_from_camera[:3, 3]
+    if not (evidence.depth > 0).any():
+        return _Plane(_sideways(beside, pose, evidence), eye, object_from_camera), UNKNOWN_TURN_RAD
     inner = ndimage.binary_erosion(beside, iterations=1) & (evidence.depth > 0)
     rows, columns = np.nonzero(inner)
     if len(rows) < 12:
@@ -139,6 +143,15 @@ def _plane(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> tuple[_P
     excess = (np.square(errors) - least**2) / np.median(evidence.sigma[inner]) ** 2
     weights = np.exp(-0.5 * INDEPENDENT * excess)
     return best, float(np.sqrt(np.average(np.square(np.array(turns) - (best.azimuth - guess)), weights=weights)))
+
+
+def _sideways(beside: np.ndarray, pose: np.ndarray, evidence: Evidence) -> float:
+    """Azimuth of a handle at a right angle to the view, on the side of the body where it is seen [rad]."""
+    origin = transforms.invert(evidence.world_from_camera) @ pose[:, 3]
+    axis = evidence.k[0, 0] * origin[0] / origin[2] + evidence.k[0, 2]
+    away = (pose[:3, 3] - evidence.eye) @ pose[:3, :3]
+    right = float(np.arctan2(-away[0], away[1]))
+    return right if float(np.nonzero(beside)[1].mean()) > axis else right + np.pi
 
 
 def _outlines(

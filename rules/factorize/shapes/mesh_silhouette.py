@@ -16,7 +16,7 @@ from dextera_build.rule import Backend, Context, Options
 
 from ..measured import Measurements
 from . import silhouettes
-from .evidence import Evidence, gather
+from .evidence import gather
 from .fitted import Fitted, best_of, fitted_of
 from .refine import descend
 
@@ -70,13 +70,20 @@ def complete(
             hint="check the support's marker or `pitch_deg`, or the element's box",
         )
     hollow = bool(set(view.phrase.lower().split()) & set(options.vessels))
-    bodies = silhouettes.candidates(evidence, at, options.wall_m, hollow=hollow)
+    round_part, body = evidence, seen
+    if hollow:
+        mask = silhouettes.symmetric(evidence, at)
+        body = replace(seen, view=seen.view.model_copy(update={"mask": mask}))
+        round_part = gather(body)
+        at = silhouettes.frame(round_part) or at
     fitted = []
+    bodies = silhouettes.candidates(round_part, at, options.wall_m, hollow=hollow)
     for done, candidate in enumerate(bodies):
         ctx.progress(done, len(bodies), candidate.model.name)
-        fitted.append(fitted_of(candidate, evidence, options.refine_steps, STARTS))
-    shape = best_of(fitted, evidence, seen, common, options.refine_steps)
-    size, volume = _by_camera(max(fitted, key=lambda found: found.score), evidence, seen, options.refine_steps)
+        fitted.append(fitted_of(candidate, round_part, options.refine_steps, STARTS))
+    shape = best_of(fitted, round_part, seen, common, options.refine_steps, evidence)
+    best = max(fitted, key=lambda found: found.score)
+    size, volume = _by_camera(best, body, options.refine_steps)
     return shape.model_copy(
         update={
             "size_sigma": float(np.hypot(shape.size_sigma or 0.0, size)),
@@ -85,7 +92,7 @@ def complete(
     )
 
 
-def _by_camera(best: Fitted, evidence: Evidence, seen: Seen, steps: int) -> tuple[float, float]:
+def _by_camera(best: Fitted, seen: Seen, steps: int) -> tuple[float, float]:
     """Standard deviations of the logs of size and volume from that of the camera's pose over the support."""
     covariance = seen.measured.camera_pose.covariance
     if covariance is None:

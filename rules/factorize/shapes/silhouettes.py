@@ -61,6 +61,29 @@ def frame(evidence: Evidence) -> Frame | None:
     return Frame(sides, _weights(evidence, sides), foot, width, facing)
 
 
+def symmetric(evidence: Evidence, seen: Frame) -> np.ndarray:
+    """The part (H, W) bool of the mask that is symmetric about the image of a vertical line: without a handle.
+
+    Of all lines the one with the largest such part is taken.
+    """
+    import cv2
+
+    camera_from_world = transforms.invert(evidence.world_from_camera)
+    line = np.array([[*seen.foot, 0.0], [*seen.foot, seen.width]])
+    (x, y), top = cameras.project(transforms.apply(camera_from_world, line), evidence.k)
+    turn = 2.0 * float(np.arctan2(top[1] - y, top[0] - x))
+    mirror = np.array([[np.cos(turn), np.sin(turn)], [np.sin(turn), -np.cos(turn)]])
+    mask = evidence.mask.astype(np.uint8)
+    best, reach = evidence.mask & False, 0.35 * (seen.sides[2] - seen.sides[0])
+    for shift in np.linspace(-reach, reach, 71):
+        through = np.array([(seen.sides[0] + seen.sides[2]) / 2.0 + shift, y])
+        move = np.column_stack([mirror, through - mirror @ through])
+        part = evidence.mask & (cv2.warpAffine(mask, move, mask.shape[::-1]) > 0)
+        if part.sum() > best.sum():
+            best = part
+    return best
+
+
 def candidates(evidence: Evidence, seen: Frame, wall_m: float, *, hollow: bool) -> list[Candidate]:
     """A box, a cylinder and a revolved body; for a vessel, only a revolved body with a cavity.
 
