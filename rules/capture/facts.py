@@ -14,6 +14,8 @@ from dextera_build.rule import Context
 
 NAME = "capture.json"
 INTRINSICS = ("width", "height", "fx", "fy", "cx", "cy")
+VIEW = "view_deg"
+"""Horizontal field of view [deg], where nothing else is known of the lens."""
 _LARGEST = 1e6
 """Upper bound of the intrinsics' magnitude [px]."""
 _WIDEST_DEG, _NARROWEST_DEG = 170.0, 0.5
@@ -69,6 +71,20 @@ def camera_of(ctx: Context, facts: Mapping[str, object]) -> Camera:
     camera = Camera(width=int(width), height=int(height), fx=fx, fy=fy, cx=cx, cy=cy)
     _check_view(ctx, camera)
     return camera
+
+
+def of_view(ctx: Context, facts: Mapping[str, object], size: tuple[int, int]) -> Camera:
+    """The camera of a picture (width, height) with a stated field of view: square pixels, centre in the middle."""
+    view = _finite(facts[VIEW])
+    if view is None or not _NARROWEST_DEG <= view <= _WIDEST_DEG:
+        ctx.fail(
+            f"`{NAME}`: `{VIEW}` must be a horizontal field of view",
+            found=reprlib.repr(facts[VIEW]),
+            hint=f"write degrees between {_NARROWEST_DEG:g} and {_WIDEST_DEG:g}; phones have 60 to 75",
+        )
+    width, height = size
+    focal = width / 2.0 / math.tan(math.radians(view) / 2.0)
+    return Camera(width=width, height=height, fx=focal, fy=focal, cx=(width - 1) / 2, cy=(height - 1) / 2)
 
 
 def depth_scale(ctx: Context, facts: Mapping[str, object]) -> float:

@@ -13,7 +13,7 @@ from dextera_build.formats import lens as lens_files
 from dextera_build.rule import Context
 
 from .exif import Exif
-from .facts import INTRINSICS, NAME, camera_of, distortion_of
+from .facts import INTRINSICS, NAME, VIEW, camera_of, distortion_of, of_view
 from .pinhole import Lens, distorted, pinhole
 
 CALIBRATIONS = ("camera_info.yaml", "cameras.txt")
@@ -29,20 +29,27 @@ def lens_of(ctx: Context, folder: Folder, facts: Mapping[str, object], tags: Exi
     for name in CALIBRATIONS:
         if name in folder.files:
             return _calibrated(ctx, folder.files[name], name)
+    if VIEW in facts:
+        return of_view(ctx, facts, tags.upright_size)
     camera_of_exif = tags.camera()
     if camera_of_exif is not None:
         ctx.warn(
-            f"no intrinsics are given: fx = fy = {camera_of_exif.fx:.0f} px is from the EXIF (a focal length of "
-            f"{tags.focal_35mm:g} mm on 35 mm film), which is uncertain by about 5 %, and so are all sizes across the "
-            f"picture; a calibration in `{NAME}` is exact"
+            f"no intrinsics are given: fx = fy = {camera_of_exif.fx:.0f} px is from the EXIF ({tags.source}), which is "
+            f"uncertain by about 5 %, and so are all sizes across the picture; a calibration in `{NAME}` is exact"
         )
+        if tags.cropped:
+            ctx.warn(
+                f"the picture seems to be cropped: {tags.cropped}. Then its centre is not that of the lens, and "
+                f"the focal length may be wrong: use the whole picture, or state the camera in `{NAME}`"
+            )
         return camera_of_exif
     if NAME not in folder.files:
         ctx.fail(
             f"`{NAME}` is missing in the capture",
             wanted=f"`{NAME}`, {' or '.join(f'`{name}`' for name in CALIBRATIONS)}, or a focal length in the EXIF",
             here=listing(folder.files),
-            hint=f"put `{NAME}` into the capture's folder, with {', '.join(INTRINSICS)} in pixels",
+            hint=f"put `{NAME}` into the capture's folder, with {', '.join(INTRINSICS)} in pixels, or "
+            f"`{VIEW}`, the horizontal field of view",
         )
     return camera_of(ctx, facts)
 

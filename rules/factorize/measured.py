@@ -107,7 +107,7 @@ class Measurements(Generic[T]):
             self._ctx.fail(
                 f"this backend makes assets with the help of measured depth, but {self._lacking}",
                 hint="add the depth to the capture, or build with `--profile picture` and the input `description`, a "
-                "`scene.yaml` with a box per object: docs/taking_a_capture.md",
+                "`scene.yaml` with a box per object",
             )
         return self._value
 

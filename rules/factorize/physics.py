@@ -71,8 +71,8 @@ def physics(
     The mass of a body with a cavity is the material's density times the volume of its walls. Any other body has unseen
     contents and voids, so the bulk density of such products is used. If the material's products are containers, the
     mass is that of things of a household with about its size and shape, see `household`; with joints, the interval
-    extends down to the mass of the walls alone. Both need the true size, which follows from `placement` and `support`
-    for a body that was made without depth; while it is unknown, so is the mass.
+    extends down to the mass of the walls alone. Both need the size in metres, which
+    `placement` and `support` give; without them, meshes are in metres. While it is unknown, neither is applied.
 
     The interval of the mass combines the uncertainties of the density, of the volume, of the unseen surface or the
     walls, and of the second-best hypothesis. The lower the confidence of the material, the more the intervals of
@@ -90,7 +90,7 @@ def physics(
         density = options.mass_kg / sum(solid.volume for solid in solids.values())
         sigma, source = options.mass_sigma, "weighed"
     links = {label: _inertial(solid, density, sigma, source) for label, solid in solids.items()}
-    size = _size(body, placement, support)
+    size = _size(placement, support)
     if options.mass_kg is None and size is not None and not body.hollow and _encloses(material):
         links = {
             label: _perhaps_empty(link, body.links[label], size, material, options) for label, link in links.items()
@@ -190,13 +190,11 @@ def _encloses(material: Material) -> bool:
     return material.bulk_density < ENCLOSING * material.wall_density
 
 
-def _size(body: Body, placement: Placement | None, support: Support | None) -> float | None:
-    """Metres per unit of the body's meshes; None if it is not known."""
+def _size(placement: Placement | None, support: Support | None) -> float | None:
+    """Metres per unit of the meshes; None if it is not known."""
     if support is not None and support.scale == "unknown":
         return None
-    if placement is None:
-        return 1.0 if body.asset_source == "rgbd" else None
-    return placement.scale * (1.0 if support is None else support.factor)
+    return (1.0 if placement is None else placement.scale) * (1.0 if support is None else support.factor)
 
 
 def _perhaps_empty(full: Inertial, link: Link, size: float, material: Material, options: PhysicsOptions) -> Inertial:

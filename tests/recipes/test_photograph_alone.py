@@ -1,7 +1,4 @@
-"""twin/tabletop from a picture and its intrinsics: everything but the meshes works on the CPU without depth.
-
-Where a model would mesh, a backend of the project gives a box of the right proportions.
-"""
+"""twin/tabletop from a picture and its intrinsics, without depth, on the CPU."""
 
 from __future__ import annotations
 
@@ -20,25 +17,6 @@ PLACES = {"near": factories.pose(-0.1, -0.08, yaw=0.3), "far": factories.pose(0.
 COLOURS = {"near": (0.75, 0.1, 0.1), "far": (0.15, 0.2, 0.7)}
 PITCH_DEG = float(np.degrees(np.arcsin(-tabletops.EYE[2, 2])))
 HEIGHT_M = float(tabletops.EYE[2, 3])
-MESH = '''
-"""A box of known proportions: what a model would make of the picture."""
-import numpy as np
-from dextera_build.artifacts.shapes.mesh import Hull, Mesh
-from dextera_build.artifacts.objects.object import Shape
-from dextera_build.geometry import solids
-from dextera_build.rule import Backend
-
-BACKEND = Backend(summary="a box of known proportions")
-
-def complete(ctx, view, measured, common, options):
-    """One unit high."""
-    body = solids.box(np.array({size}) / {size}[2], (0.0, 0.0, 0.5))
-    vertices = body.vertices.astype(np.float32)
-    mesh = Mesh(vertices=vertices, faces=body.faces.astype(np.int32), colour=(0.5, 0.5, 0.5))
-    facts = dict(hypothesis="box", hollow=False, mask_iou=1.0, unseen_fraction=0.5, scores={{}})
-    return Shape(mesh=mesh, walls=(Hull(vertices=vertices),), **facts)
-'''
-BACKENDS = ("factorize.parse=written", "factorize.segment=grabcut", "factorize.mesh=known")
 SETTINGS = (f"support.pitch_deg={PITCH_DEG}",)
 TASK = """
 summary: A task on this twin.
@@ -60,7 +38,6 @@ targets: {{default: [task]}}
 def space(tmp_path: Path) -> Space:
     made = Space(tmp_path)
     made.write("dxb.toml", "")
-    made.write("rules/factorize/mesh_known.py", MESH.format(size=SIZE))
     things = [(tabletops.box(*SIZE, COLOURS[name]), place) for name, place in PLACES.items()]
     scene = tabletops.tabletop(*things, half=0.8, noise=0.0, lens=tabletops.FINE)
     (tmp_path / "shot").mkdir()
@@ -76,8 +53,8 @@ def space(tmp_path: Path) -> Space:
     return made
 
 
-def build(space: Space, recipe: str, *settings: str, without: tuple[str, ...] = (), prefix: str = "") -> Answer:
-    words = [word for name in BACKENDS if name not in without for word in ("--backend", name)]
+def build(space: Space, recipe: str, *settings: str, profile: str = "picture", prefix: str = "") -> Answer:
+    words = ["--profile", profile]
     words += [word for setting in (*SETTINGS, *settings) for word in ("--set", prefix + setting)]
     if not prefix:
         words += ["--input", "capture=shot", "--input", "description=scene.yaml"]
@@ -85,7 +62,7 @@ def build(space: Space, recipe: str, *settings: str, without: tuple[str, ...] = 
 
 
 def got(space: Space, node: str, file: str, *settings: str) -> dict:
-    words = [word for name in BACKENDS for word in ("--backend", name)]
+    words = ["--profile", "picture"]
     words += [word for setting in (*SETTINGS, *settings) for word in ("--set", setting)]
     words += ["--input", "capture=shot", "--input", "description=scene.yaml", "--out", "got"]
     answer = space.dxb("get", f"twin/tabletop:{node}", *words)
@@ -120,7 +97,7 @@ def test_a_picture_becomes_a_twin_of_unknown_scale_and_one_size_gives_it_metres(
     # Nothing of a photograph is made again for a size that was stated later.
     ran = metric.nodes("ran")
     assert ran == {"ground", "composed", "scene", "usd", "settle", "overlay"} | {
-        f"body[{name}].{node}" for name in PLACES for node in ("asset", "urdf")
+        f"body[{name}].{node}" for name in PLACES for node in ("physics", "asset", "urdf")
     }
     # Against the truth: height of the camera, and how far apart the boxes stand.
     ground = np.array(got(space, "ground", "ground.camera_pose.json", *sized)["matrix"])
@@ -144,11 +121,11 @@ def test_a_task_needs_to_know_the_scale(space):
 
 
 @pytest.mark.slow
-def test_where_only_a_model_can_do_without_depth_the_error_says_so(space):
-    answer = build(space, "twin/tabletop", without=("factorize.mesh=known",))
+def test_what_needs_depth_says_which_profile_does_not(space):
+    answer = build(space, "twin/tabletop", profile="cpu")
     assert answer.code == 1
     errors = [event["error"] for event in answer.events if event.get("error")]
     assert {error["message"] for error in errors} == {
         "this backend makes assets with the help of measured depth, but the capture has no depth"
     }
-    assert "`--backend factorize.segment=grabcut`" in errors[0]["hint"]
+    assert "`--profile picture`" in errors[0]["hint"]

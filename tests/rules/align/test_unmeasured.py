@@ -59,6 +59,9 @@ def test_a_marker_gives_plane_and_scale(runner):
     tilt, height = errors(found.camera_pose, EYE)
     assert tilt < 0.5
     assert height < 0.004
+    sigma = np.sqrt(np.diag(found.camera_pose.covariance))
+    assert height < 3 * sigma[2] < 0.02
+    assert np.radians(tilt) < 3 * np.hypot(sigma[3], sigma[4]) < 0.05
     assert (found.scale, found.factor, found.residual_m) == ("marker", 1.0, None)
     assert runner.outcome.line == f"{found.camera_pose.matrix[2, 3]:.3f} m below the camera, by the marker"
     assert runner.outcome.metrics["marker residual"][1] == "px"
@@ -83,6 +86,7 @@ def test_otherwise_the_pitch_is_assumed_and_the_scale_unknown(runner):
     assert errors(found.camera_pose, EYE)[0] < 1e-6
     assert found.camera_pose.matrix[2, 3] == 1.0
     assert found.scale == "unknown"
+    assert np.degrees(np.sqrt(np.diag(found.camera_pose.covariance)[3])) == pytest.approx(10.0, rel=0.01)
     assert runner.outcome.line.endswith("scale unknown")
 
 

@@ -138,3 +138,50 @@ def test_numbers_that_are_none_are_named_with_their_key(runner, key, value):
     with pytest.raises(RuleError) as caught:
         runner.run("capture.folder", folder=files(capture__json=text))
     assert f"`{key}` is {float(value.replace('Infinity', 'inf'))}" in caught.value.message
+
+
+FOCAL, FOCAL_35MM, DENSITY, UNIT, WIDTH, HEIGHT = 0x920A, 0xA405, 0xA20E, 0xA210, 0xA002, 0xA003
+
+
+def tagged(pixels: np.ndarray, photo: dict[int, object]) -> bytes:
+    """A JPEG with these tags of its EXIF."""
+    tags = Pillow.Exif()
+    tags.get_ifd(0x8769).update(photo)
+    buffer = io.BytesIO()
+    Pillow.fromarray(pixels).save(buffer, "JPEG", exif=tags)
+    return buffer.getvalue()
+
+
+def camera_of(runner, data: bytes):
+    return runner.run("capture.folder", folder=Folder(files={"rgb.jpg": data})).photograph.camera
+
+
+def test_focal_length_and_resolution_of_the_sensor_do_as_well(runner):
+    # 4.2 mm at 20 px/mm, once per inch and once per centimetre.
+    for density, unit in ((20 * 25.4, 2), (200.0, 3)):
+        camera = camera_of(runner, tagged(UPRIGHT, {FOCAL: 4.2, DENSITY: density, UNIT: unit}))
+        assert camera.fx == pytest.approx(84.0)
+        assert "resolution of the sensor" in runner.outcome.warnings[0]
+
+
+def test_a_resized_picture_has_its_focal_length_resized(runner):
+    camera = camera_of(runner, tagged(UPRIGHT, {FOCAL: 4.2, DENSITY: 400.0, UNIT: 3, WIDTH: 128, HEIGHT: 96}))
+    assert camera.fx == pytest.approx(84.0)
+    assert not any("cropped" in text for text in runner.outcome.warnings)
+
+
+def test_a_cropped_picture_is_suspected_and_keeps_its_pixels(runner):
+    crop = np.ascontiguousarray(UPRIGHT[:40, :44])
+    camera = camera_of(runner, tagged(crop, {FOCAL_35MM: 26, WIDTH: 64, HEIGHT: 48}))
+    assert camera.fx == pytest.approx(26.0 / np.hypot(36, 24) * np.hypot(64, 48))
+    assert any("64 x 48 px were taken and 44 x 40 px are here" in text for text in runner.outcome.warnings)
+    camera_of(runner, tagged(np.ascontiguousarray(UPRIGHT[:30]), {FOCAL_35MM: 26}))
+    assert any("its sides are 2.13 to 1" in text for text in runner.outcome.warnings)
+
+
+def test_a_stated_field_of_view_makes_the_camera(runner):
+    folder = Folder(files={"rgb.png": png(UPRIGHT), "capture.json": b'{"view_deg": 90}'})
+    assert runner.run("capture.folder", folder=folder).photograph.camera.fx == pytest.approx(32.0)
+    for wrong in (b'{"view_deg": "wide"}', b'{"view_deg": 200}'):
+        with pytest.raises(RuleError, match="`view_deg` must be a horizontal field of view"):
+            runner.run("capture.folder", folder=Folder(files={"rgb.png": png(UPRIGHT), "capture.json": wrong}))

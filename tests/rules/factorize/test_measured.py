@@ -64,7 +64,7 @@ def test_a_backend_that_needs_depth_and_gets_none_says_what_to_do():
         == "this backend makes assets with the help of measured depth, but the capture has no depth"
     )
     assert caught.value.hint is not None
-    for part in ("add the depth to the capture", "`--backend factorize.parse=written`", "`dxb ls backends`"):
+    for part in ("add the depth to the capture", "`--profile picture`", "`scene.yaml`"):
         assert part in caught.value.hint
 
 

@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.objects.object import Body, Certainty, Link, Physics, Rival
+from dextera_build.artifacts.objects.object import Body, Certainty, Link, Physics, Placement, Rival, Support
 from dextera_build.artifacts.shapes.mesh import Mesh
+from dextera_build.artifacts.spatial.pose import Pose
 from dextera_build.errors import RuleError
 from dextera_build.geometry import massprops, solids
 from dextera_build.statistics import Z90
@@ -21,10 +22,12 @@ def runner(tmp_path):
     return RuleRunner(tmp_path)
 
 
-def weigh(runner, body, proposed="plastic", category="object", **options) -> Physics:
+def weigh(runner, body, proposed="plastic", category="object", world=(None, None), **options) -> Physics:
+    """`world` are the placement of the body and the support."""
     traits = object_views.view(body.links["base"].mesh, np.eye(4), material=proposed).traits
     traits = traits.model_copy(update={"category": category})
-    return runner.run("factorize.physics", body=body, traits=traits, options=options)
+    told = {name: value for name, value in zip(("placement", "support"), world, strict=True) if value is not None}
+    return runner.run("factorize.physics", body=body, traits=traits, options=options, **told)
 
 
 BOX = object_views.mesh(solids.box((0.1, 0.2, 0.3), (0.0, 0.0, 0.15)))
@@ -196,3 +199,20 @@ def test_the_interval_of_a_vessel_is_that_of_its_walls(runner):
     assert ratios == pytest.approx([1.93, 1.93], abs=0.1)
     outer = math.pi * 0.04**2 * 0.09
     assert thick.links["base"].mass_kg < 0.7 * 800.0 * outer, "less than a product of that outline"
+
+
+def test_things_of_a_household_are_compared_in_metres(runner):
+    """A carton in a world whose unit is 0.5 m weighs the same after scaling; while the unit is unknown, no thing is."""
+    carton = object_views.body(object_views.mesh(solids.box((0.060, 0.158, 0.210), (0.0, 0.0, 0.105))))
+    double = object_views.body(object_views.mesh(solids.box((0.120, 0.316, 0.420), (0.0, 0.0, 0.210))))
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    pose = Pose(parent="world", child="camera", matrix=np.eye(4))
+    placement = Placement(pose=Pose(parent="world", child="object", matrix=np.eye(4)), scale=1.0, method="guess")
+    sized = Support(camera_pose=pose, polygon=square, scale="size", factor=0.5)
+    own = weigh(runner, carton, "cardboard", category="box").links["base"]
+    scaled = weigh(runner, double, "cardboard", category="box", world=(placement, sized)).links["base"]
+    assert scaled.mass_kg / 8 == pytest.approx(own.mass_kg, rel=1e-4)
+    assert scaled.mass_low_kg / 8 == pytest.approx(own.mass_low_kg, rel=1e-4)
+    unknown = sized.model_copy(update={"scale": "unknown", "factor": 1.0})
+    alone = weigh(runner, double, "cardboard", category="box", world=(placement, unknown)).links["base"]
+    assert alone.source.startswith("material table")

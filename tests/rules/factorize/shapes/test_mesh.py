@@ -16,7 +16,7 @@ from dextera_build.geometry import raycast, regions, solids, transforms
 from dextera_build.geometry.solids import Solid
 from dextera_build.rule import Context, Options
 from dextera_build.testing import RuleRunner
-from rules.factorize.shapes import evidence, handle, hypotheses, mesh_primitives, mesh_stub, paint, scoring
+from rules.factorize.shapes import evidence, fitted, handle, hypotheses, mesh_stub, paint, scoring
 from rules.factorize.shapes.families import revolution
 from rules.factorize.shapes.families.box import lying_solid
 from rules.factorize.shapes.hypotheses import Finished
@@ -222,13 +222,12 @@ def test_a_handle_below_the_base_is_refused(monkeypatch):
     def lowered(body: Finished, _: evidence.Evidence) -> Finished:
         return replace(body, solid=Solid(body.solid.vertices - [0.0, 0.0, 0.005], body.solid.faces))
 
-    monkeypatch.setattr(mesh_primitives, "with_handle", lowered)
-    monkeypatch.setattr(mesh_primitives, "judge", lambda *_: scoring.Judgement(next(scores), 0.9, 0.001, 0.0))
+    monkeypatch.setattr(fitted, "with_handle", lowered)
+    monkeypatch.setattr(fitted, "judge", lambda *_: scoring.Judgement(next(scores), 0.9, 0.001, 0.0))
     scores = iter(np.linspace(0.1, 0.9, 100))  # every later body explains more
     found = evidence.gather(object_views.seen(seen))
     (vessel,) = hypotheses.propose(found, ("revolved_hollow",), 0.003)
-    fitted = mesh_primitives._fitted(vessel, found, 5)
-    body, _, _ = mesh_primitives._finished(fitted, found, 5)
+    body, _, _ = fitted._finished(fitted.fitted_of(vessel, found, 5), found, found, 5)
     assert body.solid.vertices[:, 2].min() == pytest.approx(0.0, abs=1e-6)
 
 
