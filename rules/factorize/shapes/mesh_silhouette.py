@@ -28,6 +28,8 @@ BACKEND = Backend(
     packages=("manifold3d", "open3d", "opencv-python-headless", "scipy"),
     extra="twin",
 )
+COMMON = 3.0
+"""Factor of a fit's standard deviations: masks cut from the picture alone err along whole sides, not by pixel."""
 STARTS = 4
 """Number of initial guesses that are refined."""
 
@@ -84,10 +86,13 @@ def complete(
     shape = best_of(fitted, round_part, seen, common, options.refine_steps, evidence)
     best = max(fitted, key=lambda found: found.score)
     size, volume = _by_camera(best, body, options.refine_steps)
+    assert shape.pose is not None
+    assert shape.pose.covariance is not None
     return shape.model_copy(
         update={
-            "size_sigma": float(np.hypot(shape.size_sigma or 0.0, size)),
-            "volume_sigma": float(np.hypot(shape.volume_sigma or 0.0, volume)),
+            "pose": shape.pose.model_copy(update={"covariance": COMMON**2 * shape.pose.covariance}),
+            "size_sigma": float(np.hypot(COMMON * (shape.size_sigma or 0.0), size)),
+            "volume_sigma": float(np.hypot(COMMON * (shape.volume_sigma or 0.0), volume)),
         }
     )
 
