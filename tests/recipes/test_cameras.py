@@ -13,7 +13,6 @@ from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.formats.ros import messages
 from dextera_build.formats.ros.recording import Recording, packed
 from dextera_build.geometry import transforms
-from tests.e2e.space import Space
 
 REST_S, MOVE_S, START = 1.0, 0.8, 1.7e9
 RECIPE = """
@@ -26,6 +25,7 @@ nodes:
     camera: {width_px: 640, height_px: 360, fx_px: 456, fy_px: 456, cx_px: 321, cy_px: 180,
              eye_m: [0.04, -0.80, 0.72], target_m: [0.04, 0.02, 0.07]}
     objects: {}
+    lamps: [{direction: [0.45, 0.55, -1.0], strength: 0.6}]
     robot: {position_m: [0.14, 0.58, -0.02], yaw_deg: 272,
             joints_deg: {joint_1: 27, joint_2: 2, joint_4: -113, joint_6: 65, joint_7: 60}}
   beside: {rule: reference.move_camera, world: $world, shift_m: [0.06, 0.02, 0.01], turn_deg: [1, -2, 3]}
@@ -76,22 +76,21 @@ def record(path: Path, cameras: dict[str, RobotViews]) -> None:
 
 @pytest.mark.slow
 def test_every_camera_of_a_recording_is_calibrated(tmp_path: Path) -> None:
-    space = Space(tmp_path)
-    space.write("recipes/cell.yaml", RECIPE)
-    assert space.build("cell").code == 0
-    project = Project.find(tmp_path)
-    views = {name: project.get(f"cell:{name}") for name in ("front", "side")}
+    (tmp_path / "dxb.toml").write_text("")
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "recipes" / "cell.yaml").write_text(RECIPE)
+    cell = Project.find(tmp_path).build("cell", profile="cpu")
+    assert cell.ok, cell.errors
+    views = {name: cell.artifact(name) for name in ("front", "side")}
     record(tmp_path / "session.mcap", views)
-    board = views["front"].board.model_dump_json().replace('"', "")
-    space.write("recipes/cameras.yaml", TAKEN.replace("BOARD", board.replace(":", ": ")))
-    given = ("--input", "recording=session.mcap", "--input", "robot=robot/kuka_leap")
-    answer = space.build("cameras", *given)
-    assert answer.code == 0, answer.err[-3000:]
+    board = views["front"].board.model_dump_json().replace('"', "").replace(":", ": ")
+    (tmp_path / "recipes" / "both.yaml").write_text(TAKEN.replace("BOARD", board))
+    inputs = {"recording": str(tmp_path / "session.mcap"), "robot": "robot/kuka_leap"}
+    both = Project.find(tmp_path).build("both", inputs=inputs, profile="cpu")
+    assert both.ok, both.errors
     for name, world in (("front", "world"), ("side", "beside")):
-        found: Calibration = project.build("cameras", inputs=dict(each.split("=") for each in given[1::2])).artifact(
-            f"camera[{name}].calibration"
-        )
-        there = project.get(f"cell:{world}")
+        found: Calibration = both.artifact(f"camera[{name}].calibration")
+        there = cell.artifact(world)
         truth = transforms.invert(there.stand.pose().matrix) @ there.camera_pose.matrix
         assert np.linalg.norm(found.pose.matrix[:3, 3] - truth[:3, 3]) < 0.012
         assert np.degrees(transforms.angle(found.pose.matrix[:3, :3].T @ truth[:3, :3])) < 0.6
