@@ -14,7 +14,7 @@ from dextera_build.formats.ros import messages
 from dextera_build.formats.ros.recording import Recording, packed
 from dextera_build.geometry import transforms
 
-REST_S, MOVE_S, START = 1.0, 0.8, 1.7e9
+REST_S, MOVE_S, START = 1.0, 6.0, 1.7e9
 RECIPE = """
 summary: Pictures of two cameras beside the robot of a simulated cell.
 inputs:

@@ -1,0 +1,66 @@
+"""twin/generated_room as a user types it: Gaussians of unknown scale, of an image from elsewhere, around a twin."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from dextera_build import Project
+from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.scenes.scene_fit import AlignedScene, SceneFit
+from dextera_build.geometry import transforms
+
+FACTOR = 0.4
+"""Units of the generated room per metre, which the recipe is not told."""
+GENERATOR = f"""
+summary: In place of a generator, the pixels of a picture from 10 cm beside the capture, in an unknown unit.
+inputs: {{world: reference/box_table:world}}
+nodes:
+  beside: {{rule: reference.move_camera, world: $world, shift_m: [0.09, -0.03, 0.02], turn_deg: [1, -4, 1]}}
+  image: {{rule: reference.photograph, world: $beside, seed: 3}}
+  made: {{rule: reference.pixels_as_splats, capture: $image, scale_factor: {FACTOR}}}
+targets: {{default: [made, beside, world]}}
+"""
+
+
+def write(capture: Capture, folder: Path) -> None:
+    """The folder that `twin/tabletop` reads."""
+    folder.mkdir()
+    assert capture.measured is not None
+    Image.fromarray(capture.photograph.rgb.pixels).save(folder / "rgb.png")
+    Image.fromarray(np.round(capture.measured.depth.depth * 1000.0).astype(np.uint16)).save(folder / "depth.png")
+    facts = {**capture.photograph.camera.model_dump(), "depth_scale_m": 0.001}
+    (folder / "capture.json").write_text(json.dumps(facts))
+
+
+@pytest.mark.slow
+def test_a_generated_room_gets_the_scale_and_the_place_of_the_capture(tmp_path: Path) -> None:
+    (tmp_path / "dxb.toml").write_text("")
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "recipes" / "generator.yaml").write_text(GENERATOR)
+    project = Project.find(tmp_path)
+    source = project.build("generator", profile="cpu")
+    assert source.ok, source.errors
+    taken = project.build("reference/box_table", profile="cpu")
+    write(taken.artifact("capture"), tmp_path / "shot")
+    inputs = {"capture": str(tmp_path / "shot"), "generated": str(source.paths["made"])}
+    built = project.build("twin/generated_room", inputs=inputs, profile="cpu")
+    assert built.ok, built.errors
+    fit: SceneFit = built.artifact("fit")
+    assert fit.motion.scale == pytest.approx(1 / FACTOR, rel=0.005)
+    worlds = [source.artifact(name).camera_pose.matrix for name in ("world", "beside")]
+    true = transforms.invert(worlds[0]) @ worlds[1]
+    assert np.linalg.norm(fit.motion.matrix[:3, 3] - true[:3, 3]) < 0.008
+    aligned: AlignedScene = built.artifact("aligned")
+    assert aligned.splats is not None
+    assert aligned.frame == aligned.splats.frame == "world"
+    # The table that they show is the plane z = 0 of the twin.
+    low = aligned.splats.means[:, 2]
+    near = np.abs(low) < 0.05
+    assert near.mean() > 0.3
+    assert abs(float(np.median(low[near]))) < 0.003
+    assert Image.open(built.paths["inside"]).size[0] > 0
