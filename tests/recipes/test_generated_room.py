@@ -23,16 +23,17 @@ nodes:
   beside: {{rule: reference.move_camera, world: $world, shift_m: [0.09, -0.03, 0.02], turn_deg: [1, -4, 1]}}
   image: {{rule: reference.photograph, world: $beside, seed: 3}}
   made: {{rule: reference.pixels_as_splats, capture: $image, scale_factor: {FACTOR}}}
-targets: {{default: [made, beside, world]}}
+targets: {{default: [made, image, beside, world]}}
 """
 
 
-def write(capture: Capture, folder: Path) -> None:
-    """The folder that `twin/tabletop` reads."""
+def write(capture: Capture, folder: Path, *, measured: bool) -> None:
+    """A folder that `capture.folder` reads, with or without depth."""
     folder.mkdir()
-    assert capture.measured is not None
     Image.fromarray(capture.photograph.rgb.pixels).save(folder / "rgb.png")
-    Image.fromarray(np.round(capture.measured.depth.depth * 1000.0).astype(np.uint16)).save(folder / "depth.png")
+    if measured:
+        assert capture.measured is not None
+        Image.fromarray(np.round(capture.measured.depth.depth * 1000.0).astype(np.uint16)).save(folder / "depth.png")
     facts = {**capture.photograph.camera.model_dump(), "depth_scale_m": 0.001}
     (folder / "capture.json").write_text(json.dumps(facts))
 
@@ -46,8 +47,10 @@ def test_a_generated_room_gets_the_scale_and_the_place_of_the_capture(tmp_path: 
     source = project.build("generator", profile="cpu")
     assert source.ok, source.errors
     taken = project.build("reference/box_table", profile="cpu")
-    write(taken.artifact("capture"), tmp_path / "shot")
-    inputs = {"capture": str(tmp_path / "shot"), "generated": str(source.paths["made"])}
+    write(taken.artifact("capture"), tmp_path / "shot", measured=True)
+    write(source.artifact("image"), tmp_path / "image", measured=False)
+    inputs = {name: str(tmp_path / folder) for name, folder in (("capture", "shot"), ("image", "image"))}
+    inputs["generated"] = str(source.paths["made"])
     built = project.build("twin/generated_room", inputs=inputs, profile="cpu")
     assert built.ok, built.errors
     fit: SceneFit = built.artifact("fit")
