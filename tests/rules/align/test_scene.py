@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.cameras.image import Image, LabelImage
 from dextera_build.artifacts.scenes.scene_fit import AlignedScene, SceneFit
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.shapes.splats import Splats
@@ -46,6 +47,25 @@ def off(found: SceneFit, pose: np.ndarray = AWAY, factor: float = FACTOR) -> tup
     place = back[:3, 3] / (found.motion.scale * factor)
     angle = np.degrees(transforms.angle(turn))
     return 1000 * float(np.linalg.norm(place - pose[:3, 3])), float(angle), found.motion.scale * factor - 1
+
+
+@pytest.mark.slow
+def test_matches_of_the_scenes_own_image_begin_the_alignment(runner: RuleRunner) -> None:
+    """That image has another resolution; with its matches, no picture of the scene is drawn to find the start."""
+    lens = painted.CAMERA.scaled(0.75)
+    small = cv2.resize(painted.capture(painted.room(), np.eye(4)).photograph.rgb.pixels, (lens.width, lens.height))
+    image = Photograph(rgb=Image(pixels=small), camera=lens)
+    shot = painted.capture(painted.room(), AWAY)
+    matches = runner.run("align.matches", backend="sift", first=image.rgb, second=shot.photograph.rgb)
+    given = {"image": image, "matches": matches}
+    options = {**SMALL, "enough": 20}
+    found = runner.run("align.scene", backend="sift", options=options, capture=shot, scene=scene(), **given)
+    apart, angle, scale = off(found)
+    assert apart < 5
+    assert angle < 0.2
+    assert abs(scale) < 0.005
+    with pytest.raises(RuleError, match="are given together"):
+        runner.run("align.scene", backend="sift", options=SMALL, capture=shot, scene=scene(), matches=matches)
 
 
 def test_a_scene_of_unknown_scale_is_aligned(runner: RuleRunner) -> None:
