@@ -101,7 +101,9 @@ def robot_camera(
     before = transforms.invert(calibration.pose.matrix)
     found = ctx.backend.refine(ctx, views, robot, before, options, ctx.backend_options)
     _gate(ctx, views, found, options)
-    combined = combining.combined(ctx, calibration, found, options.least_chance)
+    combined = combining.combined(
+        ctx, calibration, found.camera_base, found.covariance, found.cost, options.least_chance
+    )
     refined = calibration.model_copy(update={"pose": combined.pose.inverse(), "method": combined.method})
     rms = {name: 1000 * float(np.sqrt(np.nanmean(each**2))) for name, each in found.residuals.items()}
     for name, value in rms.items():
