@@ -108,8 +108,9 @@ def write(capture: Capture, folder: Path, *, measured: bool = True) -> None:
     """Write the folder that `capture.folder` reads, with depth in millimetres or without depth."""
     folder.mkdir(parents=True)
     Image.fromarray(capture.photograph.rgb.pixels).save(folder / "rgb.png")
+    facts = capture.photograph.camera.model_dump()
     if measured:
         assert capture.measured is not None
         Image.fromarray(np.round(capture.measured.depth.depth * 1000.0).astype(np.uint16)).save(folder / "depth.png")
-    facts = {**capture.photograph.camera.model_dump(), "depth_scale_m": 0.001}
+        facts["depth_scale_m"] = 0.001
     (folder / "capture.json").write_text(json.dumps(facts))

@@ -13,10 +13,11 @@ from tests import factories, tabletops
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_assets_in_canonical_frames_make_the_same_scene(tmp_path: Path) -> None:
     (tmp_path / "dxb.toml").write_text("")
     thing = tabletops.box(0.12, 0.05, 0.16, (0.75, 0.15, 0.1)), factories.pose(0.02, -0.03, yaw=0.4)
-    tabletops.write(tabletops.tabletop(thing, lens=tabletops.FINE).capture, tmp_path / "shot")
+    tabletops.write(tabletops.tabletop(thing).capture, tmp_path / "shot")
     project = Project.find(tmp_path)
     built = project.build("twin/tabletop:canonical", inputs={"capture": str(tmp_path / "shot")}, profile="cpu")
     assert built.ok, built.errors

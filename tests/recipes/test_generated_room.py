@@ -35,6 +35,7 @@ targets: {{default: [made, capture, image, beside, world]}}
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_a_generated_room_gets_the_scale_and_the_place_of_the_capture(tmp_path: Path) -> None:
     (tmp_path / "dxb.toml").write_text("")
     (tmp_path / "recipes").mkdir()
