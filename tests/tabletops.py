@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 from dextera_build.artifacts.cameras.camera import Camera, Capture
 from dextera_build.artifacts.cameras.image import LabelImage
@@ -99,3 +102,15 @@ def cylinder(radius: float, height: float, colour: tuple[float, float, float]) -
 def iou(a: np.ndarray, b: np.ndarray) -> float:
     """Intersection over union of two masks."""
     return float((a & b).sum() / max(1, (a | b).sum()))
+
+
+def write(capture: Capture, folder: Path, *, measured: bool = True) -> None:
+    """Write the folder that `capture.folder` reads, with depth in millimetres or without depth."""
+    folder.mkdir(parents=True)
+    Image.fromarray(capture.photograph.rgb.pixels).save(folder / "rgb.png")
+    facts = capture.photograph.camera.model_dump()
+    if measured:
+        assert capture.measured is not None
+        Image.fromarray(np.round(capture.measured.depth.depth * 1000.0).astype(np.uint16)).save(folder / "depth.png")
+        facts["depth_scale_m"] = 0.001
+    (folder / "capture.json").write_text(json.dumps(facts))

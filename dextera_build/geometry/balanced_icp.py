@@ -14,7 +14,7 @@ import numpy as np
 
 from dextera_build.geometry import least_squares, lie, robot_covariance, robot_pairs, transforms
 from dextera_build.geometry.robot_covariance import Doubts
-from dextera_build.geometry.robot_pairs import Pairs, Surface
+from dextera_build.geometry.robot_pairs import Matched, Pairs, Surface
 
 KEEP = 0.85
 """Fraction of the pairs of each component that remain after trimming."""
@@ -54,29 +54,16 @@ def correct(
     Raises:
         ValueError: A component has fewer than 20 points, or no component is visible.
     """
-    from scipy.spatial import cKDTree
-
-    names = sorted({name for pose in poses for name in pose})
-    pairs = robot_pairs.drawn(poses, names, points, balanced, np.random.default_rng(seed))
-    trees = {
-        (number, names.index(name)): robot_pairs.Matcher(surface, cKDTree(surface.seen), cKDTree(surface.model))
-        for number, pose in enumerate(poses)
-        for name, surface in pose.items()
-        if len(surface.seen) and len(surface.model)
-    }
-    groups = {key: np.flatnonzero((pairs.pose == key[0]) & (pairs.part == key[1])) for key in trees}
+    matched = robot_pairs.matched(poses, points, balanced, np.random.default_rng(seed))
+    pairs, names = matched.pairs, matched.names
     middle = pairs.model.mean(axis=0)
 
-    def linear(motion: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        near = robot_pairs.nearest(motion, pairs, trees, groups)
-        return _linear(motion, pairs, near, middle, len(names), balanced)
-
     def step(motion: np.ndarray, _: int) -> tuple[np.ndarray, np.ndarray]:
-        change = least_squares.normal(*linear(motion)).shortest(1e-10)
+        change = least_squares.normal(*linear(motion, matched, middle, balanced)).shortest(1e-10)
         return change, lie.motion(change, middle) @ motion
 
     *before, motion = least_squares.gauss_newton(np.eye(4), step, range(ITERATIONS), STILL)
-    row, off, weight = linear(motion)
+    row, off, weight = linear(motion, matched, middle, balanced)
     information = least_squares.normal(row, off, weight).matrix
     about = robot_covariance.covariance(row, off, weight, pairs, motion, doubts or Doubts())
     return Corrected(
@@ -88,16 +75,16 @@ def correct(
     )
 
 
-def _linear(
-    motion: np.ndarray,
-    pairs: Pairs,
-    near: tuple[np.ndarray, np.ndarray],
-    middle: np.ndarray,
-    parts: int,
-    balanced: bool,
+def linear(
+    motion: np.ndarray, matched: Matched, middle: np.ndarray, balanced: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows (N, 6), distances (N,) along the model's normals, and weights (N,) that sum to 1."""
-    placed, (target, normals) = transforms.apply(motion, pairs.model), near
+    """Pairs at dT `motion` (4, 4), trimmed: rows (N, 6), distances (N,) along the model's normals, and weights (N,).
+
+    The weights sum to 1, in equal parts for each component if `balanced`. Rows are the derivatives by a twist about
+    the moved `middle` (3,).
+    """
+    pairs, parts = matched.pairs, len(matched.names)
+    placed, (target, normals) = transforms.apply(motion, pairs.model), matched.near(motion)
     arms = placed - transforms.apply(motion, middle[None])[0]
     offset = target - placed
     row = lie.point_to_plane_rows(arms, normals)[:, :6]

@@ -26,6 +26,11 @@ class Doubts:
     fingers."""
 
 
+def views(pairs: Pairs) -> np.ndarray:
+    """A number (N,) for each link of each component in each pose."""
+    return np.asarray((pairs.part * 1000 + pairs.link) * 10000 + pairs.pose)
+
+
 def covariance(
     row: np.ndarray, off: np.ndarray, weight: np.ndarray, pairs: Pairs, motion: np.ndarray, doubts: Doubts
 ) -> np.ndarray:
@@ -37,9 +42,7 @@ def covariance(
     total = np.zeros((6, 6))
     # Errors of neighbouring pixels are correlated, so thousands of points of a link in a pose count as few
     # measurements.
-    _, cluster, count = np.unique(
-        (pairs.part * 1000 + pairs.link) * 10000 + pairs.pose, return_inverse=True, return_counts=True
-    )
+    _, cluster, count = np.unique(views(pairs), return_inverse=True, return_counts=True)
     for part in np.unique(pairs.part):
         own = (pairs.part == part) & (weight > 0)
         variance = float((off[own] ** 2).mean()) if own.any() else 0.0

@@ -80,18 +80,46 @@ class Matcher:
         return near, self.surface.normals[back]
 
 
-def nearest(
-    motion: np.ndarray, pairs: Pairs, trees: Mapping[tuple[int, int], Matcher], groups: Mapping[tuple[int, int], Any]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Seen points (N, 3) nearest to the moved model, of the same component and pose, and normals (N, 3) of the pairs.
+@dataclass(frozen=True)
+class Matched:
+    """Sampled points of the model, and the trees in which their partners are found."""
 
-    Normals are the mean of the model's normals at both ends of a pair (the symmetric objective of Rusinkiewicz 2019),
-    because on a curved surface the tangent plane at one end misses the point at the other: by 0.2 mm on fingers.
+    pairs: Pairs
+    names: list[str]  # of the components, in the order of `pairs.part`
+    trees: Mapping[tuple[int, int], Matcher]  # by pose and component
+    groups: Mapping[tuple[int, int], np.ndarray]  # rows of `pairs` of each tree
+
+    def near(self, motion: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Seen points (N, 3) nearest to the moved model, of the same component and pose, and normals (N, 3).
+
+        Normals are the mean of the model's normals at both ends of a pair (the symmetric objective of Rusinkiewicz
+        2019), because on a curved surface the tangent plane at one end misses the point at the other: by 0.2 mm on
+        fingers.
+        """
+        target, normals = np.full_like(self.pairs.model, np.nan), self.pairs.normals.copy()
+        for key, matcher in self.trees.items():
+            rows = self.groups[key]
+            target[rows], there = matcher.target(motion, self.pairs.model[rows])
+            both = normals[rows] + there
+            normals[rows] = both / np.maximum(np.linalg.norm(both, axis=1, keepdims=True), 1e-9)
+        return target, normals @ motion[:3, :3].T
+
+
+def matched(poses: Sequence[Mapping[str, Surface]], points: int, balanced: bool, draw: np.random.Generator) -> Matched:
+    """Sample the model's points, see `drawn`, and prepare the search for their partners.
+
+    Raises:
+        ValueError: A component has fewer than 20 points, or no component is visible.
     """
-    target, normals = np.full_like(pairs.model, np.nan), pairs.normals.copy()
-    for key, matcher in trees.items():
-        rows = groups[key]
-        target[rows], there = matcher.target(motion, pairs.model[rows])
-        both = normals[rows] + there
-        normals[rows] = both / np.maximum(np.linalg.norm(both, axis=1, keepdims=True), 1e-9)
-    return target, normals @ motion[:3, :3].T
+    from scipy.spatial import cKDTree
+
+    names = sorted({name for pose in poses for name in pose})
+    pairs = drawn(poses, names, points, balanced, draw)
+    trees = {
+        (number, names.index(name)): Matcher(surface, cKDTree(surface.seen), cKDTree(surface.model))
+        for number, pose in enumerate(poses)
+        for name, surface in pose.items()
+        if len(surface.seen) and len(surface.model)
+    }
+    groups = {key: np.flatnonzero((pairs.pose == key[0]) & (pairs.part == key[1])) for key in trees}
+    return Matched(pairs, names, trees, groups)

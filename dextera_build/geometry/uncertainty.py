@@ -2,7 +2,7 @@
 
 An uncertain motion is a known one after a small twist of `geometry.lie`; covariances are (6, 6), or (7, 7) with the
 logarithm of a scale. The first six are those of `geometry_msgs/PoseWithCovariance`. Combined motions are assumed to be
-independent.
+independent; `intersected` is for estimates of one motion whose common errors are unknown.
 """
 
 from __future__ import annotations
@@ -47,6 +47,36 @@ def invert(motion: np.ndarray, covariance: np.ndarray, scale: float = 1.0) -> np
     if size == 7:
         jacobian[:3, 6] = back @ motion[:3, 3] / scale
     return _symmetric(jacobian @ covariance @ jacobian.T)
+
+
+def intersected(first: np.ndarray, second: np.ndarray, cost: np.ndarray) -> tuple[float, np.ndarray]:
+    """Covariance intersection of two estimates (Julier and Uhlmann 1997), consistent however their errors correlate.
+
+    With the weight w of the second, the combined covariance is P = (w inv(second) + (1 - w) inv(first))^-1, and the
+    combined deviation from the first estimate is w P inv(second) times that of the second. A second estimate that
+    improves nothing has the weight 0.
+
+    Args:
+        first: Covariance (6, 6) of the first estimate.
+        second: Covariance (6, 6) of the second.
+        cost: (6, 6); the weight minimises the trace of cost @ P.
+
+    Returns:
+        The weight w of the second estimate, 0..1, and P.
+    """
+    from scipy.optimize import minimize_scalar
+
+    one, two = np.linalg.inv(first), np.linalg.inv(second)
+
+    def combined(weight: float) -> np.ndarray:
+        return np.linalg.inv(weight * two + (1.0 - weight) * one)
+
+    def costs(weight: float) -> float:
+        return float(np.trace(cost @ combined(weight)))
+
+    inner = float(minimize_scalar(costs, bounds=(0.0, 1.0), method="bounded", options={"xatol": 1e-4}).x)
+    weight = min((0.0, inner, 1.0), key=costs)
+    return weight, _symmetric(combined(weight))
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:

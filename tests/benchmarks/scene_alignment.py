@@ -144,7 +144,7 @@ def aligned(
     options: dict[str, Any] = {"refuse": False}
     try:
         fit: SceneFit = runner.run(
-            "align.scene", backend="sift", capture=second, mesh=sheet(first, factor), options=options
+            "align.scene", backend="sift", capture=second, scene=sheet(first, factor), options=options
         )
     except RuleError:
         return None, (np.nan, np.nan, np.nan)

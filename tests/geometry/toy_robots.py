@@ -24,6 +24,8 @@ class Faults:
 
     shape_scale: float = 1.0
     """The arm's surface is this many times as large, about the base; the hand is where the joints say."""
+    cover_m: float = 0.0
+    """The arm's surface is so far outside its model, along the normals."""
     length_scale: float = 1.0
     """The arm's links are this many times as long, so that the hand moves with them."""
     joint_rad: float = 0.0
@@ -72,7 +74,7 @@ def capture(
         for name in ("arm", "hand"):
             points, normals = _posed(model[name], joints)
             seen, seen_normals = _posed(real[name], now, faults.length_scale)
-            seen = seen * faults.shape_scale if name == "arm" else seen
+            seen = seen * faults.shape_scale + faults.cover_m * seen_normals if name == "arm" else seen
             front = _faces(wrong, points, normals, 0.1)
             drift = np.stack(
                 [_posed(model[name], joints + step)[0] - points for step in 1e-4 * np.eye(JOINTS)], axis=-1

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from dextera_build.artifacts.shapes.mesh import Mesh
 from tests import factories, tabletops
@@ -37,11 +35,4 @@ def write(folder: Path) -> None:
         ]
         box = (tabletops.box(0.07, 0.05, 0.06, (0.75, 0.15, 0.1)), place)
         capture = tabletops.tabletop(*links, box, eye=EYE, lens=tabletops.FINE).capture
-        assert capture.measured is not None
-        made = folder / name
-        made.mkdir(parents=True)
-        Image.fromarray(capture.photograph.rgb.pixels).save(made / "rgb.png")
-        counts = np.round(capture.measured.depth.depth * 1000.0).astype(np.uint16)
-        Image.fromarray(counts).save(made / "depth.png")
-        facts = {**capture.photograph.camera.model_dump(), "depth_scale_m": 0.001}
-        (made / "capture.json").write_text(json.dumps(facts))
+        tabletops.write(capture, folder / name)

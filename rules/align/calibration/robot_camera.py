@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,6 +14,8 @@ from dextera_build.artifacts.robots.robot_views import RobotViews
 from dextera_build.geometry import transforms
 from dextera_build.rule import ROUNDING, Context, Fraction, Options, Tolerance, rule
 
+from . import combining
+
 
 class RobotCameraOptions(Options):
     """Options of align.robot_camera."""
@@ -22,6 +24,9 @@ class RobotCameraOptions(Options):
     """Number of points of the arm, and of the hand, over all poses: N of Eq. 2."""
     balanced: bool = True
     """Whether arm and hand have equal weight; False weights all points equally, for comparison."""
+    exact_model: bool = False
+    """Whether the model is taken as exact and the given calibration as a start only, as in Eq. 2 and 3, for comparison;
+    plain ICP (`balanced: false`) always does."""
     rounds: PositiveInt = 3
     """Number of renders of the model, each with the calibration of the previous round."""
     tolerance_m: PositiveFloat = 0.04
@@ -33,8 +38,11 @@ class RobotCameraOptions(Options):
     """Standard deviation of the zero offset of each arm joint's encoder, for the covariance [deg]."""
     encoder_sigma_deg: NonNegativeFloat = 0.02
     """Standard deviation of each reading of an arm joint, for the covariance [deg]."""
-    surface_sigma_m: NonNegativeFloat = 0.0005
-    """Standard deviation of a link's measured surface relative to its model, for the covariance [m]."""
+    surface_sigma_m: NonNegativeFloat = 0.001
+    """Standard deviation of the unknown offset of a link's measured surface from its model [m]."""
+    least_chance: Fraction = 0.001
+    """Minimum probability of the difference between both calibrations, by their covariances. Below it, they contradict
+    each other, and the given calibration is returned."""
     least_overlap: Fraction = 0.3
     """Minimum fraction of the rendered robot with measured depth."""
     most_residual_m: PositiveFloat = 0.008
@@ -52,6 +60,8 @@ class Refinement:
     residuals: dict[str, np.ndarray]  # `arm` and `hand` -> (K,) root mean square per pose [m]; NaN if not seen
     overlap: np.ndarray  # (K,) fraction of the rendered robot with agreeing depth
     shift_m: float  # root mean square motion of the robot's points
+    offsets: dict[str, float] = field(default_factory=dict)  # `arm` and `hand` -> surface outside the model, mean [m]
+    cost: np.ndarray | None = None  # (6, 6) W: e.T @ W @ e is the mean squared motion of its points by a twist e [m2]
 
 
 class RefinementBackend(Protocol):
@@ -70,7 +80,7 @@ class RefinementBackend(Protocol):
         ...
 
 
-@rule(version=2, packages=("numpy", "scipy"), memory_gb=2.0, tolerance=Tolerance({"": ROUNDING}))
+@rule(version=3, packages=("numpy", "scipy"), memory_gb=2.0, tolerance=Tolerance({"": ROUNDING}))
 def robot_camera(
     ctx: Context[RefinementBackend],
     views: RobotViews,
@@ -82,27 +92,32 @@ def robot_camera(
     """Return the calibration with T_base_camera refined by morphology-balanced ICP on the robot's surface [m].
 
     Eq. 2 and 3 of the paper: visible points of the model are registered to the measured depth, arm to arm and hand to
-    hand, with equal weights after trimming, all poses together; dT is applied from the left to T_camera_base.
+    hand, with equal numbers, all poses together; dT is applied from the left to T_camera_base. Offsets of the links'
+    surfaces, encoder zeros and readings are unknowns of the last step. The result is combined with the given
+    calibration by covariance intersection: a surface that proves nothing more leaves that calibration as it is.
     """
     options = options or RobotCameraOptions()
     _check(ctx, views, calibration)
     before = transforms.invert(calibration.pose.matrix)
     found = ctx.backend.refine(ctx, views, robot, before, options, ctx.backend_options)
     _gate(ctx, views, found, options)
-    moved = calibration.pose.inverse().model_copy(update={"matrix": found.camera_base, "covariance": found.covariance})
-    refined = calibration.model_copy(
-        update={"pose": moved.inverse(), "method": f"{calibration.method or 'unstated'}, balanced ICP"}
+    combined = combining.combined(
+        ctx, calibration, found.camera_base, found.covariance, found.cost, options.least_chance
     )
+    refined = calibration.model_copy(update={"pose": combined.pose.inverse(), "method": combined.method})
     rms = {name: 1000 * float(np.sqrt(np.nanmean(each**2))) for name, each in found.residuals.items()}
     for name, value in rms.items():
         ctx.metric(f"{name} residual", value, "mm")
+    for name, value in found.offsets.items():
+        ctx.metric(f"{name} surface", 1000 * value, "mm")
     ctx.metric("shift", 1000 * found.shift_m, "mm")
+    ctx.metric("weight", combined.weight)
     sigma = refined.sigma() or (0.0, 0.0)
     ctx.metric("sigma", 1000 * sigma[0], "mm")
     told = ", ".join(f"{name} {value:.1f} mm" for name, value in rms.items())
     ctx.say(
-        f"robot moved by {1000 * found.shift_m:.1f} mm in {len(views.captures)} poses, residuals {told}, "
-        f"sigma {1000 * sigma[0]:.1f} mm and {np.degrees(sigma[1]):.2f} deg"
+        f"robot moved by {1000 * found.shift_m:.1f} mm in {len(views.captures)} poses with weight "
+        f"{combined.weight:.2f}, residuals {told}, sigma {1000 * sigma[0]:.1f} mm and {np.degrees(sigma[1]):.2f} deg"
     )
     return refined
 

@@ -1,4 +1,4 @@
-"""Backend `icp` of align.robot_camera: the model's visible surface by ray casting, balanced ICP over all poses."""
+"""Backend `icp` of align.robot_camera: the model's visible surface by ray casting, registered over all poses."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from dextera_build.artifacts.cameras.camera import Camera, Capture
 from dextera_build.artifacts.robots.robot import RobotModel
 from dextera_build.artifacts.robots.robot_views import RobotViews
-from dextera_build.geometry import balanced_icp, cameras, robot_mask, transforms, uncertainty
+from dextera_build.geometry import balanced_icp, cameras, lie, robot_mask, robot_surfaces, transforms, uncertainty
 from dextera_build.geometry.robot_covariance import Doubts
 from dextera_build.geometry.robot_pairs import Surface
 from dextera_build.rule import Backend, Context, Options
@@ -53,7 +53,7 @@ def refine(
     renderer = RobotRenderer(robot, sampled(first.photograph.camera, every))
     doubts = Doubts(np.radians(common.joint_sigma_deg), np.radians(common.encoder_sigma_deg), common.surface_sigma_m)
     now, found, overlap = camera_base, None, np.zeros(len(views.captures))
-    covariance = 1e6 * np.eye(6)
+    covariance, offsets, cost = 1e6 * np.eye(6), dict[str, float](), None
     for number in range(common.rounds):
         tolerance = max(common.tolerance_m / 2**number, OUTER_M)
         grow = max(1, round(common.grow_px / every / 2**number))
@@ -67,12 +67,20 @@ def refine(
             ctx.fail(
                 f"arm and hand are not both seen: {error}", hint="take pictures with depth on both, see `least_overlap`"
             )
+        motion, spread = found.motion, found.covariance
+        if number == common.rounds - 1 and common.balanced and not common.exact_model:
+            own = robot_surfaces.register(poses, motion, points=common.points, doubts=doubts)
+            motion, spread, offsets, cost = own.motion, own.covariance, dict(own.offsets), own.spread
         # Eq. 3: dT is multiplied from the left, in the camera frame.
-        covariance = uncertainty.compose(found.motion, now, (found.covariance, np.zeros((6, 6))))
-        now = found.motion @ now
+        covariance = uncertainty.compose(motion, now, (spread, np.zeros((6, 6))))
+        now = motion @ now
+        if cost is not None:
+            about = lie.adjoint(motion[:3, 3] - now[:3, 3])
+            cost = about.T @ cost @ about
     residuals = {} if found is None else {name: found.residuals[name] for name in PARTS if name in found.residuals}
     robot_overlays.preview(ctx, views, renderer, now, every, residuals)
-    return Refinement(now, covariance, residuals, overlap, _shift(renderer, views, camera_base, now))
+    shift = _shift(renderer, views, camera_base, now)
+    return Refinement(now, covariance, residuals, overlap, shift, offsets, cost)
 
 
 def sampled(camera: Camera, every: int) -> Camera:

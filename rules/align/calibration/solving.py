@@ -46,6 +46,9 @@ def solve(
     found = hand_eye_checks.checked(views, setup, first.solution, common.least_views, common.most_bad)
     distance, angle = residual(found, setup)
     fits = distance <= common.most_residual_m and np.degrees(angle) <= common.most_residual_deg
+    # Two distant markers place a board no better than to a decimetre: if the other pictures predict the corners of each
+    # picture, its large residual is no contradiction.
+    fits |= bool(found.left) and max(one.off_px for one in found.left) < hand_eye_checks.NOTABLE_PX
     size, sigma = hand_eye_checks.board_scale(found.views, setup, found.refined) if fits else (1.0, 0.0)
     wrong_size = abs(size - 1) > max(SURE_SIGMAS * sigma, common.board_size_fraction)
     if not fits:

@@ -1,17 +1,21 @@
-"""align.follow: masks of objects through a video, from a label map of its first frame."""
+"""align.follow: masks of objects through a video, from a label map of one of its frames."""
 
 from __future__ import annotations
 
 from typing import Any, Protocol
 
 import numpy as np
+from pydantic import NonNegativeInt
 
 from dextera_build.artifacts.cameras.image import LabelImage
 from dextera_build.artifacts.cameras.mask_track import MaskTrack, palette
+from dextera_build.artifacts.cameras.rgbd_video import RgbdVideo
 from dextera_build.artifacts.cameras.video import Video
 from dextera_build.artifacts.objects.view import InstanceMap, Segmentation
 from dextera_build.errors import listing
 from dextera_build.rule import Context, Options, rule
+
+from . import parts
 
 
 class FollowOptions(Options):
@@ -19,6 +23,8 @@ class FollowOptions(Options):
 
     names: tuple[str, ...] = ()
     """Names of labels 1, 2, ... of a label map; by default `1`, `2`, ... A segmentation has its own names."""
+    frame: NonNegativeInt = 0
+    """Number of the frame that the label map belongs to; earlier frames are followed backwards."""
 
 
 class FollowBackend(Protocol):
@@ -29,24 +35,46 @@ class FollowBackend(Protocol):
         ...
 
 
-@rule(version=1, packages=("av", "numpy", "pillow"))
+@rule(version=2, packages=("av", "numpy", "pillow"))
 def follow(
     ctx: Context[FollowBackend],
-    video: Video,
+    video: Video | RgbdVideo,
     first: Segmentation | InstanceMap | LabelImage,
     *,
     options: FollowOptions | None = None,
 ) -> MaskTrack:
-    """Return the mask of each object of the first frame in every frame; a lost object has an empty mask."""
-    labels, names = _objects(ctx, first, (options or FollowOptions()).names)
-    size = f"{labels.shape[1]} x {labels.shape[0]} px"
-    if labels.shape != (video.height, video.width):
+    """Return the mask of each object of the label map `first` in every frame; a lost object has an empty mask.
+
+    The depth of an RGB-D video is not used.
+    """
+    options = options or FollowOptions()
+    labels, names = _objects(ctx, first, options.names)
+    height, width = parts.size(video)
+    if labels.shape != (height, width):
         ctx.fail(
             "the label map is not of the size of the video",
-            labels=size,
-            video=f"{video.width} x {video.height} px",
-            hint="make it from the first frame of this video",
+            labels=f"{labels.shape[1]} x {labels.shape[0]} px",
+            video=f"{width} x {height} px",
+            hint="make it from a frame of this video",
         )
+    count = len(video.stamps)
+    ctx.check(options.frame < count, f"the video has no frame {options.frame}", frames=f"0 to {count - 1}")
+    if isinstance(video, Video) and options.frame == 0:
+        found = _followed(ctx, video, labels, names)
+    else:
+        after = _followed(ctx, parts.part(ctx, video, range(options.frame, count), "after"), labels, names)
+        before = None
+        if options.frame:
+            before = _followed(ctx, parts.part(ctx, video, range(options.frame, -1, -1), "before"), labels, names)
+        found = parts.joined(after, before, video.stamps)
+    ctx.say(_summary(found))
+    ctx.metric("seen", float(found.seen.mean()), "fraction")
+    ctx.preview(_overlay(video, found), "first, middle and last frame")
+    return found
+
+
+def _followed(ctx: Context[FollowBackend], video: Video, labels: np.ndarray, names: tuple[str, ...]) -> MaskTrack:
+    """The backend's masks of a video that begins with the labelled frame, checked."""
     found = ctx.backend.follow(ctx, video, labels.astype(np.uint8), names, ctx.backend_options)
     fits = (found.height, found.width) == labels.shape and np.array_equal(found.stamps, video.stamps)
     ctx.check(
@@ -56,9 +84,6 @@ def follow(
         video=", ".join(video.facts()),
     )
     ctx.check(np.array_equal(found.labels(0), labels), "the first frame is not the label map that was given")
-    ctx.say(_summary(found))
-    ctx.metric("seen", float(found.seen.mean()), "fraction")
-    ctx.preview(_overlay(video, found), "first, middle and last frame")
     return found
 
 
@@ -98,11 +123,12 @@ def _summary(found: MaskTrack) -> str:
     return "; ".join([f"{count} object{'s' * (count > 1)} through {len(found.stamps):,} frames", *gone])
 
 
-def _overlay(video: Video, found: MaskTrack) -> np.ndarray:
+def _overlay(video: Video | RgbdVideo, found: MaskTrack) -> np.ndarray:
     """Three frames with the masks in the colours of their labels, (H, 3 W, 3) uint8."""
     last = len(found.stamps) - 1
     drawn = []
-    for number, pixels in zip(shown := [0, last // 2, last], video.frames(shown), strict=True):
+    shown = [0, last // 2, last]
+    for number, pixels in zip(shown, parts.pictures(video, shown), strict=True):
         labels = found.labels(number)
         mixed = pixels // 2 + palette()[labels] // 2
         drawn.append(np.where(labels[..., None] > 0, mixed, pixels))

@@ -45,8 +45,20 @@ class Start:
     drawn_from: np.ndarray  # (4, 4) T_G_C of the picture with the inliers
 
 
+def given(capture: Capture, image: Camera, pairs: Matches, viewpoint: Viewpoint) -> Start | None:
+    """The start by points of the photograph and of the picture that the scene was made from, which `image` took."""
+    place, drawn = viewpoint
+    return _robust(_anchored(pairs, drawn, place, capture, image), capture.photograph.camera, place)
+
+
 def found(
-    capture: Capture, render: Render, match: Match, viewpoints: Iterable[Viewpoint], enough: int, unit: float
+    capture: Capture,
+    render: Render,
+    match: Match,
+    viewpoints: Iterable[Viewpoint],
+    enough: int,
+    unit: float,
+    best: Start | None = None,
 ) -> tuple[Start | None, int]:
     """The start with the most points, refined by rendering the scene from there; and the most pairs of any viewpoint.
 
@@ -57,9 +69,10 @@ def found(
         viewpoints: Poses with their renderings, the likeliest first.
         enough: Number of points at which no further viewpoint is tried.
         unit: Median depth of the scene, in its unit.
+        best: A start that is known already; with enough points, no viewpoint is tried.
     """
-    best, pairs = None, 0
-    for place, drawn in viewpoints:
+    pairs = 0 if best is None else best.tried
+    for place, drawn in viewpoints if best is None or len(best.matches) < enough else ():
         start, tried = _seen_in(capture, drawn, match, place)
         pairs = max(pairs, tried)
         if start and (best is None or len(start.matches) > len(best.matches)):
@@ -83,7 +96,7 @@ def found(
 
 def _seen_in(capture: Capture, drawn: Drawn, match: Match, place: np.ndarray) -> tuple[Start | None, int]:
     pairs = match(Image(pixels=filled(drawn)), capture.photograph.rgb)
-    matches = _anchored(pairs, drawn, place, capture)
+    matches = _anchored(pairs, drawn, place, capture, capture.photograph.camera)
     return _robust(matches, capture.photograph.camera, place), len(matches)
 
 
@@ -118,15 +131,14 @@ def filled(drawn: Drawn) -> np.ndarray:
     return np.asarray(np.round(255 * made.clip(0, 1)), np.uint8)
 
 
-def _anchored(pairs: Matches, drawn: Drawn, place: np.ndarray, capture: Capture) -> Correspondences:
-    """Pairs whose rendered pixel is on a surface, away from edges, with that pixel's depth in G."""
+def _anchored(pairs: Matches, drawn: Drawn, place: np.ndarray, capture: Capture, lens: Camera) -> Correspondences:
+    """Pairs whose pixel in the picture of `lens` is on a rendered surface, away from edges, with its depth in G."""
     assert capture.measured is not None
-    camera = capture.photograph.camera
     made = sampled(np.where(drawn.solid, drawn.depth, 0.0), pairs.first)
     measured = sampled(capture.measured.depth.depth.astype(np.float64), pairs.second)
     on = made > 0
     column, row = pairs.first[on].T
-    k = camera.matrix()
+    k = lens.matrix()
     local = np.stack([(column - k[0, 2]) / k[0, 0], (row - k[1, 2]) / k[1, 1], np.ones(len(row))], axis=1)
     anchors = transforms.apply(place, local * made[on, None])
     return Correspondences(anchors, pairs.second[on], measured[on])

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.cameras.camera import Camera, Capture
+from dextera_build.artifacts.cameras.matches import Matches
 from dextera_build.artifacts.scenes.scene_fit import SceneEvidence
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.shapes.splats import Splats
@@ -21,6 +22,8 @@ class Given:
     scene: Splats | Mesh
     taken: np.ndarray  # (4, 4) T_G_C of the picture that the scene was made from, in its unit
     ignored: np.ndarray  # (H, W) bool, pixels of the photograph that show no part of the scene
+    image: Camera | None = None  # intrinsics of the picture that the scene was made from
+    pairs: Matches | None = None  # points of that picture and of the photograph
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from dextera_build.geometry.scene_alignment import Level, Problem, align, align_
 from dextera_build.geometry.scene_terms import Weights
 from dextera_build.rule import Context
 
-from . import drawing, evidence
-from .beginning import Match, Start, found
+from . import beginning, drawing, evidence
+from .beginning import Match, Start
 from .fitted import Fitted, Given
 from .levels import levels
 from .viewpoints import around
@@ -36,7 +36,11 @@ def fitted(ctx: Context, given: Given, match: Match, options: SceneOptions) -> F
         ctx.fail("the scene is not seen from where its picture was taken", hint="give `taken`, T_scene_camera of it")
     unit = float(np.median(own.depth[own.solid]))
     places = ((place, render(place, k, size)) for place in around(taken, unit))
-    begun, pairs = found(capture, render, match, chain([(taken, own)], places), options.enough, unit)
+    known = None
+    if given.image is not None and given.pairs is not None:
+        drawn = render(taken, given.image.matrix(), (given.image.height, given.image.width))
+        known = beginning.given(capture, given.image, given.pairs, (taken, drawn))
+    begun, pairs = beginning.found(capture, render, match, chain([(taken, own)], places), options.enough, unit, known)
     start = _enough(ctx, capture, begun, pairs, options)
     weights = Weights(options.rgb, options.ssim, options.pixel, options.depth, options.surface)
     sparse = align_sparse(start.pose, start.matches, k, size, weights, unit)

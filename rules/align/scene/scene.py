@@ -7,8 +7,9 @@ from typing import Any, Protocol
 import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
-from dextera_build.artifacts.cameras.camera import Capture
+from dextera_build.artifacts.cameras.camera import Capture, Photograph
 from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.cameras.matches import Matches
 from dextera_build.artifacts.objects.view import InstanceMap
 from dextera_build.artifacts.scenes.scene_fit import SceneFit
 from dextera_build.artifacts.shapes.mesh import Mesh
@@ -61,7 +62,7 @@ class SceneBackend(Protocol):
 
 # The fit iterates to convergence, and the matches that it begins with differ in their last digits.
 @rule(
-    version=2,
+    version=3,
     packages=("numpy",),
     tolerance=Tolerance(
         {"": ROUNDING, "motion.matrix": 1e-5, "motion.scale": 1e-6, "motion.covariance": 1e-8, "evidence": 0.01}
@@ -70,27 +71,27 @@ class SceneBackend(Protocol):
 def scene(
     ctx: Context[SceneBackend],
     capture: Capture,
-    splats: Splats | None = None,
-    mesh: Mesh | None = None,
+    scene: Splats | Mesh,
     taken: Pose | None = None,
     robot: LabelImage | None = None,
     instances: InstanceMap | None = None,
+    image: Photograph | None = None,
+    matches: Matches | None = None,
     *,
     options: SceneOptions | None = None,
 ) -> SceneFit:
     """Return T_camera_scene [m] with the scale, its covariance, evidence and doubts, for a scene of unknown scale.
 
-    The scene is `splats` or `mesh`. It is rendered from `taken` (T_scene_camera of the picture that it was made from;
+    The scene is rendered from `taken` (T_scene_camera of the picture that it was made from;
     the origin without it) and from poses around it, until enough points match the photograph. Then the four terms of
     Eq. 1 are minimised, coarse to fine. `robot` and `instances` are pixels of the photograph that show no part of the
-    scene.
+    scene. `matches` of `align.matches`, from the picture `image` that the scene was made from to the photograph, are
+    tried first.
     """
     options = options or SceneOptions()
-    if (splats is None) == (mesh is None):
-        ctx.fail("the scene is either Gaussians or a mesh", hint="give one of the inputs `splats` and `mesh`")
     if capture.measured is None or not (capture.measured.depth.depth > 0).any():
         ctx.fail("the capture has no depth, so the scale is not determined", hint="align.scene needs an RGB-D capture")
-    frame = options.frame or (splats.frame if splats is not None else "world") or "scene"
+    frame = options.frame or (scene.frame if isinstance(scene, Splats) else "world") or "scene"
     if taken is not None and taken.parent != frame:
         ctx.fail(f"`taken` is T_{taken.parent}_{taken.child}, but the scene is in frame `{frame}`")
     ignored = np.zeros(capture.photograph.rgb.pixels.shape[:2], bool)
@@ -99,9 +100,9 @@ def scene(
             size = mask.labels.shape
             ctx.check(size == ignored.shape, f"`{name}` is of another picture", size=size)
             ignored |= mask.labels != 0
-    found = splats or mesh
-    assert found is not None
-    given = Given(capture, found, np.eye(4) if taken is None else taken.matrix, ignored)
+    ctx.check((image is None) == (matches is None), "`matches` and the `image` that they begin in are given together")
+    lens = None if image is None else image.camera
+    given = Given(capture, scene, np.eye(4) if taken is None else taken.matrix, ignored, lens, matches)
     fit = ctx.backend.fit(ctx, given, options, ctx.backend_options)
     motion = Similarity(
         parent="camera",

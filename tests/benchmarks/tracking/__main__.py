@@ -6,7 +6,7 @@ visible (three quarters or more of them) and half hidden (from 30 %), the parts 
 a pose after it was to be seen again; the largest ADD-S of a pose that was called `tracked`; processor time per frame,
 and that of Open3D's ICP from the last pose in the same loop. Symmetric objects have no ADD. Frames are 640 x 480 at
 30 Hz (`rest`: 5 Hz) with the noise of `capture.sensor`; poses start at the true ones. `--keep` stores rendered frames
-for another run.
+for another run, `--masks` gives the tracker the masks of `align.follow`.
 `--rate 15`, `--noise 2` and `--shift 2` make frames worse: fewer, noisier, with the depth 2 px beside the colours.
 """
 
@@ -15,14 +15,14 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame, RgbdVideo
 from dextera_build.statistics import wilson
-from tests.benchmarks.tracking import hidden, judged, sequences, things
+from tests.benchmarks.tracking import followed, hidden, judged, sequences, things
 from tests.benchmarks.tracking.judged import HALF, VISIBLE, Row
 from tests.benchmarks.tracking.scene import CAMERA, Sequence, Strain, frames
 
@@ -37,6 +37,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("names", nargs="*")
     parser.add_argument("--keep", type=Path)
     parser.add_argument("--no-icp", action="store_true")
+    parser.add_argument("--masks", action="store_true")
     parser.add_argument("--rate", type=float)
     parser.add_argument("--noise", type=float, default=1.0)
     parser.add_argument("--shift", type=int, default=0)
@@ -48,7 +49,13 @@ def main(arguments: list[str]) -> None:
     every = {each.name: each for each in known}
     rows: list[Row] = []
     for name in chosen.names or every:
-        made, times = judged.judge(every[name], seen(every[name], chosen.keep, strain), icp=not chosen.no_icp)
+        film: Iterable[tuple[RgbdFrame, np.ndarray]] = seen(every[name], chosen.keep, strain)
+        masks = None
+        if chosen.masks:
+            with tempfile.TemporaryDirectory() as scratch:
+                film = list(film)
+                masks = followed.masks(Path(scratch), every[name], film)
+        made, times = judged.judge(every[name], film, icp=not chosen.no_icp, masks=masks)
         rows += made
         line = f"{summary(made, every[name])}  {1e3 * times.tracker:4.0f} ms, ICP {1e3 * times.icp:4.0f} ms"
         print(f"{name:16s} {line}", flush=True)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
+from dextera_build.artifacts.cameras.mask_track import MaskTrack
 from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame
 from dextera_build.geometry import lie, metrics, transforms
 from dextera_build.tracking.model import Model, State
@@ -46,8 +48,13 @@ class Times:
     icp: float
 
 
-def judge(sequence: Sequence, frames: Iterable[tuple[RgbdFrame, np.ndarray]], icp: bool) -> tuple[list[Row], Times]:
-    """Track a sequence from its true first poses."""
+def judge(
+    sequence: Sequence,
+    frames: Iterable[tuple[RgbdFrame, np.ndarray]],
+    icp: bool,
+    masks: MaskTrack | None = None,
+) -> tuple[list[Row], Times]:
+    """Track a sequence from its true first poses, with masks of its actors if there are any."""
     order = {name: number for number, name in enumerate(sequence.actors, 1)}
     actors = {name: actor for name, actor in sequence.actors.items() if actor.tracked}
     models = {name: actor.model() for name, actor in actors.items()}
@@ -55,7 +62,8 @@ def judge(sequence: Sequence, frames: Iterable[tuple[RgbdFrame, np.ndarray]], ic
     tracker, rivals = Tracker(models, CAMERA.matrix()), {}
     rows: list[Row] = []
     spent, spent_icp, count = 0.0, 0.0, 0
-    for frame, labels in frames:
+    followed = itertools.repeat(None) if masks is None else masks.every()
+    for (frame, labels), shown in zip(frames, followed, strict=False):
         camera = transforms.invert(sequence.camera(frame.stamp))
         truth = {name: State(camera @ a.path(frame.stamp), a.positions(frame.stamp)) for name, a in actors.items()}
         if not count:
@@ -64,7 +72,8 @@ def judge(sequence: Sequence, frames: Iterable[tuple[RgbdFrame, np.ndarray]], ic
             )
             rivals = {name: _rival(actors[name], each.pose) for name, each in truth.items()} if icp else {}
         begin = time.process_time()
-        found = tracker.step(frame.rgb, frame.depth, frame.stamp)
+        given = None if shown is None else {name: shown == order[name] for name in actors}
+        found = tracker.step(frame.rgb, frame.depth, frame.stamp, masks=given)
         middle = time.process_time()
         rival = {name: each.step(frame.depth) for name, each in rivals.items()}
         spent, spent_icp, count = spent + middle - begin, spent_icp + time.process_time() - middle, count + 1

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dextera_build.artifacts.cameras.camera import Camera
 from dextera_build.artifacts.cameras.image import LabelImage
 from dextera_build.artifacts.cameras.mask_track import MaskTrack
+from dextera_build.artifacts.cameras.rgbd_video import RgbdFrame, RgbdVideo
 from dextera_build.artifacts.cameras.video import Video
 from dextera_build.artifacts.objects.view import InstanceMap, Segmentation
 from dextera_build.errors import RuleError
@@ -145,3 +147,21 @@ def test_a_label_map_that_does_not_fit_is_refused(tmp_path: Path, labels: Any, n
     with pytest.raises(RuleError, match=why) as caught:
         run(tmp_path, still(tmp_path)[0], labels, backend="stub", names=names)
     assert caught.value.hint
+
+
+def test_an_rgbd_video_is_followed_from_a_frame_in_its_middle_in_both_directions(tmp_path: Path) -> None:
+    shapes = [films.box(2, BLUE, lambda n: (60.5 + 8.0 * n, 118.5, 3.0 * n))]
+    video, true = films.film(tmp_path / "a.mp4", 9, shapes)
+    camera = Camera(width=video.width, height=video.height, fx=200.0, fy=200.0, cx=127.5, cy=95.5)
+    depth, stamps = np.ones((video.height, video.width), np.float32), 5.0 + np.arange(9) / 10
+    rgbd = RgbdVideo.write(
+        tmp_path / "a.zip",
+        camera,
+        (RgbdFrame(float(t), rgb, depth) for t, rgb in zip(stamps, video.every(), strict=True)),
+    )
+    runner, first = RuleRunner(tmp_path), LabelImage(labels=true[4].astype(np.int32))
+    found: MaskTrack = runner.run("align.follow", video=rgbd, first=first, options={"frame": 4})
+    assert np.array_equal(found.stamps, stamps)
+    assert films.iou(maps(found), true, 1).min() > 0.93
+    with pytest.raises(RuleError, match="the video has no frame 9"):
+        runner.run("align.follow", video=rgbd, first=first, options={"frame": 9})

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dextera_build.artifacts.cameras.image import LabelImage
+from dextera_build.artifacts.cameras.camera import Photograph
+from dextera_build.artifacts.cameras.image import Image, LabelImage
 from dextera_build.artifacts.scenes.scene_fit import AlignedScene, SceneFit
 from dextera_build.artifacts.shapes.mesh import Mesh
 from dextera_build.artifacts.shapes.splats import Splats
@@ -48,9 +49,28 @@ def off(found: SceneFit, pose: np.ndarray = AWAY, factor: float = FACTOR) -> tup
     return 1000 * float(np.linalg.norm(place - pose[:3, 3])), float(angle), found.motion.scale * factor - 1
 
 
+@pytest.mark.slow
+def test_matches_of_the_scenes_own_image_begin_the_alignment(runner: RuleRunner) -> None:
+    """That image has another resolution; with its matches, no picture of the scene is drawn to find the start."""
+    lens = painted.CAMERA.scaled(0.75)
+    small = cv2.resize(painted.capture(painted.room(), np.eye(4)).photograph.rgb.pixels, (lens.width, lens.height))
+    image = Photograph(rgb=Image(pixels=small), camera=lens)
+    shot = painted.capture(painted.room(), AWAY)
+    matches = runner.run("align.matches", backend="sift", first=image.rgb, second=shot.photograph.rgb)
+    given = {"image": image, "matches": matches}
+    options = {**SMALL, "enough": 20}
+    found = runner.run("align.scene", backend="sift", options=options, capture=shot, scene=scene(), **given)
+    apart, angle, scale = off(found)
+    assert apart < 5
+    assert angle < 0.2
+    assert abs(scale) < 0.005
+    with pytest.raises(RuleError, match="are given together"):
+        runner.run("align.scene", backend="sift", options=SMALL, capture=shot, scene=scene(), matches=matches)
+
+
 def test_a_scene_of_unknown_scale_is_aligned(runner: RuleRunner) -> None:
     shot = painted.capture(painted.room(), AWAY)
-    found: SceneFit = runner.run("align.scene", backend="sift", options=SMALL, capture=shot, mesh=scene())
+    found: SceneFit = runner.run("align.scene", backend="sift", options=SMALL, capture=shot, scene=scene())
     apart, angle, scale = off(found)
     assert apart < 5
     assert angle < 0.2
@@ -66,7 +86,7 @@ def test_a_scene_of_one_gaussian_for_each_pixel_is_aligned_as_well(runner: RuleR
     """In a small picture many of them lie in a pixel: it has to show their mean, not the nearest."""
     own, shot = painted.capture(painted.room(), np.eye(4)), painted.capture(painted.room(), AWAY)
     splats: Splats = runner.run("reference.pixels_as_splats", capture=own, options={"scale_factor": FACTOR})
-    found: SceneFit = runner.run("align.scene", backend="sift", options=SMALL, capture=shot, splats=splats)
+    found: SceneFit = runner.run("align.scene", backend="sift", options=SMALL, capture=shot, scene=splats)
     apart, angle, scale = off(found)
     assert apart < 5
     assert angle < 0.2
@@ -79,7 +99,7 @@ def test_it_does_not_matter_where_the_scene_has_its_origin(runner: RuleRunner) -
     moved = given.model_copy(update={"vertices": transforms.apply(there, given.vertices).astype(np.float32)})
     taken = Pose(parent="world", child="camera", matrix=there)
     shot = painted.capture(painted.room(), AWAY)
-    found = runner.run("align.scene", backend="sift", options=SMALL, capture=shot, mesh=moved, taken=taken)
+    found = runner.run("align.scene", backend="sift", options=SMALL, capture=shot, scene=moved, taken=taken)
     whole = found.motion.matrix.copy()
     whole[:3, 3] /= found.motion.scale
     again = whole @ there
@@ -93,7 +113,7 @@ def test_gamma_and_a_moved_box_do_not_move_the_camera(runner: RuleRunner) -> Non
     shot = painted.capture(painted.room(0, (0.3, 0.0, 0.1)), AWAY)
     darker = 255 * (shot.photograph.rgb.pixels / 255.0) ** 1.6 * 0.8
     found = runner.run(
-        "align.scene", backend="sift", options=SMALL, capture=painted.photographed(shot, darker), mesh=scene()
+        "align.scene", backend="sift", options=SMALL, capture=painted.photographed(shot, darker), scene=scene()
     )
     assert off(found)[0] < 8
     assert abs(off(found)[2]) < 0.005
@@ -110,7 +130,9 @@ def test_pixels_of_the_robot_do_not_count(runner: RuleRunner) -> None:
         pixels = shot.photograph.rgb.pixels.copy()
         pixels[mask > 0] = grey
         given = painted.photographed(shot, pixels)
-        found.append(runner.run("align.scene", backend="sift", options=SMALL, capture=given, mesh=scene(), robot=robot))
+        found.append(
+            runner.run("align.scene", backend="sift", options=SMALL, capture=given, scene=scene(), robot=robot)
+        )
     one, other = (each.motion.matrix for each in found)
     assert np.abs(one - other).max() < 2e-3
     assert off(found[0])[0] < 8
@@ -125,7 +147,7 @@ def test_what_cannot_be_decided_is_refused_with_evidence(runner: RuleRunner, fau
     if fault == "dark":
         shot = painted.photographed(shot, pixels * 0.02)
     with pytest.raises(RuleError, match=r"not (be aligned|found in the scene)") as refused:
-        runner.run("align.scene", backend="sift", options=SMALL, capture=shot, mesh=scene())
+        runner.run("align.scene", backend="sift", options=SMALL, capture=shot, scene=scene())
     assert fault == "elsewhere" or fault in refused.value.facts
     assert refused.value.hint
 
@@ -134,12 +156,12 @@ def test_a_photograph_without_depth_is_refused(runner: RuleRunner) -> None:
     """Trap 22: only measured depth determines the scale."""
     shot = painted.capture(painted.room(), AWAY).model_copy(update={"measured": None})
     with pytest.raises(RuleError, match="the scale is not determined"):
-        runner.run("align.scene", backend="sift", options=SMALL, capture=shot, mesh=scene())
+        runner.run("align.scene", backend="sift", options=SMALL, capture=shot, scene=scene())
 
 
 def test_the_stub_is_at_the_scenes_own_picture(runner: RuleRunner) -> None:
     shot = painted.capture(painted.room(), np.eye(4))
-    found = runner.run("align.scene", backend="stub", capture=shot, mesh=scene())
+    found = runner.run("align.scene", backend="stub", capture=shot, scene=scene())
     assert np.array_equal(found.motion.matrix, np.eye(4))
 
 

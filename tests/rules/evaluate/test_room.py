@@ -11,6 +11,7 @@ from dextera_build.artifacts.base import Collection
 from dextera_build.artifacts.objects.object import Asset
 from dextera_build.artifacts.scenes.room import Room
 from dextera_build.artifacts.scenes.scene import Scene
+from dextera_build.artifacts.scenes.scene_fit import AlignedScene
 from dextera_build.artifacts.shapes.splats import Splats
 from dextera_build.artifacts.spatial.point_cloud import PointCloud
 from dextera_build.errors import RuleError
@@ -49,7 +50,9 @@ def wall(depth: float, frame: str = "world") -> Room:
     return Room(splats=Splats.of(made, frame), points=PointCloud(points=places.astype(np.float32), frame=frame))
 
 
-def shown(folder: Path, twin: Scene, room: Room, backend: str = "mujoco") -> tuple[np.ndarray, RuleRunner]:
+def shown(
+    folder: Path, twin: Scene, room: Room | AlignedScene, backend: str = "mujoco"
+) -> tuple[np.ndarray, RuleRunner]:
     photograph = factories.capture(LENS, TABLE).photograph
     runner = RuleRunner(folder)
     made = runner.run("evaluate.room", backend=backend, photograph=photograph, scene=twin, room=room)
@@ -76,3 +79,12 @@ def test_the_stub_is_as_large(tmp_path: Path, twin: Scene) -> None:
 def test_a_room_in_another_frame_is_refused(tmp_path: Path, twin: Scene) -> None:
     with pytest.raises(RuleError, match="not in the frame"):
         shown(tmp_path, twin, wall(4.0, "colmap"))
+
+
+def test_a_generated_room_is_shown_like_one_of_views(tmp_path: Path, twin: Scene) -> None:
+    room = wall(4.0)
+    composed, _ = shown(tmp_path, twin, room)
+    generated, _ = shown(tmp_path, twin, AlignedScene(frame="world", splats=room.splats))
+    assert (generated == composed).all()
+    with pytest.raises(RuleError, match="the room has no Gaussians"):
+        shown(tmp_path, twin, AlignedScene(frame="world"))
