@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from dextera_build.sim.control.ik import ArmKinematics
 
-SAMPLES = 12_000
+SAMPLES = 6_000
 """Number of drawn arm postures."""
 SPREAD_RAD = 0.7
 """Standard deviation of the postures around home [rad]."""

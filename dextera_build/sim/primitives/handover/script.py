@@ -27,8 +27,8 @@ TURNS = np.radians([0, 45, -45, 90, -90])
 SECONDS = (0.8, 1.8, 0.8, 0.9, 0.8)
 """Durations: lift, bring, open, retreat, hold [s]."""
 
-SOME = 24
-"""Number of the giver's grasps that are combined with those of the receiver."""
+SOME, TAKES = 24, 1200
+"""Numbers of grasps of giver and receiver that are combined."""
 TRIED, ALIKE = 400, 4
 """Number of pairs of grasps that are checked, and maximum number of free ones of a kind."""
 PAIRS = 20
@@ -142,7 +142,7 @@ def _handovers(search: Search) -> list[Candidate]:
     own = CollisionCheck(environment, giver)
     free = (each for each in grips(environment, giver) if _given(own, giver, each, name, state) is not None)
     gives = list(itertools.islice(free, SOME))
-    takes = grips(environment, receiver)
+    takes = grips(environment, receiver)[:TAKES]
     palms = [palm for palm, _ in reach.hands(state).values()]
     up = environment.bundle.base_pose.inverse().matrix[:3, 2]
     places = list(meetings(state.objects[name], palms, up))
