@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dextera_build.artifacts.robots.robot import RobotModel
+from dextera_build.sim.control.hand import HandKinematics
 from tests.robots.robot_recipes import at, built, compiled, touching
 
 FINGERS = ("index", "middle", "ring", "little")
@@ -51,9 +52,37 @@ def test_figures_of_the_data_sheets(robot: RobotModel, model: Any) -> None:
     np.testing.assert_allclose(limits["right_thumb_rotation"], [0, 90], atol=0.01)
     data = at(model, dict.fromkeys(robot.home, 0.0))
     reach = data.site("right_flange").xpos[2] - data.site("right_tip_middle").xpos[2]
-    assert reach + 0.006 == pytest.approx(0.183, abs=0.002)  # the pad goes on for 6 mm beyond the frame
+    assert reach + 0.0075 == pytest.approx(0.183, abs=0.003)
     arm = [name for name in robot.links if name in {f"right_link_{number}" for number in range(7)}]
     assert sum(model.body(name).mass[0] for name in arm) == pytest.approx(5.362, abs=0.001)
+
+
+def test_the_proportions_of_the_hand_are_those_of_its_successor(robot: RobotModel, model: Any) -> None:
+    """Revo 2: 159.7 mm long, thumb 52 + 27 mm from the joint of flexion, middle finger 37 mm, index finger 32 mm."""
+    larger = 0.183 / 0.1597
+    for finger, link_m in (("index", 0.032), ("middle", 0.037), ("little", 0.029)):
+        assert np.linalg.norm(model.body(f"left_{finger}_distal").pos) == pytest.approx(link_m * larger, abs=1e-4)
+    data = at(model, dict.fromkeys(robot.home, 0.0))
+    thumb = data.site("right_tip_thumb").xpos - data.body("right_thumb_proximal").xpos
+    assert np.linalg.norm(thumb) + 0.0095 == pytest.approx((0.052 + 0.0265) * larger, abs=0.002)
+    ratios = {each.name.removeprefix("left_"): each.ratio for each in robot.followers if each.name.startswith("left_")}
+    assert ratios == {"index_bend": 1.131, "middle_bend": 1.267, "ring_bend": 1.252, "little_bend": 1.271}
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_pads_meet_in_front_of_the_palm(robot: RobotModel, side: str) -> None:
+    """The tips of a grip come so close that nothing fits between their surfaces, and do not pass each other before."""
+    hand = HandKinematics(robot, side)
+    for name in ("tripod", "pinch"):
+        grip = robot.limbs[side].grips[name]
+        opened, closed = hand.posture(grip.open), hand.posture({**grip.open, **grip.closed})
+        pressing = hand.pressing(opened, closed)
+        ways = [opened + part * (closed - opened) for part in np.linspace(0, 1, 21)]
+        assert hand.thumb is not None
+        gaps = [np.linalg.norm(hand.tip(hand.thumb, way) - hand.reach(way, pressing)) for way in ways]
+        assert gaps[0] > 0.06
+        assert min(gaps) < 2 * grip.tip_radius_m
+        assert (np.diff(gaps[: int(np.argmin(gaps))]) < 0).all()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -114,7 +143,7 @@ def test_distal_joints_follow(robot: RobotModel, model: Any) -> None:
             worst = max(worst, abs(data.joint(follower.name).qpos[0] - wanted))
     assert worst < 0.02
     assert data.joint("left_middle_flexion").qpos[0] == pytest.approx(1.1, abs=0.01)
-    assert data.joint("left_middle_bend").qpos[0] == pytest.approx(1.155 * 1.1, abs=0.02)
+    assert data.joint("left_middle_bend").qpos[0] == pytest.approx(1.267 * 1.1, abs=0.02)
 
 
 def test_links_and_frames_exist(robot: RobotModel, model: Any) -> None:

@@ -81,8 +81,16 @@ class Command:
         return self.parts.get(limb) or Part(self.segment, self.frame, self.contact)
 
 
-class OutOfReach(Exception):  # noqa: N818  a verdict on a start, not a fault
-    """The task cannot be done from this start; the text is the recorded reason."""
+class GaveUp(Exception):  # noqa: N818  a verdict on an episode, not a fault
+    """The operator ends the episode; the text is the recorded reason."""
+
+
+class OutOfReach(GaveUp):
+    """The task cannot be done from this start."""
+
+
+class NotHeld(GaveUp):
+    """A hand closed on the object, and does not hold it."""
 
 
 class Operator(Protocol):
@@ -96,7 +104,11 @@ class Operator(Protocol):
         """
 
     def command(self, state: State) -> Command | None:
-        """The next command; None after the last one."""
+        """The next command; None after the last one.
+
+        Raises:
+            GaveUp: Nothing that follows can succeed.
+        """
 
 
 class PoseControl:

@@ -6,7 +6,7 @@ import numpy as np
 
 from dextera_build.policy.observation import DeployableObservation, Measurement
 from dextera_build.policy.running import PolicyFault
-from dextera_build.sim.control.operator import Command, Operator, OutOfReach, PoseControl
+from dextera_build.sim.control.operator import Command, GaveUp, Operator, PoseControl
 from dextera_build.sim.experts.drive import Driver, state_of
 from dextera_build.sim.runtime.reconstruction import Tracker, reconstruct
 
@@ -37,13 +37,15 @@ class Deployed:
         """Joint targets (A,) [rad].
 
         Raises:
-            PolicyFault: The operator has no plan from the first observation.
+            PolicyFault: The operator has no plan from the first observation, or its grasp failed.
         """
         if not self._begun:
             self._begin(observation)
-        self._last = (
-            self._operator.command(state_of(self._twin.environment.bundle, _measured(observation))) or self._last
-        )
+        try:
+            now = self._operator.command(state_of(self._twin.environment.bundle, _measured(observation)))
+        except GaveUp as verdict:
+            raise PolicyFault(str(verdict), code="DXB-B256") from None
+        self._last = now or self._last
         if self._last is None:
             raise PolicyFault("the operator did nothing", code="DXB-B254")
         return self._control.follow(self._last)
@@ -54,7 +56,7 @@ class Deployed:
         environment.begin(reconstruct(_measured(observation), sent, environment, Tracker(), 0))
         try:
             self._operator.begin(self._twin.state())
-        except OutOfReach as verdict:
+        except GaveUp as verdict:
             raise PolicyFault(str(verdict), code="DXB-B255") from None
         self._control.begin(sent)
         self._begun = True

@@ -12,7 +12,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.geometry import poses
 from dextera_build.policy.observation import Measurement
 from dextera_build.sim.control.ik import UNSOLVED
-from dextera_build.sim.control.operator import Command, Operator, OutOfReach, Part, PoseControl, State
+from dextera_build.sim.control.operator import Command, GaveUp, Operator, Part, PoseControl, State
 from dextera_build.sim.experts.filters import Filters, Watch
 from dextera_build.sim.experts.noise import Disturbance, Noise
 from dextera_build.sim.runtime.environment import Environment, Outcome
@@ -69,7 +69,7 @@ class Driver:
             reason = run.to_its_end(longest_s)
         except UNSOLVED:
             reason = f"the inverse kinematics found no solution in `{run.segment}`"
-        except OutOfReach as verdict:
+        except GaveUp as verdict:
             reason = str(verdict)
         if not len(run.recorder):
             run.hold()
@@ -103,7 +103,7 @@ class _Run:
         """Run the operator; the reason of a failure, empty for a success.
 
         Raises:
-            OutOfReach: The operator finds no plan.
+            GaveUp: The operator finds no plan, or lost the object.
         """
         driver, environment = self._driver, self._environment
         self._operator.begin(driver.state())

@@ -11,11 +11,14 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from dextera_build.geometry import transforms
-from dextera_build.sim.control.operator import Command, State
+from dextera_build.sim.control.operator import Command, NotHeld, State
 from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.motion import Leg, Plan, follow
 from dextera_build.sim.experts.reach import Reach
 from dextera_build.sim.runtime.environment import Environment
+
+LOST_M = 0.06
+"""Distance of an object from its place in the hand beyond which the hand does not hold it [m]."""
 
 
 class Scripted(ABC):
@@ -78,11 +81,16 @@ class Taking(Scripted):
         self._start, self._goes_on = state.objects[self._object], False
 
     def command(self, state: State) -> Command | None:
-        """The next step of the plan."""
+        """The next step of the plan.
+
+        Raises:
+            NotHeld: The object is not in the hands that took it.
+        """
         command = next(self._commands, None)
         if command is None and not self._goes_on:
             self._goes_on = True
             last = {limb: legs[-1] for limb, legs in self._plan.items()}
+            self._check_lifted(state, last)
             inverse = transforms.invert(state.objects[self._object])
             held = {limb: inverse @ leg.palm for limb, leg in last.items()}
             plan = self.going_on(state, self._start, last, held)
@@ -91,16 +99,19 @@ class Taking(Scripted):
             command = next(self._commands, None)
         return command
 
+    def _check_lifted(self, state: State, last: Mapping[str, Leg]) -> None:
+        """Check that the object came along with the hands."""
+        for limb, held in _planned(self._plan, self._start).items():
+            planned = last[limb].palm @ transforms.invert(held)
+            away = float(np.linalg.norm((state.objects[self._object] - planned)[:3, 3]))
+            if away > LOST_M:
+                raise NotHeld(f"the grasp failed: the object is {1000 * away:.0f} mm from where the hand would hold it")
+
     def phases(self, state: State) -> list[Plan]:
         """The plan from `state`, with the object in the hand as planned."""
         taken, base = self.taking(state), state.objects[self._object]
         last = {limb: legs[-1] for limb, legs in taken.items()}
-        inverse = transforms.invert(base)
-        held = {
-            limb: inverse @ next(leg.palm for leg in reversed(legs) if leg.segment == "grasp")
-            for limb, legs in taken.items()
-        }
-        return [taken, self.going_on(state, base, last, held)]
+        return [taken, self.going_on(state, base, last, _planned(taken, base))]
 
     def legs(self, state: State) -> list[Leg]:
         """The first phase of one limb."""
@@ -124,3 +135,12 @@ class Taking(Scripted):
     def _held(self, palm: np.ndarray, fingers: np.ndarray, seconds: float, name: str, frame: str | None = None) -> Leg:
         """A leg with the object in the hand, relative to the object or to another frame."""
         return Leg(palm, fingers, seconds, name, self._object if frame is None else frame, True)
+
+
+def _planned(taking: Plan, base: np.ndarray) -> dict[str, np.ndarray]:
+    """Limb -> T_object_palm (4, 4) as planned, of an object at `base` (4, 4) in the robot's base."""
+    inverse = transforms.invert(base)
+    return {
+        limb: inverse @ next(leg.palm for leg in reversed(legs) if leg.segment == "grasp")
+        for limb, legs in taking.items()
+    }

@@ -8,7 +8,7 @@ import pytest
 from dextera_build.geometry import poses
 from dextera_build.policy.observation import DeployableObservation, Measurement, deployable
 from dextera_build.policy.running import PolicyFault
-from dextera_build.sim.control.operator import Aim, Command, OutOfReach, State
+from dextera_build.sim.control.operator import Aim, Command, NotHeld, OutOfReach, State
 from dextera_build.sim.experts.deployed import Deployed
 from dextera_build.sim.experts.drive import Driver
 from dextera_build.sim.primitives.lift.primitive import LiftGoal
@@ -112,3 +112,14 @@ def test_an_operator_that_says_nothing_is_a_fault(driver: Driver) -> None:
     with pytest.raises(PolicyFault, match="the operator did nothing") as caught:
         Deployed(driver, operator).act(observed(driver))
     assert caught.value.code == "DXB-B254"
+
+
+def test_a_grasp_that_failed_is_a_fault_of_this_trial(driver: Driver) -> None:
+    def lost(state: State) -> Command:
+        raise NotHeld("the grasp failed: the object is 80 mm away")
+
+    operator = Watching(driver)
+    operator.command = lost
+    with pytest.raises(PolicyFault, match="the object is 80 mm away") as caught:
+        Deployed(driver, operator).act(observed(driver))
+    assert caught.value.code == "DXB-B256"

@@ -39,7 +39,7 @@ def test_sides_fingers_and_sizes_of_the_shipped_hands(leap: RobotModel, revo: Ro
     for side in hands.SIDES:
         other = matched(revo, side)
         assert (other.side, len(other.fingers)) == (side, 5)
-        assert other.length_m == pytest.approx(0.082, abs=0.001)
+        assert other.length_m == pytest.approx(0.074, abs=0.001)
 
 
 def test_the_axes_are_a_rotation_that_points_fingers_along_fingers(hand) -> None:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from dextera_build.geometry import lie
 from dextera_build.sim.control.operator import BASE, FREE, State
-from dextera_build.sim.experts.candidates import Expert, Search, grips, mixed
+from dextera_build.sim.experts.candidates import Expert, Search, grips
 from dextera_build.sim.experts.collision_check import CollisionCheck
 from dextera_build.sim.experts.grasp import Grasp
 from dextera_build.sim.experts.motion import Leg, Plan, shifted
 from dextera_build.sim.experts.reach import Reach
+from dextera_build.sim.experts.reachable import Reachable
 from dextera_build.sim.experts.rehearse import Candidate, taking_turns
 from dextera_build.sim.experts.scripted import Taking
 from dextera_build.sim.runtime.environment import Environment
@@ -25,10 +27,10 @@ TURNS = np.radians([0, 45, -45, 90, -90])
 SECONDS = (0.8, 1.8, 0.8, 0.9, 0.8)
 """Durations: lift, bring, open, retreat, hold [s]."""
 
-SOME = 12
-"""Number of the giver's grasps that are combined with those of the receiver."""
-SHARE, MEETINGS = 8, 60
-"""Stride through the receiver's grasps at a meeting place, and maximum number of meeting places."""
+SOME, TAKES = 24, 1200
+"""Numbers of grasps of giver and receiver that are combined."""
+TRIED, ALIKE = 400, 4
+"""Number of pairs of grasps that are checked, and maximum number of free ones of a kind."""
 PAIRS = 20
 """Maximum number of pairs of grasps that are rehearsed."""
 HANDS_APART_M = 0.10
@@ -133,44 +135,56 @@ def meetings(base: np.ndarray, palms: Sequence[np.ndarray], up: np.ndarray) -> I
 
 
 def _handovers(search: Search) -> list[Candidate]:
-    """Pairs of grasps with meeting poses, most comfortable first."""
+    """Pairs of grasps with meeting poses that suit both arms, most comfortable first."""
     environment, reach, room, state = search.environment, search.reach, search.room, search.state
     name = environment.task.object
     giver, receiver = (reach.one(limb) for limb in reach.limbs)
     own = CollisionCheck(environment, giver)
     free = (each for each in grips(environment, giver) if _given(own, giver, each, name, state) is not None)
     gives = list(itertools.islice(free, SOME))
-    takes = grips(environment, receiver)
+    takes = grips(environment, receiver)[:TAKES]
     palms = [palm for palm, _ in reach.hands(state).values()]
     up = environment.bundle.base_pose.inverse().matrix[:3, 2]
+    places = list(meetings(state.objects[name], palms, up))
     found: list[tuple[float, Candidate]] = []
-    tried = mixed(list(itertools.product(gives, list(meetings(state.objects[name], palms, up)))))
-    for number, (given, meeting) in enumerate(tried[:MEETINGS]):
+    used: Counter[str] = Counter()
+    for meeting, given, received in itertools.islice(_pairs(giver, receiver, places, gives, takes), TRIED):
+        way = f"{given.way} to {received.way}"
         there = held_at(giver, state, given, name, meeting)
-        if there is None:
+        if there is None or used[way] >= ALIKE:
             continue
-        apart = [each for each in takes if _far_apart(given, each)]
-        for received in apart[number % SHARE :: SHARE]:
-            operator = Handover(environment, reach, meeting, given, received)
-            comfort = operator.received_comfort(room, there)
-            if comfort is not None and room.comfort(operator.phases(state), state) is not None:
-                way = f"{given.way} to {received.way}"
-                found.append((comfort, Candidate(f"{given.name}, then {received.name}", way, operator)))
-                break
+        operator = Handover(environment, reach, meeting, given, received)
+        comfort = operator.received_comfort(room, there)
+        if comfort is not None and room.comfort(operator.phases(state), state) is not None:
+            used[way] += 1
+            found.append((comfort, Candidate(f"{given.name}, then {received.name}", way, operator)))
         if len(found) >= min(PAIRS, search.enough):
             break
     ordered = [each for _, each in sorted(found, key=lambda one: -one[0])]
     return taking_turns(ordered, [each.way for each in ordered])
 
 
+def _pairs(
+    giver: Reach, receiver: Reach, places: Sequence[np.ndarray], gives: Sequence[Grasp], takes: Sequence[Grasp]
+) -> Iterator[tuple[np.ndarray, Grasp, Grasp]]:
+    """Meeting pose, giver's grasp and receiver's grasp, by how far both palms are from poses that the arms reach."""
+    if not gives or not takes:
+        return
+    given, taken = (np.array([each.palm for each in grasps]) for grasps in (gives, takes))
+    gaps = np.linalg.norm(given[:, None, :3, 3] - taken[None, :, :3, 3], axis=2)
+    from_giver, from_receiver = Reachable(giver.arm), Reachable(receiver.arm)
+    away = [from_giver.away_m(met @ given)[:, None] + from_receiver.away_m(met @ taken)[None, :] for met in places]
+    total = np.where(gaps > HANDS_APART_M, np.array(away), np.inf)
+    for number in np.argsort(total, axis=None, kind="stable"):
+        place, one, other = np.unravel_index(number, total.shape)
+        if not np.isfinite(total[place, one, other]):
+            return
+        yield places[place], gives[one], takes[other]
+
+
 def _given(room: CollisionCheck, giver: Reach, grasp: Grasp, name: str, state: State) -> float | None:
     up = room.up
     return room.comfort([{giver.limb: grasp.taking(name, state.objects[name], up)}], state)
-
-
-def _far_apart(given: Grasp, received: Grasp) -> bool:
-    """Whether two hands in these grasps are far enough apart."""
-    return float(np.linalg.norm(given.palm[:3, 3] - received.palm[:3, 3])) > HANDS_APART_M
 
 
 EXPERTS = (Expert("thumb", _handovers, hands=2),)

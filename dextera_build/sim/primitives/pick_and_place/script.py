@@ -27,6 +27,10 @@ BELOW_M = 0.08
 """Maximum depth below the rim of a container to which an object is lowered; fingers stay above the rim [m]."""
 FINGER_M = 0.015
 """Thickness of a fingertip below its centre, with a clearance [m]."""
+BESIDE_M = 0.022
+"""Distance of the centres of fingertips from other objects when an object is released among them [m]."""
+HIGHER_M = (0.0, 0.004, 0.008, 0.012, 0.016, 0.020, 0.024, 0.028, 0.032, 0.036)
+"""Heights by which a release is raised until the fingertips are clear of other objects [m]."""
 WALL_M = 0.012
 """Sufficient distance from a container's walls when an object is released [m]."""
 TURNS = np.radians([0, 15, -15, 30, -30, 45, -45, 60, -60, 75, -75, 90, -90])
@@ -109,9 +113,13 @@ class Place(Taking):
 
     def __init__(self, environment: Environment, reach: Reach, grasp: Grasp) -> None:
         super().__init__(environment, reach)
-        points = environment.bundle.objects[self._object].points
-        tips = [transforms.apply(grasp.palm, reach.fingers.tip(role, grasp.closed)) for role in reach.fingers.roles]
-        free = float(min(tip[2] for tip in tips) - points[:, 2].min()) - FINGER_M
+        things = environment.bundle.objects
+        points = things[self._object].points
+        self._others = {name: each.points.astype(float) for name, each in things.items() if name != self._object}
+        tips = [[reach.fingers.tip(role, way) for role in reach.fingers.roles] for way in (grasp.closed, grasp.open)]
+        # Fingertips, closed and open, in the palm's frame (2 F, 3).
+        self._tips = np.concatenate(tips)
+        free = float(transforms.apply(grasp.palm, np.array(tips[0]))[:, 2].min() - points[:, 2].min()) - FINGER_M
         self._below = float(np.clip(free, 0.0, BELOW_M))
         self._target = Target(environment)
         self.grasp = grasp
@@ -128,6 +136,7 @@ class Place(Taking):
         """The path to the target and the retreat."""
         grasp, limb, there = self.grasp, self._reach.limb, self._target.frame
         laid = self._target.lowered(self._target.pose(state, base), self._below) @ held[limb]
+        laid = laid if there != BASE else self._among(state, laid)
         above = shifted(laid, self._up * float((last[limb].palm[:3, 3] - laid[:3, 3]) @ self._up))
         away = laid[:3, :3] @ grasp.palm[:3, :3].T @ grasp.away
         back = shifted(laid, away + self._up * 0.03)
@@ -140,6 +149,18 @@ class Place(Taking):
             self._held(back, grasp.open, rest, "retreat", there),
         ]
         return {limb: legs}
+
+    def _among(self, state: State, palm: np.ndarray) -> np.ndarray:
+        """The palm (4, 4) at release, raised until its fingertips are clear of other objects, such as a bowl."""
+        points = [transforms.apply(state.objects[name], each) for name, each in self._others.items()]
+        found = palm
+        for height in HIGHER_M:
+            found = shifted(palm, self._up * height)
+            tips = transforms.apply(found, self._tips)
+            near = (np.linalg.norm(each[:, None] - tips, axis=2).min() for each in points)
+            if min(near, default=np.inf) > BESIDE_M:
+                break
+        return found
 
 
 class PlaceTogether(Taking):
