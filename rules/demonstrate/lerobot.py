@@ -11,24 +11,19 @@ from typing import Any, Literal, Protocol
 from pydantic import Field, PositiveFloat, PositiveInt
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.core.lazy import sizes
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
-from dextera_build.rule import Context, Options, Tolerance, rule
+from dextera_build.rule import Context, Tolerance, rule
 
-from .film_of import check_film
+from . import form
 
 
-class LerobotOptions(Options):
+class LerobotOptions(form.FormOptions):
     """Options of demonstrate.lerobot."""
 
     version: Literal["v3.0", "v2.1"] = "v3.0"
     """Format: `v3.0` for LeRobot from 0.4 on; `v2.1` with `meta/modality.json` for LeRobot up to 0.3, openpi and
     GR00T, with a file per episode."""
-    instruction: str = ""
-    """The task in words, for language-conditioned policies; empty: the task's name, `CloseLaptop` as `close laptop`."""
-    camera: str = "workspace"
-    """Name of the camera; its images are feature `observation.images.<camera>`."""
     data_file_mb: PositiveFloat = 100.0
     """Maximum size of the numbers in a data file [MB]."""
     video_file_mb: PositiveFloat = 200.0
@@ -75,9 +70,7 @@ def lerobot(
     In addition to LeRobot's columns, every episode keeps its start (`start/...` in `meta/episodes`), its origin and its
     segments, so that it can be rerun; `meta/dextera.json` describes the whole set.
     """
-    if not episodes.items:
-        ctx.fail("no episode counts", failures=len(episodes.failures), hint="look at their reasons in the episodes")
-    check_film(ctx, episodes, film)
+    form.check(ctx, episodes, film, view)
     if film is not None and (film.width % 2 or film.height % 2):
         ctx.fail(
             "videos need an even width and height",
@@ -86,13 +79,11 @@ def lerobot(
         )
     out = Path(tempfile.mkdtemp(dir=ctx.scratch))
     ctx.backend.write(ctx, bundle, episodes, film, view, out, options, ctx.backend_options)
-    folder = Folder.of(out)
+    folder, megabytes = form.folder(ctx, out)
     info = json.loads(folder.files["meta/info.json"])
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     ctx.check(info["total_episodes"] == len(episodes.items), "episodes were lost")
     ctx.check(info["total_frames"] == steps, "steps were lost")
-    megabytes = sum(sizes(folder.files)) / 1e6
-    ctx.metric("size", megabytes, "MB")
     videos = sum(name.endswith(".mp4") for name in folder.files)
     ctx.say(f"{len(episodes.items)} episodes, {steps:,} steps, {videos} video files, {megabytes:.1f} MB")
     return folder

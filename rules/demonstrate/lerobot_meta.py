@@ -18,6 +18,7 @@ from .lerobot_actions import Actions
 from .lerobot_features import Feature
 
 if TYPE_CHECKING:
+    from .form import FormOptions
     from .lerobot import LerobotOptions
 
 DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
@@ -26,12 +27,12 @@ EPISODES = "meta/episodes/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 TASKS = "meta/tasks.parquet"
 
 
-def instruction(bundle: TaskBundle, options: LerobotOptions) -> str:
+def instruction(bundle: TaskBundle, options: FormOptions) -> str:
     """The task in words."""
     return options.instruction or " ".join(re.findall(r"[A-Z]?[^A-Z]+|[A-Z]+", bundle.task.name)).lower()
 
 
-def picture_key(options: LerobotOptions) -> str:
+def picture_key(options: FormOptions) -> str:
     """Name of the camera's feature."""
     return BY_NAME["rgb"].feature.format(options.camera)
 

@@ -8,19 +8,16 @@ from pathlib import Path
 from typing import Any, Literal, Protocol
 
 from dextera_build.artifacts.base import Folder
-from dextera_build.artifacts.core.lazy import sizes
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
-from dextera_build.rule import Context, Options, Tolerance, rule
+from dextera_build.rule import Context, Tolerance, rule
 
-from .film_of import check_film
+from . import form
 
 
-class McapOptions(Options):
+class McapOptions(form.FormOptions):
     """Options of demonstrate.mcap."""
 
-    camera: str = "workspace"
-    """Name of the camera in topics and frames."""
     picture: Literal["png", "jpeg"] = "png"
     """Encoding of images; `png` is lossless."""
     compression: Literal["zstd", "none"] = "zstd"
@@ -63,20 +60,10 @@ def mcap(
 
     Time starts at 0 in every episode. Frames follow ROS: quaternions x y z w, camera frames with z forward.
     """
-    if not episodes.items:
-        ctx.fail("no episode counts", failures=len(episodes.failures), hint="look at their reasons in the episodes")
-    check_film(ctx, episodes, film)
-    if film is not None and view is not None and (film.width, film.height) != (view.camera.width, view.camera.height):
-        ctx.fail(
-            "the film was not shot through this view",
-            film=f"{film.width} x {film.height} px",
-            view=f"{view.camera.width} x {view.camera.height} px",
-        )
+    form.check(ctx, episodes, film, view)
     out = Path(tempfile.mkdtemp(dir=ctx.scratch))
     ctx.backend.write(ctx, bundle, episodes, film, view, out, options, ctx.backend_options)
-    folder = Folder.of(out)
+    folder, megabytes = form.folder(ctx, out)
     ctx.check(len(folder.files) == len(episodes.items), "episodes were lost")
-    megabytes = sum(sizes(folder.files)) / 1e6
-    ctx.metric("size", megabytes, "MB")
     ctx.say(f"{len(folder.files)} recordings, {'with' if film else 'without'} pictures, {megabytes:.1f} MB")
     return folder
