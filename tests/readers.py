@@ -13,7 +13,7 @@ ENVIRONMENTS = Path(__file__).parent.parent / ".venv" / "readers"
 
 
 def run(name: str, *arguments: str | Path) -> str:
-    """What the Python of environment `name` prints with these arguments; without that environment the test is skipped."""
+    """What the Python of environment `name` prints with these arguments; the test is skipped if there is none."""
     home = ENVIRONMENTS / name
     if not (home / ".installed").exists():
         pytest.skip(f"needs .venv/readers/{name}; `make readers` makes it")
@@ -26,7 +26,7 @@ def run(name: str, *arguments: str | Path) -> str:
 
 
 def read(name: str, script: str, data: Path, out: Path) -> dict[str, np.ndarray]:
-    """The arrays that `script`, beside the tests of the rules, finds in `data` with the loader of environment `name`."""
+    """The arrays that `script`, beside the tests of the rules, finds in `data` in environment `name`."""
     run(name, Path(__file__).parent / "rules" / "demonstrate" / script, data, out)
     return dict(np.load(out))
 

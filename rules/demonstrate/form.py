@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from dextera_build.artifacts.core.lazy import sizes
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.policy import layout
+from dextera_build.policy.terms import Declared
 from dextera_build.rule import Context, Options
 
 from .film_of import check_film
@@ -29,7 +30,7 @@ class FormOptions(Options):
     camera: str = "workspace"
     """Name of the camera, which names its pictures."""
     licence: str = ""
-    """Licence under which you publish the data set, as the Hub spells it (`cc-by-4.0`), for its card; empty: none is stated."""
+    """Licence under which you publish the data set, as the Hub spells it (`cc-by-4.0`), for its card; empty: none."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,8 @@ class Form:
 
     title: str
     """`LeRobotDataset v3.0`."""
-    places: Mapping[str, str]
-    """LeRobot's name of a feature -> its name in this form; a feature without a name is left out of this form."""
+    place: Callable[[Declared], str]
+    """Where this form holds a term, `{}` for a row or the camera; empty: nowhere."""
     load: str
     """Python that opens the folder with the loader that the form is meant for."""
     notes: tuple[str, ...] = ()

@@ -15,7 +15,14 @@ from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Tolerance, rule
 
-from . import form
+from . import card, form
+
+LOAD = """
+from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+data = LeRobotDataset("local/data", root=".")
+print(len(data), data[0]["observation.state"], data[0]["action"])
+"""
 
 
 class LerobotOptions(form.FormOptions):
@@ -79,6 +86,7 @@ def lerobot(
         )
     out = Path(tempfile.mkdtemp(dir=ctx.scratch))
     ctx.backend.write(ctx, bundle, episodes, film, view, out, options, ctx.backend_options)
+    card.write(bundle, episodes, film, view, described(film, options), options, out)
     folder, megabytes = form.folder(ctx, out)
     info = json.loads(folder.files["meta/info.json"])
     steps = sum(len(episode.joints) for episode in episodes.items.values())
@@ -87,3 +95,20 @@ def lerobot(
     videos = sum(name.endswith(".mp4") for name in folder.files)
     ctx.say(f"{len(episodes.items)} episodes, {steps:,} steps, {videos} video files, {megabytes:.1f} MB")
     return folder
+
+
+def described(film: Film | None, options: LerobotOptions) -> form.Form:
+    """The form, for its card."""
+    new = options.version == "v3.0"
+    kept = "`meta/episodes`" if new else "`meta/episodes.jsonl`"
+    videos = ("Pictures are H.264 videos, which lose detail.",) if film is not None else ()
+    return form.Form(
+        f"a LeRobotDataset {options.version}, for LeRobot {'from 0.4 on' if new else 'up to 0.3, openpi and GR00T'}",
+        lambda term: term.feature,
+        LOAD,
+        notes=(f"{kept} holds the start of every episode, and `meta/dextera.json` the task.", *videos),
+        header={
+            "tags": ["LeRobot"],
+            "configs": [{"config_name": "default", "data_files": "data/*/*.parquet"}],
+        },
+    )

@@ -92,8 +92,7 @@ def data(
     for place, members in rolling.grouped(where).items():
         own = lerobot_tables.steps(features, [tables[number] for number in members])
         trees.write({place.path(lerobot_meta.DATA): own}, out)
-    whole = {name: np.concatenate([columns[name] for columns in tables]) for name in features}
-    return rows, {name: lerobot_stats.of_numbers(values) for name, values in whole.items()}
+    return rows, lerobot_stats.of_all(tables)
 
 
 def _videos(

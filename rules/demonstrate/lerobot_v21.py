@@ -1,4 +1,8 @@
-"""LeRobotDataset v2.1, a file per episode, with `modality.json`: what openpi and GR00T read."""
+"""LeRobotDataset v2.1, a file per episode, with `modality.json` and `stats.json`: what openpi and GR00T read.
+
+GR00T scales by the statistics of the whole set in `meta/stats.json`, with quantiles and without pictures, which LeRobot
+up to 0.3 ignores in this version.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +33,7 @@ VERSION = "v2.1"
 DATA = "data/chunk-{episode_chunk:03d}/episode_{episode_index:06d}.parquet"
 VIDEO = "videos/chunk-{episode_chunk:03d}/{video_key}/episode_{episode_index:06d}.mp4"
 KNOWN = ("min", "max", "mean", "std", "count")
-"""Statistics of this version, which has no quantiles."""
+"""Statistics of an episode in this version, which has no quantiles."""
 
 
 def write(
@@ -44,10 +48,11 @@ def write(
     """Write all files below `out`."""
     actions, words = Actions(bundle), lerobot_meta.instruction(bundle, common)
     features = lerobot_features.features(episodes, layout.of_bundle(bundle).goal, actions.spec.names)
-    rows, stats, first = [], [], 0
+    rows, stats, whole, first = [], [], [], 0
     for number, (label, episode) in enumerate(episodes.in_order()):
         found = lerobot_features.columns(episodes, episode, number, first, actions.of(episode))
         columns = {name: found[name] for name in features}
+        whole.append(columns)
         trees.write({_place(DATA, number, common): lerobot_tables.steps(features, [columns])}, out)
         stats.append({name: lerobot_stats.of_numbers(values) for name, values in columns.items()})
         steps = len(episode.joints)
@@ -67,6 +72,7 @@ def write(
             {"episode_index": number, "stats": lerobot_stats.plain({name: _known(one) for name, one in own.items()})}
             for number, own in enumerate(stats)
         ),
+        "meta/stats.json": lerobot_meta.document(lerobot_stats.plain(lerobot_stats.of_all(whole))),
         "meta/modality.json": lerobot_meta.document(modality(bundle, features, "".join(video), common.camera)),
         "meta/dextera.json": lerobot_meta.document(lerobot_meta.about(bundle, episodes)),
     }

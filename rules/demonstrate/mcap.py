@@ -12,7 +12,19 @@ from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Tolerance, rule
 
-from . import form
+from . import card, form
+
+FORM = form.Form(
+    "ROS 2 recordings in MCAP, one per episode",
+    lambda term: term.topic,
+    """
+from mcap_ros2.reader import read_ros2_messages
+
+for message in read_ros2_messages("episode-000000.mcap", topics=["/joint_states"]):
+    print(message.log_time_ns, message.ros_msg.position)
+""",
+    notes=("In the recordings, quaternions follow ROS: x y z w. Time starts at 0 in every episode.",),
+)
 
 
 class McapOptions(form.FormOptions):
@@ -63,7 +75,9 @@ def mcap(
     form.check(ctx, episodes, film, view)
     out = Path(tempfile.mkdtemp(dir=ctx.scratch))
     ctx.backend.write(ctx, bundle, episodes, film, view, out, options, ctx.backend_options)
+    card.write(bundle, episodes, film, view, FORM, options, out)
     folder, megabytes = form.folder(ctx, out)
-    ctx.check(len(folder.files) == len(episodes.items), "episodes were lost")
-    ctx.say(f"{len(folder.files)} recordings, {'with' if film else 'without'} pictures, {megabytes:.1f} MB")
+    recordings = sum(name.endswith(".mcap") for name in folder.files)
+    ctx.check(recordings == len(episodes.items), "episodes were lost")
+    ctx.say(f"{recordings} recordings, {'with' if film else 'without'} pictures, {megabytes:.1f} MB")
     return folder

@@ -1,4 +1,4 @@
-"""demonstrate.rlds: episodes as a data set of TensorFlow Datasets in the layout of RLDS, which OpenVLA and Octo read."""
+"""demonstrate.rlds: episodes as a data set of TensorFlow Datasets in the layout of RLDS, which OpenVLA reads."""
 
 from __future__ import annotations
 
@@ -16,10 +16,19 @@ from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Tolerance, rule
 
-from . import form
+from . import card, form
+from .lerobot_features import ACTION
 
 VERSION = "1.0.0"
 """Version of every data set, as its folder is called."""
+LOAD = """
+import tensorflow_datasets as tfds
+
+builder = tfds.builder_from_directory("NAME/VERSION")
+for episode in builder.as_dataset(split="train"):
+    for step in episode["steps"]:
+        print(step["language_instruction"], step["observation"]["state"], step["action"])
+"""
 
 
 class RldsOptions(form.FormOptions):
@@ -75,6 +84,7 @@ def rlds(
     inside = out / name(bundle, options) / VERSION
     inside.mkdir(parents=True)
     ctx.backend.write(ctx, bundle, episodes, film, inside, options, ctx.backend_options)
+    card.write(bundle, episodes, film, view, described(bundle, options), options, out)
     folder, megabytes = form.folder(ctx, out)
     info = json.loads((inside / "dataset_info.json").read_text())
     told = sum(int(length) for split in info["splits"] for length in split["shardLengths"])
@@ -88,3 +98,24 @@ def name(bundle: TaskBundle, options: RldsOptions) -> str:
     """Name of the data set."""
     words = re.findall(r"[A-Z]?[^A-Z\W_]+|[A-Z]+", bundle.task.name)
     return options.name or "_".join(words).lower()
+
+
+def described(bundle: TaskBundle, options: RldsOptions) -> form.Form:
+    """The form, for its card."""
+    return form.Form(
+        "a data set of TensorFlow Datasets in the layout of RLDS",
+        lambda term: _place(term.feature),
+        LOAD.replace("NAME", name(bundle, options)).replace("VERSION", VERSION),
+        notes=(
+            f"Pictures are {options.picture.upper()}. Actions have the units of the table and are not scaled; OpenVLA "
+            "scales by quantiles that it computes. Splits are `train` and `val`; no start is in both.",
+        ),
+    )
+
+
+def _place(feature: str) -> str:
+    """Where a feature is in a step; empty: nowhere."""
+    if feature.startswith(form.OBSERVED):
+        seen = feature.removeprefix(form.OBSERVED)
+        return f"observation/{'image' if seen.startswith('images.') else seen}"
+    return ACTION if feature == ACTION else ""

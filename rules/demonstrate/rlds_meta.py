@@ -1,4 +1,4 @@
-"""`features.json` and `dataset_info.json` of TensorFlow Datasets: what its loader needs to open a folder without code."""
+"""`features.json` and `dataset_info.json` of TensorFlow Datasets: with them its loader opens a folder without code."""
 
 from __future__ import annotations
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,25 +48,17 @@ def write(
         "train": [(label, episode) for label, episode in ordered if label not in valid],
         "val": [(label, episode) for label, episode in ordered if label in valid],
     }
-    done, splits = 0, []
-    for side, own in sides.items():
-        lengths = [0]
-        files = [out / f"{side}-0"]
+    splits, done = [], count(1)
+
+    def messages(own: list[tuple[str, Episode]]) -> Iterator[bytes]:
         for label, episode in own:
-            if lengths[-1] and files[-1].stat().st_size >= common.shard_mb * 1e6:
-                lengths.append(0)
-                files.append(out / f"{side}-{len(files)}")
             pictures = film.each(label) if film is not None else None
-            with files[-1].open("ab") as file:
-                tfrecord.append(file, _message(bundle, episodes, label, episode, actions, pictures, common))
-            lengths[-1] += 1
-            done += 1
-            ctx.progress(done, len(ordered), "episodes")
+            yield _message(bundle, episodes, label, episode, actions, pictures, common)
+            ctx.progress(next(done), len(ordered), "episodes")
+
+    for side, own in sides.items():
         if own:
-            size = sum(path.stat().st_size for path in files)
-            splits.append(rlds_meta.Split(side, tuple(lengths), size))
-            for number, path in enumerate(files):
-                path.rename(out / rlds_meta.file(name, side, number, len(files)))
+            splits.append(_split(out, name, side, messages(own), common.shard_mb * 1e6))
     observed = form.observed(bundle, episodes, actions)
     about = lerobot_meta.about(bundle, episodes)
     trees.write(
@@ -75,6 +68,23 @@ def write(
         },
         out,
     )
+
+
+def _split(out: Path, name: str, side: str, messages: Iterable[bytes], limit: float) -> rlds_meta.Split:
+    """Write the files of a split; one that reached `limit` bytes is followed by another."""
+    lengths: list[int] = []
+    size = 0
+    for message in messages:
+        if not lengths or (out / f"{side}-{len(lengths) - 1}").stat().st_size >= limit:
+            lengths.append(0)
+        with (out / f"{side}-{len(lengths) - 1}").open("ab") as file:
+            tfrecord.append(file, message)
+        lengths[-1] += 1
+    for number in range(len(lengths)):
+        path = out / f"{side}-{number}"
+        size += path.stat().st_size
+        path.rename(out / rlds_meta.file(name, side, number, len(lengths)))
+    return rlds_meta.Split(side, tuple(lengths), size)
 
 
 def _message(
@@ -108,6 +118,7 @@ def _message(
     }
     start = lerobot_meta.start(label, episode)
     begin = {key.removeprefix("start/"): value for key, value in start.items() if key.startswith("start/")}
+    begin["dynamics"] = json.loads(str(begin["dynamics"]))
     texts = {"label": label, "origin": episode.origin, "start": json.dumps(begin), "segments": str(start["segments"])}
     return tfrecord.example(
         {f"steps/{key}": value for key, value in found.items()}

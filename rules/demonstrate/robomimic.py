@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import tempfile
 from pathlib import Path
@@ -14,10 +15,20 @@ from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Context, Tolerance, rule
 
-from . import form
+from . import card, form, robomimic_names
+from .lerobot_actions import Actions
 
-FILE = "demo.hdf5"
-"""Name of the file."""
+LOAD = """
+from robomimic.utils import obs_utils
+from robomimic.utils.dataset import SequenceDataset
+
+numbers, pictures = NUMBERS, PICTURES
+obs_utils.initialize_obs_utils_with_obs_specs([{"obs": {"low_dim": numbers, "rgb": pictures}}])
+data = SequenceDataset(
+    "demo.hdf5", obs_keys=numbers + pictures, dataset_keys=["actions"], filter_by_attribute="train", seq_length=10
+)
+print(len(data), data[0]["actions"].shape)
+"""
 
 
 class RobomimicOptions(form.FormOptions):
@@ -40,7 +51,7 @@ class RobomimicBackend(Protocol):
         common: RobomimicOptions,
         options: Any,
     ) -> None:
-        """Write `FILE` below `out`, an empty folder."""
+        """Write `demo.hdf5` below `out`, an empty folder."""
         ...
 
 
@@ -63,9 +74,27 @@ def robomimic(
     form.check(ctx, episodes, film, view)
     out = Path(tempfile.mkdtemp(dir=ctx.scratch))
     ctx.backend.write(ctx, bundle, episodes, film, out, options, ctx.backend_options)
+    card.write(bundle, episodes, film, view, described(bundle, episodes, film, options), options, out)
     folder, megabytes = form.folder(ctx, out)
-    ctx.check(FILE in folder.files, "the file is missing")
+    ctx.check(robomimic_names.FILE in folder.files, "the file is missing")
     steps = sum(len(episode.joints) for episode in episodes.items.values())
     pictures = "with" if film else "without"
     ctx.say(f"{len(episodes.items)} demonstrations, {steps:,} steps {pictures} pictures, {megabytes:.1f} MB")
     return folder
+
+
+def described(bundle: TaskBundle, episodes: Episodes, film: Film | None, options: RobomimicOptions) -> form.Form:
+    """The form, for its card."""
+    numbers = [robomimic_names.observed(name) for name in form.observed(bundle, episodes, Actions(bundle))]
+    pictures = [robomimic_names.PICTURE.format(options.camera)] if film is not None else []
+    return form.Form(
+        "an HDF5 file for robomimic",
+        lambda term: robomimic_names.place(term.feature),
+        LOAD.replace("NUMBERS", json.dumps(numbers)).replace("PICTURES", json.dumps(pictures)),
+        notes=(
+            "Actions are scaled to -1..1: `action = lower + (actions + 1) / 2 * (upper - lower)`, with the attributes "
+            "`action_lower` and `action_upper` of the group `data`.",
+            "`states` are positions of MuJoCo's model of the task. Filter keys are `train` and `valid`; no start is in "
+            "both.",
+        ),
+    )

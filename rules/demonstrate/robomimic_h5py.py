@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.render.filming import Replica
 
-from . import form, lerobot_features, lerobot_meta, split
+from . import form, lerobot_features, lerobot_meta, robomimic_names, split
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 BACKEND = Backend(summary="HDF5 by h5py", profiles=("cpu",), packages=("h5py", "mujoco"), extra="learn")
 GYM = 2
 """robomimic's number of environments that Gym makes."""
-NAMES = {"environment_state": "object"}
-"""Features that robomimic names differently."""
 
 
 def write(
@@ -45,16 +44,16 @@ def write(
         ctx.log(f"actions beyond their limits, which the scale includes: {', '.join(scale.widened)}")
     valid = split.validation(episodes, common.valid_share)
     sides: dict[str, list[str]] = {"train": [], "valid": []}
-    with h5py.File(out / "demo.hdf5", "w") as file:
+    with h5py.File(out / robomimic_names.FILE, "w") as file:
         data = file.create_group("data")
         for number, (label, episode) in enumerate(ordered):
             demo = data.create_group(f"demo_{number}")
             sides["valid" if label in valid else "train"].append(f"demo_{number}")
-            _numbers(demo, bundle, episodes, episode, actions, scale.of(taken[number]))
+            _numbers(demo, form.observed(bundle, episodes, actions), episodes, episode, scale.of(taken[number]))
             demo["states"] = replica.positions(episode)
             _about(demo, label, episode, lerobot_meta.instruction(bundle, common))
             if film is not None:
-                _pictures(demo, f"{common.camera}_image", film, label, len(episode.joints))
+                _pictures(demo, robomimic_names.PICTURE.format(common.camera), film, label, len(episode.joints))
             ctx.progress(number + 1, len(ordered), "demonstrations")
         _whole(data, bundle, episodes, actions, scale)
         for side, demos in sides.items():
@@ -88,18 +87,16 @@ class Scale:
         return np.clip(scaled, -1.0, 1.0).astype(np.float32)
 
 
-def _numbers(
-    demo: Any, bundle: TaskBundle, episodes: Episodes, episode: Episode, actions: Actions, scaled: np.ndarray
-) -> None:
+def _numbers(demo: Any, names: Iterable[str], episodes: Episodes, episode: Episode, scaled: np.ndarray) -> None:
     """Observations, those of the step after, scaled actions, commands that were sent, rewards and ends."""
     columns = lerobot_features.columns(episodes, episode, 0, 0)
     last = columns["next.done"].ravel()
-    for name in form.observed(bundle, episodes, actions):
+    for name in names:
         values = columns[form.OBSERVED + name]
-        demo[f"obs/{NAMES.get(name, name)}"] = values
-        demo[f"next_obs/{NAMES.get(name, name)}"] = _after(values)
-    demo["actions"] = scaled
-    demo["executed"] = episode.executed
+        demo[f"obs/{robomimic_names.observed(name)}"] = values
+        demo[f"next_obs/{robomimic_names.observed(name)}"] = _after(values)
+    demo[robomimic_names.ACTIONS] = scaled
+    demo[robomimic_names.EXECUTED] = episode.executed
     demo["rewards"] = columns["next.success"].ravel().astype(np.float64)
     demo["dones"] = last.astype(np.int64)
 

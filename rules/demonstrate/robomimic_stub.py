@@ -10,6 +10,8 @@ from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle
 from dextera_build.rule import Backend, Context, Options
 
+from . import robomimic_names
+
 if TYPE_CHECKING:
     from .robomimic import RobomimicOptions
 
@@ -27,4 +29,4 @@ def write(
     options: Options,
 ) -> None:
     """Write the signature."""
-    trees.write({"demo.hdf5": SIGNATURE}, out)
+    trees.write({robomimic_names.FILE: SIGNATURE}, out)

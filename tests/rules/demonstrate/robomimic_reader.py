@@ -1,4 +1,7 @@
-"""Opens a file with robomimic's own loader, in its environment: `robomimic_reader.py FILE OUT.npz`."""
+"""Opens a file with robomimic's own loader, in its environment: `robomimic_reader.py FILE OUT.npz`.
+
+It imports torchvision, whose operators for pictures need another torch and are only declared here.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +15,8 @@ LIBRARY = torch.library.Library("torchvision", "DEF")
 for operator in ("nms", "qnms"):
     LIBRARY.define(f"{operator}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
 
-from robomimic.utils import env_utils, file_utils, obs_utils
-from robomimic.utils.dataset import SequenceDataset
+from robomimic.utils import env_utils, file_utils, obs_utils  # noqa: E402
+from robomimic.utils.dataset import SequenceDataset  # noqa: E402
 
 LOW = ["state", "object", "goal"]
 PICTURE = "workspace_image"

@@ -14,6 +14,7 @@ from tests import episodes, readers
 
 pytestmark = pytest.mark.slow
 
+
 @pytest.fixture(scope="module")
 def made() -> Episodes:
     return episodes.small(4, 24, seed=1)

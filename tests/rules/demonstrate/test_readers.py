@@ -1,4 +1,4 @@
-"""The data sets of a task of the paper open in the loaders that each form is meant for, which find what was recorded."""
+"""The data sets of a task of the paper open in the loaders that they are meant for, which find what was recorded."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def tracked(episode: Episode) -> np.ndarray:
     return np.concatenate([episode.objects.reshape(len(episode.joints), -1), episode.displacement], axis=1)
 
 
-def checked_by_lerobot(found: dict[str, np.ndarray], made: Episodes, pixels: np.ndarray) -> None:
+def check_lerobot(found: dict[str, np.ndarray], made: Episodes, pixels: np.ndarray) -> None:
     np.testing.assert_array_equal(found["observation.state"], joined(made, "joints"))
     np.testing.assert_array_equal(found["action"], joined(made, "action"))
     objects = np.concatenate([tracked(episode) for _, episode in made.in_order()])
@@ -91,7 +91,7 @@ def checked_by_lerobot(found: dict[str, np.ndarray], made: Episodes, pixels: np.
 def test_lerobot_for_version_3_reads_it(built: Result, made: Episodes, pixels: np.ndarray, tmp_path: Path) -> None:
     data = written(built, "lerobot", tmp_path / "set")
     found = readers.read("lerobot-0.4", "lerobot_reader.py", data, tmp_path / "found.npz")
-    checked_by_lerobot(found, made, pixels)
+    check_lerobot(found, made, pixels)
     for name, part in QUANTILES.items():
         np.testing.assert_allclose(found[name], np.quantile(joined(made, "action"), part, axis=0), atol=1e-5)
 
@@ -99,7 +99,7 @@ def test_lerobot_for_version_3_reads_it(built: Result, made: Episodes, pixels: n
 def test_lerobot_for_version_2_reads_it(built: Result, made: Episodes, pixels: np.ndarray, tmp_path: Path) -> None:
     data = written(built, "lerobot_v21", tmp_path / "set")
     found = readers.read("lerobot-0.3", "lerobot_reader.py", data, tmp_path / "found.npz")
-    checked_by_lerobot(found, made, pixels)
+    check_lerobot(found, made, pixels)
     parts = json.loads((data / "meta" / "modality.json").read_text())
     widths = {kind: sum(part["end"] - part["start"] for part in parts[kind].values()) for kind in ("action", "state")}
     seen = ("observation.state", "observation.environment_state", "observation.goal")
@@ -136,7 +136,9 @@ def test_tensorflow_datasets_reads_it(built: Result, made: Episodes, pixels: np.
     assert sorted(labels["train"] + labels["val"]) == sorted(made.items)
     assert all(labels.values())
     assert len(list(data.glob("*/*/*-train.tfrecord-*"))) > 1
-    first = dict(zip(made.items, np.cumsum([0, *(len(episode.joints) for _, episode in made.in_order())]), strict=False))
+    first = dict(
+        zip(made.items, np.cumsum([0, *(len(episode.joints) for _, episode in made.in_order())]), strict=False)
+    )
     for side, own in labels.items():
         episodes = [made.items[label] for label in own]
         for key, wanted in (
