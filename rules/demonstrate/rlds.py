@@ -53,6 +53,7 @@ class RldsBackend(Protocol):
         bundle: TaskBundle,
         episodes: Episodes,
         film: Film | None,
+        view: View | None,
         out: Path,
         common: RldsOptions,
         options: Any,
@@ -83,7 +84,7 @@ def rlds(
     out = Path(tempfile.mkdtemp(dir=ctx.scratch))
     inside = out / name(bundle, options) / VERSION
     inside.mkdir(parents=True)
-    ctx.backend.write(ctx, bundle, episodes, film, inside, options, ctx.backend_options)
+    ctx.backend.write(ctx, bundle, episodes, film, view, inside, options, ctx.backend_options)
     card.write(bundle, episodes, film, view, described(bundle, options), options, out)
     folder, megabytes = form.folder(ctx, out)
     info = json.loads((inside / "dataset_info.json").read_text())

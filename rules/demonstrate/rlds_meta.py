@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dextera_build.artifacts.tasks.episode import Film
-from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.episode import Episodes, Film
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 
 from . import lerobot_meta
 from .lerobot_features import ACTION, Feature
@@ -66,14 +66,19 @@ def features(observed: Mapping[str, Feature], width: int, film: Film | None, opt
     return lerobot_meta.document(_named(whole))
 
 
-def info(bundle: TaskBundle, name: str, version: str, about: Mapping[str, object], splits: list[Split]) -> bytes:
+def about(bundle: TaskBundle, episodes: Episodes, view: View | None, options: RldsOptions) -> dict[str, object]:
+    """What other forms have in `meta/dextera.json` and `meta/cameras.json`."""
+    seen = {} if view is None else {"cameras": lerobot_meta.cameras(bundle, view, options.camera)}
+    return lerobot_meta.about(bundle, episodes) | seen
+
+
+def info(name: str, version: str, described: Mapping[str, object], splits: list[Split]) -> bytes:
     """`dataset_info.json`.
 
     Args:
-        bundle: The task.
         name: Name of the data set.
         version: Its version.
-        about: The content of `meta/dextera.json` in other forms, which becomes the description.
+        described: The content of `about`, which becomes the description, as JSON.
         splits: Its splits.
     """
     written = [
@@ -87,7 +92,7 @@ def info(bundle: TaskBundle, name: str, version: str, about: Mapping[str, object
     ]
     return lerobot_meta.document(
         {
-            "description": json.dumps(about, sort_keys=True),
+            "description": json.dumps(described, sort_keys=True),
             "fileFormat": "tfrecord",
             "name": name,
             "splits": written,

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.core import trees
 from dextera_build.artifacts.tasks.episode import Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Backend, Context, Options
 
-from . import form, lerobot_meta, rlds_meta
+from . import form, rlds_meta
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ def write(
     bundle: TaskBundle,
     episodes: Episodes,
     film: Film | None,
+    view: View | None,
     out: Path,
     common: RldsOptions,
     options: Options,
@@ -31,11 +32,11 @@ def write(
     """Write `features.json` and `dataset_info.json`."""
     actions = Actions(bundle)
     splits = [rlds_meta.Split("train", (len(episodes.items),), 0)]
-    about = lerobot_meta.about(bundle, episodes)
+    about = rlds_meta.about(bundle, episodes, view, common)
     files = {
         "features.json": rlds_meta.features(
             form.observed(bundle, episodes, actions), len(actions.spec.names), film, common
         ),
-        "dataset_info.json": rlds_meta.info(bundle, out.parent.name, out.name, about, splits),
+        "dataset_info.json": rlds_meta.info(out.parent.name, out.name, about, splits),
     }
     trees.write(files, out)

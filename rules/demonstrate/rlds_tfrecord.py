@@ -12,7 +12,7 @@ import numpy as np
 
 from dextera_build.artifacts.core import trees
 from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.formats import tfrecord
 from dextera_build.formats.ros.recording import packed
 from dextera_build.rule import Backend, Context, Options
@@ -36,6 +36,7 @@ def write(
     bundle: TaskBundle,
     episodes: Episodes,
     film: Film | None,
+    view: View | None,
     out: Path,
     common: RldsOptions,
     options: Options,
@@ -60,11 +61,11 @@ def write(
         if own:
             splits.append(_split(out, name, side, messages(own), common.shard_mb * 1e6))
     observed = form.observed(bundle, episodes, actions)
-    about = lerobot_meta.about(bundle, episodes)
+    about = rlds_meta.about(bundle, episodes, view, common)
     trees.write(
         {
             "features.json": rlds_meta.features(observed, len(actions.spec.names), film, common),
-            "dataset_info.json": rlds_meta.info(bundle, name, out.name, about, splits),
+            "dataset_info.json": rlds_meta.info(name, out.name, about, splits),
         },
         out,
     )

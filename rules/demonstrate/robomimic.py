@@ -47,6 +47,7 @@ class RobomimicBackend(Protocol):
         bundle: TaskBundle,
         episodes: Episodes,
         film: Film | None,
+        view: View | None,
         out: Path,
         common: RobomimicOptions,
         options: Any,
@@ -73,7 +74,7 @@ def robomimic(
     """
     form.check(ctx, episodes, film, view)
     out = Path(tempfile.mkdtemp(dir=ctx.scratch))
-    ctx.backend.write(ctx, bundle, episodes, film, out, options, ctx.backend_options)
+    ctx.backend.write(ctx, bundle, episodes, film, view, out, options, ctx.backend_options)
     card.write(bundle, episodes, film, view, described(bundle, episodes, film, options), options, out)
     folder, megabytes = form.folder(ctx, out)
     ctx.check(robomimic_names.FILE in folder.files, "the file is missing")

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 
 from dextera_build.artifacts.tasks.episode import Episode, Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.render.filming import Replica
 
@@ -31,6 +31,7 @@ def write(
     bundle: TaskBundle,
     episodes: Episodes,
     film: Film | None,
+    view: View | None,
     out: Path,
     common: RobomimicOptions,
     options: Options,
@@ -56,6 +57,8 @@ def write(
                 _pictures(demo, robomimic_names.PICTURE.format(common.camera), film, label, len(episode.joints))
             ctx.progress(number + 1, len(ordered), "demonstrations")
         _whole(data, bundle, episodes, actions, scale)
+        if view is not None:
+            data.attrs["cameras"] = lerobot_meta.document(lerobot_meta.cameras(bundle, view, common.camera)).decode()
         for side, demos in sides.items():
             if demos:
                 file[f"mask/{side}"] = np.array(demos, "S")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from dextera_build.artifacts.core import trees
 from dextera_build.artifacts.tasks.episode import Episodes, Film
-from dextera_build.artifacts.tasks.task import TaskBundle
+from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Backend, Context, Options
 
 from . import robomimic_names
@@ -24,6 +24,7 @@ def write(
     bundle: TaskBundle,
     episodes: Episodes,
     film: Film | None,
+    view: View | None,
     out: Path,
     common: RobomimicOptions,
     options: Options,

@@ -25,7 +25,9 @@ PLACE = "lift_box/1.0.0/"
 
 
 def written(made: Episodes, film: Film | None = None, profile: str = "cpu", **options: object) -> Folder:
-    inputs: dict[str, Any] = {"episodes": made} | ({"film": film} if film else {})
+    inputs: dict[str, Any] = {"episodes": made}
+    if film is not None:
+        inputs |= {"film": film, "view": episodes.view(film.width, film.height)}
     with tempfile.TemporaryDirectory() as scratch:
         folder: Folder = RuleRunner(scratch).run(
             "demonstrate.rlds", profile=profile, options=options, bundle=episodes.bundle(), **inputs
@@ -75,6 +77,7 @@ def test_every_feature_that_is_declared_is_written_with_its_size() -> None:
                 np.prod([int(size) for size in feature.get("tensor", {}).get("shape", {}).get("dimensions", [])])
             )
             assert len(own[name]) == (steps * width if name.startswith("steps/") else 1), name
+    assert json.loads(document(folder, "dataset_info.json")["description"])["cameras"]["workspace"]["width"] == 16
     image = features["steps/observation/image"]["image"]
     assert image == {"shape": {"dimensions": ["16", "16", "3"]}, "dtype": "uint8", "encodingFormat": "jpeg"}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -25,15 +25,28 @@ from tests import episodes
 from tests.rules.demonstrate.test_lerobot import filmed, of_lengths
 
 LENGTHS = [4, 7, 3, 5]
+ONE = episodes.small(1, 2)
 
 
 def written(made: Episodes, film: Film | None = None, profile: str = "cpu", **options: object) -> Folder:
-    inputs: dict[str, Any] = {"episodes": made} | ({"film": film} if film else {})
+    inputs: dict[str, Any] = {"episodes": made}
+    if film is not None:
+        inputs |= {"film": film, "view": episodes.view(film.width, film.height)}
     with tempfile.TemporaryDirectory() as scratch:
         folder: Folder = RuleRunner(scratch).run(
             "demonstrate.robomimic", profile=profile, options=options, bundle=episodes.bundle(), **inputs
         )
     return folder
+
+
+def of_seeds(seeds: Sequence[int]) -> Episodes:
+    """Episodes that differ in the seeds of their starts alone."""
+    one = ONE.items["0"]
+    items = {
+        str(number): one.model_copy(update={"start": one.start.model_copy(update={"seed": seed})})
+        for number, seed in enumerate(seeds)
+    }
+    return ONE.model_copy(update={"items": items})
 
 
 @contextmanager
@@ -100,6 +113,7 @@ def test_pictures_and_those_of_the_step_after() -> None:
     made = of_lengths(LENGTHS)
     film = filmed(made)
     with opened(written(made, film, camera="side")) as file:
+        assert json.loads(file["data"].attrs["cameras"])["side"]["width"] == 16
         for number, (label, _) in enumerate(made.in_order()):
             demo, pixels = file[f"data/demo_{number}"], film.pixels(label)
             np.testing.assert_array_equal(demo["obs/side_image"], pixels)
@@ -121,11 +135,7 @@ def test_masks_divide_the_demonstrations() -> None:
 
 @given(seeds=st.lists(st.integers(0, 30), min_size=1, max_size=25), share=st.floats(0.0, 0.99))
 def test_the_start_decides_who_validates(seeds: list[int], share: float) -> None:
-    def of(some: list[int]) -> Episodes:
-        items = {str(number): episodes.episode(2, seed=seed) for number, seed in enumerate(some)}
-        return episodes.small(1).model_copy(update={"items": items})
-
-    made = of(seeds)
+    made = of_seeds(seeds)
     valid = split.validation(made, share)
     sides = [{seeds[int(label)] for label in made.items if (label in valid) == side} for side in (True, False)]
     assert not sides[0] & sides[1]
@@ -134,8 +144,8 @@ def test_the_start_decides_who_validates(seeds: list[int], share: float) -> None
 
 
 def test_an_episode_stays_on_its_side_when_others_are_added() -> None:
-    many = split.validation(of_lengths([2] * 200), 0.2)
-    few = split.validation(of_lengths([2] * 100), 0.2)
+    many = split.validation(of_seeds(range(200)), 0.2)
+    few = split.validation(of_seeds(range(100)), 0.2)
     assert few == {label for label in many if int(label) < 100}
     assert 20 <= len(many) <= 60
 
