@@ -19,7 +19,7 @@ from dextera_build.policy.declared import BY_NAME
 from dextera_build.policy.terms import Declared
 from dextera_build.sim.model.published import stated
 
-from . import lerobot_meta
+from . import facts
 
 if TYPE_CHECKING:
     from .form import Form, FormOptions
@@ -66,9 +66,9 @@ def _head(form: Form, options: FormOptions) -> list[str]:
 
 def _title(bundle: TaskBundle, episodes: Episodes, form: Form, options: FormOptions) -> list[str]:
     steps = sum(len(episode.joints) for episode in episodes.items.values())
-    count, words = len(episodes.items), lerobot_meta.instruction(bundle, options)
+    count, words = len(episodes.items), facts.instruction(bundle, options)
     return [
-        f"# {bundle.task.name}, {lerobot_meta.robot_type(bundle)}",
+        f"# {bundle.task.name}, {facts.robot_type(bundle)}",
         "",
         f"{_plural(count, 'episode')}, {steps:,} steps at {episodes.rate_hz:g} Hz "
         f'({steps / episodes.rate_hz / 60:.1f} min), of the task "{words}", as {form.title}.',

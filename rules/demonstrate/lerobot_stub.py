@@ -11,7 +11,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.policy import layout
 from dextera_build.rule import Backend, Context, Options
 
-from . import lerobot_features, lerobot_meta, lerobot_stats
+from . import facts, lerobot_features, lerobot_meta, lerobot_stats
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ def write(
     ]
     stats = lerobot_stats.of_all([{name: columns[name] for name in features} for columns in parts])
     files = {
-        "meta/info.json": lerobot_meta.document(lerobot_meta.info(bundle, episodes, features, {}, common)),
-        "meta/stats.json": lerobot_meta.document(lerobot_stats.plain(stats)),
-        "meta/dextera.json": lerobot_meta.document(lerobot_meta.about(bundle, episodes)),
+        "meta/info.json": facts.document(lerobot_meta.info(bundle, episodes, features, {}, common)),
+        "meta/stats.json": facts.document(lerobot_stats.plain(stats)),
+        "meta/dextera.json": facts.document(facts.about(bundle, episodes)),
     }
     trees.write(files, out)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dextera_build.artifacts.tasks.episode import Episodes, Film
 from dextera_build.artifacts.tasks.task import TaskBundle, View
 
-from . import lerobot_meta
+from . import facts
 from .lerobot_features import ACTION, Feature
 
 if TYPE_CHECKING:
@@ -63,13 +63,13 @@ def features(observed: Mapping[str, Feature], width: int, film: Film | None, opt
         "steps": {"pythonClassName": f"{FEATURES}.dataset_feature.Dataset", "sequence": steps},
         "episode_metadata": _named(metadata),
     }
-    return lerobot_meta.document(_named(whole))
+    return facts.document(_named(whole))
 
 
 def about(bundle: TaskBundle, episodes: Episodes, view: View | None, options: RldsOptions) -> dict[str, object]:
     """What other forms have in `meta/dextera.json` and `meta/cameras.json`."""
-    seen = {} if view is None else {"cameras": lerobot_meta.cameras(bundle, view, options.camera)}
-    return lerobot_meta.about(bundle, episodes) | seen
+    seen = {} if view is None else {"cameras": facts.cameras(bundle, view, options.camera)}
+    return facts.about(bundle, episodes) | seen
 
 
 def info(name: str, version: str, described: Mapping[str, object], splits: list[Split]) -> bytes:
@@ -90,7 +90,7 @@ def info(name: str, version: str, described: Mapping[str, object], splits: list[
         }
         for split in splits
     ]
-    return lerobot_meta.document(
+    return facts.document(
         {
             "description": json.dumps(described, sort_keys=True),
             "fileFormat": "tfrecord",

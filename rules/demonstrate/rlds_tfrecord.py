@@ -17,7 +17,7 @@ from dextera_build.formats import tfrecord
 from dextera_build.formats.ros.recording import packed
 from dextera_build.rule import Backend, Context, Options
 
-from . import form, lerobot_features, lerobot_meta, rlds_meta, split
+from . import facts, form, lerobot_features, rlds_meta, split
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def _message(
     steps = len(episode.joints)
     last = columns["next.done"].ravel()
     success = columns["next.success"].ravel()
-    words = lerobot_meta.instruction(bundle, common).encode()
+    words = facts.instruction(bundle, common).encode()
     found: dict[str, tfrecord.Value] = {
         f"observation/{name}": columns[form.OBSERVED + name] for name in form.observed(bundle, episodes, actions)
     }
@@ -117,7 +117,7 @@ def _message(
         "is_terminal": success,
         "language_instruction": [words] * steps,
     }
-    start = lerobot_meta.start(label, episode)
+    start = facts.start(label, episode)
     begin = {key.removeprefix("start/"): value for key, value in start.items() if key.startswith("start/")}
     begin["dynamics"] = json.loads(str(begin["dynamics"]))
     texts = {"label": label, "origin": episode.origin, "start": json.dumps(begin), "segments": str(start["segments"])}

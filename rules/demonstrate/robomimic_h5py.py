@@ -15,7 +15,7 @@ from dextera_build.artifacts.tasks.task import TaskBundle, View
 from dextera_build.rule import Backend, Context, Options
 from dextera_build.sim.render.filming import Replica
 
-from . import form, lerobot_features, lerobot_meta, robomimic_names, split
+from . import facts, form, lerobot_features, robomimic_names, split
 from .lerobot_actions import Actions
 
 if TYPE_CHECKING:
@@ -52,13 +52,13 @@ def write(
             sides["valid" if label in valid else "train"].append(f"demo_{number}")
             _numbers(demo, form.observed(bundle, episodes, actions), episodes, episode, scale.of(taken[number]))
             demo["states"] = replica.positions(episode)
-            _about(demo, label, episode, lerobot_meta.instruction(bundle, common))
+            _about(demo, label, episode, facts.instruction(bundle, common))
             if film is not None:
                 _pictures(demo, robomimic_names.PICTURE.format(common.camera), film, label, len(episode.joints))
             ctx.progress(number + 1, len(ordered), "demonstrations")
         _whole(data, bundle, episodes, actions, scale)
         if view is not None:
-            data.attrs["cameras"] = lerobot_meta.document(lerobot_meta.cameras(bundle, view, common.camera)).decode()
+            data.attrs["cameras"] = facts.document(facts.cameras(bundle, view, common.camera)).decode()
         for side, demos in sides.items():
             if demos:
                 file[f"mask/{side}"] = np.array(demos, "S")
@@ -86,8 +86,8 @@ class Scale:
     def of(self, actions: np.ndarray) -> np.ndarray:
         """Actions (T, N), scaled."""
         span = np.where(self.upper > self.lower, self.upper - self.lower, 1.0)
-        scaled = 2.0 * (actions.astype(np.float64) - self.lower) / span - 1.0
-        return np.clip(scaled, -1.0, 1.0).astype(np.float32)
+        scaled: np.ndarray = 2.0 * (actions.astype(np.float64) - self.lower) / span - 1.0
+        return scaled.clip(-1.0, 1.0).astype(np.float32)
 
 
 def _numbers(demo: Any, names: Iterable[str], episodes: Episodes, episode: Episode, scaled: np.ndarray) -> None:
@@ -134,7 +134,7 @@ def _rows(shape: tuple[int, ...], first: int, count: int) -> Any:
 
 def _about(demo: Any, label: str, episode: Episode, words: str) -> None:
     """Attributes of one demonstration: its length, its words, and its start."""
-    start = lerobot_meta.start(label, episode)
+    start = facts.start(label, episode)
     demo.attrs["num_samples"] = len(episode.joints)
     demo.attrs["ep_meta"] = json.dumps({"lang": words})
     for name, value in start.items():
@@ -143,12 +143,12 @@ def _about(demo: Any, label: str, episode: Episode, words: str) -> None:
 
 def _whole(data: Any, bundle: TaskBundle, episodes: Episodes, actions: Actions, scale: Scale) -> None:
     """Attributes of the data set."""
-    about = lerobot_meta.about(bundle, episodes)
-    name = f"dxb/{bundle.task.name}-{lerobot_meta.robot_type(bundle)}-v0"
+    about = facts.about(bundle, episodes)
+    name = f"dxb/{bundle.task.name}-{facts.robot_type(bundle)}-v0"
     data.attrs["env_args"] = json.dumps({"env_name": name, "type": GYM, "env_kwargs": {"action": bundle.task.action}})
     data.attrs["total"] = sum(len(episode.joints) for episode in episodes.items.values())
     data.attrs["action_names"] = list(actions.spec.names)
     data.attrs["action_lower"] = scale.lower
     data.attrs["action_upper"] = scale.upper
     data.attrs["states"] = "MuJoCo's qpos of the task's model; in world frame, metres and radians, quaternions w x y z"
-    data.attrs["dextera"] = lerobot_meta.document(about).decode()
+    data.attrs["dextera"] = facts.document(about).decode()
